@@ -6,7 +6,7 @@ from lvnav_studies.cases import readings
 from lvnav_studies.claims import Claims, Statement
 from lvnav_trade.api.input import (
     Campaign,
-    Measured,
+    MeasuredMetric,
     axes_of_errors,
     hint,
     meant,
@@ -60,7 +60,7 @@ def faults_in_flight(claims: Claims, events: Mapping[str, Mapping[str, float]]) 
                     yield f"{path}.{where}", f"{event!r} is not an event of the trajectory{near}"
 
 
-def _measured(claims: Claims) -> Iterator[tuple[str, Measured]]:
+def _measured(claims: Claims) -> Iterator[tuple[str, MeasuredMetric]]:
     """Yield path and content of everything in a file that names a metric."""
     for key in ("references", "flown", "orderings"):
         yield from ((f"{key}.{index}", one) for index, one in enumerate(getattr(claims, key)))

@@ -9,11 +9,11 @@ from lvnav_trade.api.input import (
     STATEMENTS,
     Card,
     Levels,
-    Measured,
+    MeasuredMetric,
     Pooled,
-    Published,
+    PublishedNumber,
+    PublishedStatement,
     Share,
-    Stated,
     expression,
     metric_of,
     quoted,
@@ -22,7 +22,7 @@ from lvnav_trade.api.input import (
 from lvnav_trade.api.measures import Nees
 
 
-class Ordering(Measured, Stated):
+class Ordering(MeasuredMetric, PublishedStatement):
     """A published order of cases by a metric, the smallest first; it holds where each is below the next."""
 
     cases: tuple[Levels, ...] = Field(min_length=2, description="level of each axis, by its label; smallest first")
@@ -34,7 +34,7 @@ class Ordering(Measured, Stated):
             yield "an ordering compares sizes, and a mean has a sign; give another statistic"
 
 
-class Innovations(Pooled, Stated):
+class Innovations(Pooled, PublishedStatement):
     """A published statement on innovations: white, or correlated, as one flight can tell."""
 
     case: Levels = Field({}, description="level of each axis, by its label")
@@ -49,7 +49,7 @@ class Innovations(Pooled, Stated):
     )
 
 
-class Term(Measured):
+class Term(MeasuredMetric):
     """A number of a case that an expression of a statement names."""
 
     case: Levels = Field({}, description="level of each axis, by its label; the axes left out take each level in turn")
@@ -70,7 +70,7 @@ class Term(Measured):
             yield f"statistic formal is of an error, not of {self.metric}"
 
 
-class Statement(Stated):
+class Statement(PublishedStatement):
     """A statement with a number: an expression of metrics of cases has bounds that it must keep.
 
     It is evaluated with formal sigmas, with the true errors of linear covariance, and with the runs, paired.
@@ -132,7 +132,7 @@ class Statement(Stated):
             yield "probability is the bound of a single NEES, in place of at_most"
 
 
-class Elsewhere(Stated):
+class Elsewhere(PublishedStatement):
     """A statement that a number answers which no campaign has, such as one of the benchmark; remark: its origin."""
 
     value: float = Field(description="the number that was found")
@@ -149,7 +149,7 @@ class Elsewhere(Stated):
 class Claims(Card):
     """What a study claims of one campaign."""
 
-    references: tuple[Published, ...] = Field(
+    references: tuple[PublishedNumber, ...] = Field(
         (), max_length=STATEMENTS, description="published numbers of metrics that the study's script adds"
     )
     orderings: tuple[Ordering, ...] = Field(
@@ -161,7 +161,7 @@ class Claims(Card):
     statements: tuple[Statement, ...] = Field(
         (), max_length=STATEMENTS, description="published statements, each a bound on an expression of metrics"
     )
-    flown: tuple[Published, ...] = Field(
+    flown: tuple[PublishedNumber, ...] = Field(
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
     )
 
@@ -169,7 +169,7 @@ class Claims(Card):
 class OfStudy(Card):
     """Statements that belong to no campaign."""
 
-    not_set_up: tuple[Stated, ...] = Field(
+    not_set_up: tuple[PublishedStatement, ...] = Field(
         (), description="statements of the publication that no campaign answers; remark: what is missing"
     )
     elsewhere: tuple[Elsewhere, ...] = Field(

@@ -14,9 +14,9 @@ from lvnav_trade.api.measures import (
     HOLDS,
     NUMBERS,
     REACQUIRED,
+    ExpressionValue,
     MetricValue,
     Tables,
-    Value,
     axes_of,
     cases_of,
     difference,
@@ -104,7 +104,7 @@ def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
 
 def _read(
     tables: Tables, stated: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]]
-) -> Iterator[tuple[dict[str, str], Value]]:
+) -> Iterator[tuple[dict[str, str], ExpressionValue]]:
     cases = list(tables.levels)
     unit = str(stated.get("unit") or "-")
     known = list(tables.levels.values())
@@ -151,7 +151,7 @@ def _name(stated: Mapping[str, Any]) -> str:
     return f"{stated['value']}: {'; '.join(named)}"
 
 
-def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, Value]]]]:
+def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, ExpressionValue]]]]:
     """Return the values of a statement along its axis, level by level, for each choice of the other axes left open."""
     wanted = {
         name: {**(stated.get("case") or {}), **(term.get("case") or {})} for name, term in stated["terms"].items()
@@ -162,12 +162,12 @@ def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tup
 
 def _locus(
     tables: Tables, stated: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]], along: str
-) -> dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]]:
+) -> dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]]:
     known = list(tables.levels.values())
     named = {name: levels[along] for name, levels in wanted.items() if along in levels}
     here = (stated.get("case") or {}).get(along, next(iter(named.values()), None))
     fixed = {name for name, level in named.items() if level != here}  # what the others are held against
-    found: dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]] = {}
+    found: dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]] = {}
     for level in dict.fromkeys(levels[along] for levels in known):
         moved = {name: {**levels, along: level} for name, levels in wanted.items() if name not in fixed}
         there = {name: levels for name, levels in moved.items() if matching(known, levels)}
@@ -179,7 +179,7 @@ def _locus(
 
 
 def where_bound(
-    values: Sequence[tuple[str, Value]], low: float, high: float, tested_by: Sequence[str] = ("true",)
+    values: Sequence[tuple[str, ExpressionValue]], low: float, high: float, tested_by: Sequence[str] = ("true",)
 ) -> str:
     """Return the level at which the true error first reaches a bound, interpolated between levels that are numbers; if
     it never does, that at which another of the numbers that are tested does, and which.

@@ -17,12 +17,12 @@ from lvnav_trade import api
 from lvnav_trade.api.input import Campaign, InputError, InputFile, Mistake, read_input
 from lvnav_trade.api.measures import COLUMNS, Metric, Tables, add_metrics
 from lvnav_trade.api.pages import (
-    Answered,
     Block,
     FigureEntry,
-    Question,
     StudyFigure,
+    StudyResult,
     StudyScript,
+    StudySection,
     published_rows,
     recount,
     renew,
@@ -48,7 +48,7 @@ class Publication(StudyScript):
         folder: str | Path,
         figures: Mapping[str, StudyFigure] | None = None,
         metrics: Sequence[Metric] = (),
-        blocks: Callable[[Answered, Claims], list[Block]] | None = None,
+        blocks: Callable[[StudyResult, Claims], list[Block]] | None = None,
     ) -> None:
         """Read the statements of a folder.
 
@@ -80,7 +80,7 @@ class Publication(StudyScript):
         found = self.claims.get(campaign)
         return Claims() if found is None else found.content
 
-    def mistakes(self, questions: Sequence[Question]) -> Iterator[Mistake]:
+    def mistakes(self, questions: Sequence[StudySection]) -> Iterator[Mistake]:
         """Yield what is claimed of cases that are not there, and files of no campaign."""
         yield from super().mistakes(questions)
         campaigns = {one.campaign.name: one.campaign for one in questions}
@@ -138,7 +138,7 @@ class Publication(StudyScript):
         """Return how many statements hold, and a table of the rows of each verdict."""
         return verdicts(rows)
 
-    def blocks(self, answered: Answered) -> list[Block]:
+    def blocks(self, answered: StudyResult) -> list[Block]:
         """Return what the script makes of a campaign."""
         return [] if self._make is None else self._make(answered, self.of(answered.campaign.name))
 
@@ -146,11 +146,11 @@ class Publication(StudyScript):
         wanted = figure.settings.get("statement")
         return next((one for one in self.of(campaign).statements if one.id == wanted), None)
 
-    def _draw_bound(self, one: Answered, figure: FigureEntry) -> Any:
+    def _draw_bound(self, one: StudyResult, figure: FigureEntry) -> Any:
         found = self._statement(one.campaign.name, figure)
         return None if found is None else bound(one.tables, found.model_dump(mode="json"))
 
-    def _unbound(self, figure: FigureEntry, question: Question) -> Iterator[tuple[str, str]]:
+    def _unbound(self, figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
         found = self._statement(question.campaign.name, figure)
         if found is None or not found.along:
             named = figure.settings.get("statement")

@@ -8,7 +8,7 @@ import pandas as pd
 
 from lvnav_studies.claims import Elsewhere, OfStudy, Statement
 from lvnav_studies.evaluate import NOT_FLOWN
-from lvnav_trade.api.input import Stated
+from lvnav_trade.api.input import PublishedStatement
 from lvnav_trade.api.measures import FAILS, HOLDS, NOT_SET_UP, UNDECIDED, marks
 from lvnav_trade.api.pages import Block, Text, short_cases, table
 
@@ -32,7 +32,7 @@ def further_rows(study: OfStudy, unflown: Mapping[str, Sequence[Statement]]) -> 
     """Return a row for each statement that no campaign answers, for those of campaigns without results (by their name),
     and for those that a number from elsewhere answers.
     """
-    rows: list[tuple[Stated, str, str]] = [(one, NOT_SET_UP, one.remark) for one in study.not_set_up]
+    rows: list[tuple[PublishedStatement, str, str]] = [(one, NOT_SET_UP, one.remark) for one in study.not_set_up]
     rows += [
         (one, NOT_FLOWN, f"campaign {campaign}; {one.remark}".removesuffix("; "))
         for campaign, statements in unflown.items()
@@ -43,7 +43,7 @@ def further_rows(study: OfStudy, unflown: Mapping[str, Sequence[Statement]]) -> 
     return [*found, *map(_of_number, study.elsewhere)]
 
 
-def _named(one: Stated) -> dict[str, str]:
+def _named(one: PublishedStatement) -> dict[str, str]:
     return {"id": one.id, "source": one.source, "item": one.item, **marks(one.model_dump(), "statement")}
 
 

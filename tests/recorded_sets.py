@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import loadmat
 
-from lvnav_trade.gnss.broadcast import Broadcast, broadcast
+from lvnav_trade.gnss.broadcast import BroadcastEphemerides, broadcast
 from lvnav_trade.gnss.rinex import Ephemeris
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import geodetic_from_ecef, rotation_e_n
@@ -144,7 +144,9 @@ def solutions(observed: np.ndarray, stated: np.ndarray) -> list[list[float]]:
     return found
 
 
-def _solved(sky: Broadcast, at: list[int], tow: float, rows: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, ...]:
+def _solved(
+    sky: BroadcastEphemerides, at: list[int], tow: float, rows: np.ndarray, start: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """Return position and velocity, frame e, by least squares of ranges and range rates."""
     place, bias = start.copy(), 0.0
     ranges = rows[:, 2]

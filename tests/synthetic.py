@@ -11,33 +11,33 @@ import numpy as np
 
 from lvnav_trade.covariance.diagnostics.diagnostics import (
     FACTORS,
-    Explanation,
+    CaseDiagnostics,
     PhaseView,
-    Sensitivity,
+    SigmaSensitivity,
     SourceCovariance,
 )
 from lvnav_trade.covariance.diagnostics.error_bound import ErrorBound
 from lvnav_trade.covariance.diagnostics.nonlinearity import Nonlinearity
 from lvnav_trade.gnss.fault_cards import SatelliteOutage
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.frames import reporting_axes
 from lvnav_trade.quantities.records import (
     LOST,
     TRACK,
     AdjointBudget,
+    ChannelTransition,
     CovHistory,
     Motion,
     Output,
     Reference,
     RunBlock,
     Sky,
-    Transition,
 )
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.results.tables.tables import CaseInfo
 from lvnav_trade.results.tables.write import open_results
-from lvnav_trade.simulation.preparation.initial_draws import StartDraws
+from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
 from lvnav_trade.simulation.preparation.signals.atmosphere import Delays
 from lvnav_trade.simulation.statistics import summarise
 
@@ -184,7 +184,7 @@ def prepared(logic: bool = False) -> Any:
         ),
         trajectory=SimpleNamespace(
             events=EVENTS,
-            course=Course(EVENTS),
+            course=FlightProfile(EVENTS),
             epoch="2026-08-01T12:00:00Z",
             theta0=0.0,
             facts={"perigee_m": 2.0e5, "max_load_g": 4.2},
@@ -219,12 +219,12 @@ def prepared(logic: bool = False) -> Any:
     )
 
 
-def _transitions(names: tuple[str, ...]) -> tuple[Transition, ...]:
+def _transitions(names: tuple[str, ...]) -> tuple[ChannelTransition, ...]:
     """Return what the channels do: track from the start, lose all to the fault, find one a second after it."""
-    start = [Transition(1.0, name, "idle", "track", "tracked from the start") for name in names]
-    loss = [Transition(60.0, name, "track", "lost", "fault") for name in names]
+    start = [ChannelTransition(1.0, name, "idle", "track", "tracked from the start") for name in names]
+    loss = [ChannelTransition(60.0, name, "track", "lost", "fault") for name in names]
     back = [
-        Transition(75.0 + k + wait, name, before, after, reason)
+        ChannelTransition(75.0 + k + wait, name, before, after, reason)
         for k, name in enumerate(names)
         for wait, before, after, reason in (
             (-0.9, "lost", "search", "search"),
@@ -242,7 +242,7 @@ def _delays(elevation: np.ndarray, tracked: np.ndarray, height: np.ndarray) -> D
     return Delays(*true, *(0.5 * delay for delay in true))
 
 
-def explanation(cov: CovHistory) -> Explanation:
+def explanation(cov: CovHistory) -> CaseDiagnostics:
     """Return what is behind the Gaussians: all sources act evenly over ten bins, re-tuning is worth a tenth."""
     by_source = []
     for event, t in EVENTS.items():
@@ -255,7 +255,7 @@ def explanation(cov: CovHistory) -> Explanation:
         99.5, np.arange(-0.5, 100.0, 10.0), SOURCES, OUTPUTS[:9], np.repeat(variance[:, :, None] / 10.0, 10, axis=2)
     )
     singular = np.array([30.0, 4.0, 1.0, 0.2, 1e-5])
-    return Explanation(
+    return CaseDiagnostics(
         "injection",
         adjoint,
         tuple(by_source),
@@ -267,13 +267,13 @@ def explanation(cov: CovHistory) -> Explanation:
     )
 
 
-def _sensitivity(quantity: str, variance: np.ndarray) -> Sensitivity:
+def _sensitivity(quantity: str, variance: np.ndarray) -> SigmaSensitivity:
     factors = np.array(FACTORS)
     frozen = np.sqrt(variance.sum() + (factors**2 - 1.0) * variance[:, None])
-    return Sensitivity(99.5, quantity, SOURCES, FACTORS, frozen, frozen * np.where(factors == 1.0, 1.0, RETUNED))
+    return SigmaSensitivity(99.5, quantity, SOURCES, FACTORS, frozen, frozen * np.where(factors == 1.0, 1.0, RETUNED))
 
 
-def starts(n_run: int, seed: int = 1) -> StartDraws:
+def starts(n_run: int, seed: int = 1) -> InitialDraws:
     """Return draws of which the errors at injection follow to 95 %, as linear theory would have it."""
     cov = covariance()
     blind = covariance()._replace(mean=0.0 * cov.mean, true_sigma=np.ones_like(cov.true_sigma))
@@ -281,7 +281,7 @@ def starts(n_run: int, seed: int = 1) -> StartDraws:
     other = np.array([np.random.default_rng([seed + 1, run]).standard_normal(9) for run in range(n_run)])
     values = 0.95 * sigmas + np.sqrt(1.0 - 0.95**2) * other
     sources = tuple(name for name in ("turn-on a", "turn-on b", "turn-on c") for _ in "xyz")
-    return StartDraws(np.arange(n_run), sources, ("x", "y", "z") * 3, values)
+    return InitialDraws(np.arange(n_run), sources, ("x", "y", "z") * 3, values)
 
 
 CASES = (

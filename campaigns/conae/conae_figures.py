@@ -9,7 +9,7 @@ import pandas as pd
 from lvnav_trade.api.figures import PALETTE, Figure, canvas
 from lvnav_trade.api.flights import Case, case_with, gain, gains, receiver_clock, run_errors
 from lvnav_trade.api.input import Campaign, InputError, Levels
-from lvnav_trade.api.pages import Answered, FigureEntry, Question
+from lvnav_trade.api.pages import FigureEntry, StudyResult, StudySection
 
 
 def clocks_of(campaign: Campaign, chosen: Sequence[Levels], run: int) -> pd.DataFrame:
@@ -45,12 +45,12 @@ def clocks(found: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_clocks(one: Answered, figure: FigureEntry) -> Figure:
+def draw_clocks(one: StudyResult, figure: FigureEntry) -> Figure:
     """Draw the clocks of an entry of study.yaml: the cases whose receivers solve for themselves; settings: run."""
     return clocks(clocks_of(one.campaign, figure.cases, int(figure.settings.get("run", 0))))
 
 
-def clocks_faults(figure: FigureEntry, question: Question) -> Iterator[tuple[str, str]]:
+def clocks_faults(figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
     """Yield that an entry names no case."""
     if not figure.cases:
         yield "cases", "clocks needs one case or more"
@@ -84,6 +84,6 @@ def antennas(found: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_antennas(one: Answered, figure: FigureEntry) -> Figure:
+def draw_antennas(one: StudyResult, figure: FigureEntry) -> Figure:
     """Draw the antennas of the case of an entry of study.yaml."""
     return antennas(antennas_of(case_with(one.campaign, figure.case)))

@@ -11,7 +11,7 @@ import pandas as pd
 from lvnav_trade.api.figures import GREY, PALETTE, Figure, canvas, line_of, named_ticks, over_time, panel, widen_covered
 from lvnav_trade.api.input import axes_of_errors, meant, quoted
 from lvnav_trade.api.measures import FRAMES, NAVIGATION, Tables, cases_of, evaluate_single, history_of, pick
-from lvnav_trade.api.pages import Block, FigureEntry, Question, Text, table, words
+from lvnav_trade.api.pages import Block, FigureEntry, StudySection, Text, table, words
 
 COLUMNS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
 _AXES = ("pitch", "yaw")
@@ -85,7 +85,7 @@ def interpretations_table(tables: Tables) -> list[Block]:
     return [Text(_READINGS), table(found, "Readings of one datasheet side by side.")]
 
 
-def apart_faults(figure: FigureEntry, question: Question) -> Iterator[tuple[str, str]]:
+def apart_faults(figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
     """Yield the axes of an entry that its campaign does not have."""
     known = axes_of_errors(question.campaign)
     for quantity, axis in figure.settings.get("axes", {}).items():

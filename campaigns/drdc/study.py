@@ -8,10 +8,10 @@ from drdc_metrics import METRICS
 from lvnav_studies import Publication, main
 from lvnav_studies.claims import Claims
 from lvnav_trade.api.measures import cases_of
-from lvnav_trade.api.pages import Answered, Block, StudyFigure
+from lvnav_trade.api.pages import Block, StudyFigure, StudyResult
 
 
-def blocks(one: Answered, claims: Claims) -> list[Block]:
+def blocks(one: StudyResult, claims: Claims) -> list[Block]:
     """Return the readings of one datasheet side by side."""
     return interpretations_table(one.tables)
 

@@ -11,7 +11,7 @@ from lvnav_trade.api.figures import GREY, PALETTE, Figure, canvas, line_of, wide
 from lvnav_trade.api.flights import ProcessNoise, case_with, run_errors, steps_figure
 from lvnav_trade.api.input import Campaign, InputError, Levels
 from lvnav_trade.api.measures import Tables, axes_of, cases_of, evaluate_single
-from lvnav_trade.api.pages import Answered, Block, FigureEntry, Picture, Question, number, table, words
+from lvnav_trade.api.pages import Block, FigureEntry, Picture, StudyResult, StudySection, number, table, words
 
 _UNITS = {"velocity": "m/s", "position": "m"}
 
@@ -59,12 +59,12 @@ def single(found: pd.DataFrame) -> Figure:
     return figure
 
 
-def draw_single(one: Answered, figure: FigureEntry) -> Figure:
+def draw_single(one: StudyResult, figure: FigureEntry) -> Figure:
     """Draw the flight of an entry of study.yaml: the aided case, then the unaided one; settings: run."""
     return single(flight_of(one.campaign, figure.cases, int(figure.settings.get("run", 0))))
 
 
-def single_faults(figure: FigureEntry, question: Question) -> Iterator[tuple[str, str]]:
+def single_faults(figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
     """Yield that an entry does not name two cases."""
     if len(figure.cases) != 2:
         yield "cases", "single needs two cases: the aided one, then the unaided one"

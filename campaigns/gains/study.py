@@ -8,14 +8,14 @@ from lvnav_studies import Publication, main
 from lvnav_studies.claims import Claims
 from lvnav_trade.api.figures import Figure
 from lvnav_trade.api.flights import case_with, process_noise
-from lvnav_trade.api.pages import Answered, Block, FigureEntry, StudyFigure
+from lvnav_trade.api.pages import Block, FigureEntry, StudyFigure, StudyResult
 
 ENSEMBLES = {"model_validation": (1100.0,), "process_noise": (1.0, 100.0)}
 """Lengths of a step (s) at which the process noise of a campaign's first case is estimated."""
 RUNS = 100  # of an ensemble
 
 
-def blocks(one: Answered, claims: Claims) -> list[Block]:
+def blocks(one: StudyResult, claims: Claims) -> list[Block]:
     """Return the table of flown missions of a campaign, and its estimates of process noise."""
     found = missions_table(one.tables, claims.model_dump(mode="json")["flown"])
     for step in ENSEMBLES.get(one.campaign.name, ()):
@@ -24,7 +24,7 @@ def blocks(one: Answered, claims: Claims) -> list[Block]:
     return found
 
 
-def draw_missions(one: Answered, figure: FigureEntry) -> Figure | None:
+def draw_missions(one: StudyResult, figure: FigureEntry) -> Figure | None:
     """Draw the flown missions of a campaign among our flights."""
     return missions(one.tables, STUDY.of(one.campaign.name).model_dump(mode="json")["flown"])
 

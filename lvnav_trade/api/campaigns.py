@@ -14,14 +14,14 @@ from lvnav_trade.campaign.definition.axes import probes
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
-from lvnav_trade.campaign.running.checking import Checked, check_effect, check_flight
+from lvnav_trade.campaign.running.checking import TrajectoryCheck, check_effect, check_flight
 from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
 from lvnav_trade.campaign.running.demonstrable import undemonstrable
 from lvnav_trade.campaign.running.plan import estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
-from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.designs import DesignSpace
 from lvnav_trade.campaign.space.plan import planned, refuse_too_large
-from lvnav_trade.campaign.space.stage import Space
+from lvnav_trade.campaign.space.stage import SpaceEvaluation
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, refuse_all
 from lvnav_trade.results.tables import remote
@@ -59,7 +59,7 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
     if strict:
         refuse_all(list(not_demonstrable))
     remarks = remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, not_demonstrable)]}
-    designs = len(Designs(loaded)) if loaded.is_space else 0
+    designs = len(DesignSpace(loaded)) if loaded.is_space else 0
     kinds = {name: tuple(lines) for name, lines in remarks.items()}
     return CheckedCampaign(loaded, tuple(probes(loaded)), designs=designs, **kinds)
 
@@ -133,7 +133,7 @@ def flight_events(campaign: Campaign) -> dict[str, dict[str, float]]:
     return {case: dict(times) for case, times in _checked(campaign).events.items()}
 
 
-def _checked(campaign: Campaign) -> Checked:
+def _checked(campaign: Campaign) -> TrajectoryCheck:
     """Return the events and remarks of the cases; InputError if a setting does not fit a trajectory."""
     _check_sections(campaign)
     return check_flight(campaign.probe, probes(campaign), work.ENGINE, jobs=1)
@@ -244,7 +244,7 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
         refuse_too_large(planned(campaign, place, _checked(campaign).events), place)
     mode: Mode = "fresh" if task.fresh else "resume"
     conduct = Conduct(task.jobs, mode, task.fail_fast, task.progress, task.on_answers)
-    space = Space(campaign) if campaign.is_space else None
+    space = SpaceEvaluation(campaign) if campaign.is_space else None
     execute.run(campaign, place, conduct, Scope(shards=task.shards, space=space))
     if task.report:
         from lvnav_trade.report import SECTIONS, build

@@ -16,7 +16,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, pool, shards
 from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.campaign.space.stage import Space
+from lvnav_trade.campaign.space.stage import SpaceEvaluation
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.contents import RESOLVED
 from lvnav_trade.results.tables.parts import span
@@ -25,7 +25,7 @@ from lvnav_trade.results.tables.versions import code_digest
 _CONNECT_S, _WORKERS_S = 10, 60  # s, time-out of the connection to a scheduler and of its first worker
 
 
-class Shared(NamedTuple):
+class ShardOutcome(NamedTuple):
     """Outcome of a shard."""
 
     folder: Path  # folder of the shard
@@ -43,7 +43,7 @@ def run_shard(
     fresh: bool = False,
     fail_fast: bool = False,
     progress: Progress | None = None,
-) -> Shared:
+) -> ShardOutcome:
     """Compute one shard of a campaign, in a folder of its own.
 
     A batch system starts one call per shard, on any number of machines. Repeating the call resumes an interrupted
@@ -70,7 +70,7 @@ def run_shard(
 
     Returns
     -------
-    Shared
+    ShardOutcome
         Folder of the shard, runs and cases stored there, failures.
 
     Raises
@@ -82,13 +82,13 @@ def run_shard(
     number = shards.parse(shard)
     place = place_of(loaded, folder) / number.folder
     mode: Mode = "fresh" if fresh else "resume"
-    space = Space(loaded) if loaded.is_space else None
+    space = SpaceEvaluation(loaded) if loaded.is_space else None
     conduct = Conduct(jobs, mode, fail_fast, progress)
     outcome = execute.run(loaded, place, conduct, Scope(shard=number, space=space))
     if space is not None:
-        return Shared(place, 0, space.count(number.of(range(space.parts))), outcome.failures)
+        return ShardOutcome(place, 0, space.count(number.of(range(space.parts))), outcome.failures)
     stored = [(path.parent.name, span(path)[1]) for path in (place / "parts").glob("*/*.parquet")]
-    return Shared(place, sum(runs for _, runs in stored), len(outcome.answers), outcome.failures)
+    return ShardOutcome(place, sum(runs for _, runs in stored), len(outcome.answers), outcome.failures)
 
 
 def merge(

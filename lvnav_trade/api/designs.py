@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lvnav_trade.api.display import Displayed, Shown
+from lvnav_trade.api.display import DisplayContent, Displayed
 from lvnav_trade.api.reports import load
 from lvnav_trade.quantities.errors import InputError, writing
 
@@ -75,8 +75,8 @@ class Designs(Displayed):
         ]
         pq.write_table(table.cast(pa.schema(fields)), place)
 
-    def _shown(self) -> Shown:
-        return Shown(f"{len(self.rows)} of {self.total} cases", (), {"": self.rows, "Columns": self.columns})
+    def _shown(self) -> DisplayContent:
+        return DisplayContent(f"{len(self.rows)} of {self.total} cases", (), {"": self.rows, "Columns": self.columns})
 
 
 def cases(

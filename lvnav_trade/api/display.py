@@ -18,7 +18,7 @@ MOST_ROWS = 40
 """Largest number of rows shown of a table; the number of further rows is printed below it."""
 
 
-class Shown(NamedTuple):
+class DisplayContent(NamedTuple):
     """Content of a displayed result."""
 
     title: str  # heading; none if empty
@@ -29,7 +29,7 @@ class Shown(NamedTuple):
 class Displayed:
     """Base of results that a notebook and `print` display; a subclass returns the content from `_shown`."""
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         raise NotImplementedError
 
     def _repr_html_(self) -> str:
@@ -39,12 +39,12 @@ class Displayed:
         return text_of(self._shown())
 
 
-def html_of(shown: Shown) -> str:
+def html_of(shown: DisplayContent) -> str:
     """Return the content as HTML.
 
     Parameters
     ----------
-    shown : Shown
+    shown : DisplayContent
         Content to display.
 
     Returns
@@ -61,12 +61,12 @@ def html_of(shown: Shown) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def text_of(shown: Shown) -> str:
+def text_of(shown: DisplayContent) -> str:
     """Return the content as plain text.
 
     Parameters
     ----------
-    shown : Shown
+    shown : DisplayContent
         Content to display.
 
     Returns
@@ -93,44 +93,48 @@ def _more(frame: pd.DataFrame) -> list[str]:
 class CampaignStatus(status.Status, Displayed):
     """Progress of a campaign: its state, the runs required, stored and failed, damaged files, lost work items."""
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         cases = pd.DataFrame([case._asdict() for case in self.cases])
         counted = f"{self.stored} of {self.asked} runs are stored, {self.failed} failed"
-        return Shown(f"{self.folder}: {self.state}", (counted, *self.damaged, *self.lost), {"Cases": cases})
+        return DisplayContent(f"{self.folder}: {self.state}", (counted, *self.damaged, *self.lost), {"Cases": cases})
 
 
-class ExportedTrajectory(exporting.Written, Displayed):
+class ExportedTrajectory(exporting.WrittenTrajectory, Displayed):
     """An exported trajectory: `file`, `card`, times (s) of its `events`, largest `difference` of the export (SI)."""
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         events = pd.DataFrame(list(self.events.items()), columns=["event", "t_s"])
         difference = pd.DataFrame(list(self.difference.items()), columns=["quantity", "difference_si"])
         lines = (f"rows: {self.file}", f"card: {self.card}")
-        return Shown("Exported flight", lines, {"Events": events, "Largest difference when flown": difference})
+        return DisplayContent("Exported flight", lines, {"Events": events, "Largest difference when flown": difference})
 
 
-class StartedCampaign(starting.Started, Displayed):
+class StartedCampaign(starting.FirstCampaign, Displayed):
     """A first campaign: `campaign`, `card`, `guesses` with their reasons, `events`."""
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         rows = [[guess.part, str(guess.content), guess.why] for guess in self.guesses]
         lines = (f"campaign: {self.campaign}", f"card: {self.card}")
-        return Shown("First campaign", lines, {"Guesses": pd.DataFrame(rows, columns=["part", "guess", "why"])})
+        return DisplayContent(
+            "First campaign", lines, {"Guesses": pd.DataFrame(rows, columns=["part", "guess", "why"])}
+        )
 
 
-class FittedImu(unit_card.FittedUnit, Displayed):
+class FittedImu(unit_card.ImuFit, Displayed):
     """Error model of an IMU from its log at rest.
 
     It has the `coefficients` with their intervals, the Allan deviations `curves` (SI), and the `text` of the card.
     """
 
-    def _shown(self) -> Shown:
-        return Shown("IMU", (f"{self.seconds:.0f} s at {self.rate:g} Hz",), {"Coefficients": self.coefficients})
+    def _shown(self) -> DisplayContent:
+        return DisplayContent(
+            "IMU", (f"{self.seconds:.0f} s at {self.rate:g} Hz",), {"Coefficients": self.coefficients}
+        )
 
 
-class ProcessedLog(recorded.Processed, Displayed):
+class ProcessedLog(recorded.FilteredLog, Displayed):
     """A log processed by the filters of a campaign: `alignment`, `track`, `outages`, `summary`, `notes`."""
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         heading = f"heading after the rest: {math.degrees(self.alignment.heading) % 360.0:.1f} deg"
-        return Shown(self.card.name, (heading, *self.notes), {"Outages": self.summary})
+        return DisplayContent(self.card.name, (heading, *self.notes), {"Outages": self.summary})

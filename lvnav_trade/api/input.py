@@ -13,7 +13,13 @@ from pydantic import ValidationError
 
 from lvnav_trade.campaign.definition.metric_names import metric_of
 from lvnav_trade.campaign.definition.published import Case as Levels
-from lvnav_trade.campaign.definition.published import Measured, Pooled, Published, Stated, require_unit
+from lvnav_trade.campaign.definition.published import (
+    MeasuredMetric,
+    Pooled,
+    PublishedNumber,
+    PublishedStatement,
+    require_unit,
+)
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.checks import (
     axes_of_errors,
@@ -27,7 +33,7 @@ from lvnav_trade.campaign.reading.checks import (
 )
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.tree import Written, hint
+from lvnav_trade.campaign.syntax.tree import SourceTree, hint
 from lvnav_trade.quantities import expression
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.quantities.limits import STATEMENTS
@@ -43,12 +49,12 @@ __all__ = [
     "InputFile",
     "Length",
     "Levels",
-    "Measured",
+    "MeasuredMetric",
     "Mistake",
     "Pooled",
-    "Published",
+    "PublishedNumber",
+    "PublishedStatement",
     "Share",
-    "Stated",
     "axes_of_errors",
     "expression",
     "hint",
@@ -78,7 +84,7 @@ class InputFile(NamedTuple, Generic[_Model]):
     """
 
     content: _Model
-    written: Written
+    written: SourceTree
 
     def mistake(self, path: str, message: str) -> Mistake:
         """Return an input error of the setting at a dotted path, with its line and column."""
@@ -107,6 +113,6 @@ def read_input(file: str | Path, model: type[_Model]) -> InputFile[_Model]:
     """
     root = tree.read_mapping(Path(file))
     try:
-        return InputFile(model.model_validate(tree.plain(root)), Written(root))
+        return InputFile(model.model_validate(tree.plain(root)), SourceTree(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, model)) from None

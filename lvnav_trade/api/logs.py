@@ -102,14 +102,14 @@ def process_log(
         Campaign or log cannot be read, or a filter needs what the log does not have: nothing has been written.
     """
     from lvnav_trade.campaign.reading.load import load
-    from lvnav_trade.campaign.recorded import Asked, process
+    from lvnav_trade.campaign.recorded import OutagePlan, process
     from lvnav_trade.report.build import html_page, markdown_page, pictures
     from lvnav_trade.report.escape import csv_text
     from lvnav_trade.report.recorded import page
     from lvnav_trade.results.tables.contents import owned
 
     target, loaded = owned(folder, "report"), load(campaign, sets)
-    processed = process(loaded, Path(log), Asked(tuple(lengths), first, every))
+    processed = process(loaded, Path(log), OutagePlan(tuple(lengths), first, every))
     content = page(processed, loaded)
     tables = {"outages.csv": processed.outages, "summary.csv": processed.summary, "track.csv": processed.track}
     with writing(folder, "the page cannot be written there"):

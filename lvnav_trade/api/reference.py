@@ -9,11 +9,11 @@ from lvnav_trade.api.types import MetricNames
 from lvnav_trade.quantities.errors import InputError
 
 if TYPE_CHECKING:
-    from lvnav_trade.campaign.reading.reference import Part
+    from lvnav_trade.campaign.reading.reference import SettingsEntry
     from lvnav_trade.campaign.syntax.cards import CardInfo
 
 
-def fields(path: str = "") -> list[Part]:
+def fields(path: str = "") -> list[SettingsEntry]:
     """List the fields at a path of a campaign: default, type, meaning.
 
     Parameters
@@ -23,7 +23,7 @@ def fields(path: str = "") -> list[Part]:
 
     Returns
     -------
-    list of Part
+    list of SettingsEntry
         One entry for every kind of settings at the path: kind, title, rows (field, type, default, meaning).
 
     Raises

@@ -194,5 +194,5 @@ def kml(
     if ellipses:
         raise InputError(f"{source}: a trajectory has no errors; give a folder of results to draw ellipses")
     trajectory = preview(read_card(str(source), Path.cwd()))
-    flight = drawing.Flight(trajectory.name, pd.DataFrame(trajectory.reference), pd.DataFrame(trajectory.events))
+    flight = drawing.KmlFlight(trajectory.name, pd.DataFrame(trajectory.reference), pd.DataFrame(trajectory.events))
     return drawing.write_kml(Path(file), trajectory.name, [flight], magnify)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lvnav_trade.api.display import Displayed, Shown
+from lvnav_trade.api.display import DisplayContent, Displayed
 from lvnav_trade.api.frames import Frames
 from lvnav_trade.api.plotting import Plots
 from lvnav_trade.quantities.errors import InputError
@@ -59,7 +59,7 @@ class Summary(Displayed):
     failures: list[str]
     exit_code: int
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         from lvnav_trade.results.requirements.requirements import in_words
 
         low, high = self.runs
@@ -69,7 +69,7 @@ class Summary(Displayed):
         lines += [f"failed: {line}" for line in self.failures[:10]]
         tables = {"Requirements": in_words(self.requirements)} if len(self.requirements) else {}
         tables |= {"Errors at injection": self.ranking} if len(self.ranking) else {}
-        return Shown(self.campaign, tuple(line for line in lines if line), tables)
+        return DisplayContent(self.campaign, tuple(line for line in lines if line), tables)
 
 
 class Results(Frames, Displayed):
@@ -184,7 +184,7 @@ class Results(Frames, Displayed):
 
     __str__ = __repr__
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         return self.summary()._shown()
 
     def summary(self) -> Summary:

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.replay import find
-from lvnav_trade.campaign.space.designs import Designs, number_in
+from lvnav_trade.campaign.space.designs import DesignSpace, number_in
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import DECIMAL
@@ -201,12 +201,12 @@ def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | No
     """
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     if loaded.is_space:
-        return loaded, _design(Designs(loaded), case)
+        return loaded, _design(DesignSpace(loaded), case)
     all_cases = cases(loaded)
     return loaded, find(all_cases, case) if case else all_cases[0]
 
 
-def _design(designs: Designs, wanted: str | None) -> Case:
+def _design(designs: DesignSpace, wanted: str | None) -> Case:
     """Return the design with a digest, its first digits, or a label (``design 12``); the first design if None."""
     number = None if wanted is None else number_in(wanted)
     if number is not None and number < len(designs):

@@ -19,8 +19,8 @@ from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
-    from lvnav_trade.campaign.reading.study import Question
-    from lvnav_trade.report.script import Answered, StudyScript
+    from lvnav_trade.campaign.reading.study import StudySection
+    from lvnav_trade.report.script import StudyResult, StudyScript
 
 SCRIPT = "study.py"
 """File name of the script in the folder of a study; its variable STUDY is a `StudyScript`."""
@@ -259,14 +259,14 @@ def _without_results(campaigns: Sequence[Campaign], place: Path) -> list[Campaig
 
 
 def _answers(
-    questions: Sequence[Question], place: Path, task: Task | None, watch: StudyWatch, script: StudyScript
-) -> tuple[list[Answered], list[str]]:
+    questions: Sequence[StudySection], place: Path, task: Task | None, watch: StudyWatch, script: StudyScript
+) -> tuple[list[StudyResult], list[str]]:
     """Return every campaign with its results, and the failed runs of all campaigns."""
-    from lvnav_trade.report.script import Answered
+    from lvnav_trade.report.script import StudyResult
 
     results = [_results_of(each.campaign, place / each.campaign.name, task, watch, script) for each in questions]
     answered = [
-        Answered(question.part, question.campaign, result.tables)
+        StudyResult(question.part, question.campaign, result.tables)
         for question, result in zip(questions, results, strict=True)
     ]
     return answered, [line for result in results for line in result.failures]
@@ -283,7 +283,7 @@ def _results_of(campaign: Campaign, place: Path, task: Task | None, watch: Study
     return results
 
 
-def _count_reproduced(answered: Answered, script: StudyScript) -> tuple[int, int]:
+def _count_reproduced(answered: StudyResult, script: StudyScript) -> tuple[int, int]:
     """Return the number of published values that are evidence, and how many of them the results reproduce.
 
     A value that an input of the campaign determines is no evidence and is not counted.

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from lvnav_trade.api.display import Displayed, Shown
+from lvnav_trade.api.display import DisplayContent, Displayed
 from lvnav_trade.results.comparison import comparison
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.axes import Case
     from lvnav_trade.campaign.definition.schema import Campaign
     from lvnav_trade.campaign.derived import ProcessNoise
-    from lvnav_trade.campaign.running.selfcheck import Checked
+    from lvnav_trade.campaign.running.selfcheck import CombinedCheck
     from lvnav_trade.campaign.space.plan import DesignsPlan
     from lvnav_trade.filter.card import FilterCard
 
@@ -51,10 +51,10 @@ class CheckedCampaign(Displayed):
         remarks = {name: list(getattr(self, name)) for name in ("beyond_limits", "warnings", "notes")}
         return {name: lines for name, lines in remarks.items() if lines}
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         lines = [line for kind in self.remarks.values() for line in kind]
         cases = pd.DataFrame([{"case": case.id, "label": case.label} for case in self.cases])
-        return Shown(f"{self.campaign.name}: valid", tuple(lines), {"Cases": cases})
+        return DisplayContent(f"{self.campaign.name}: valid", tuple(lines), {"Cases": cases})
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,8 @@ class Plan(Displayed):
         cost = f"{self.disk_mb:.0f} MB of disk{meanwhile}, {self.memory_mb:.0f} MB a job"
         return f"about {self.seconds:.0f} s of one core once compiled, {cost}"
 
-    def _shown(self) -> Shown:
-        return Shown("", (*self.warnings, self.cost), {"Cases": self.cases})
+    def _shown(self) -> DisplayContent:
+        return DisplayContent("", (*self.warnings, self.cost), {"Cases": self.cases})
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,11 @@ class SelfCheck(Displayed):
 
     Attributes
     ----------
-    checks : tuple of Checked
+    checks : tuple of CombinedCheck
         Each check, with the labels of the cases to which it applies.
     """
 
-    checks: tuple[Checked, ...]
+    checks: tuple[CombinedCheck, ...]
 
     def count(self, verdict: str) -> int:
         """Return the number of checks with a verdict: passed, failed or not checked."""
@@ -129,10 +129,10 @@ class SelfCheck(Displayed):
         ]
         return pd.DataFrame(rows, columns=["case", "check", "of", "figure", "allowed", "verdict", "where"])
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         counts = {verdict: self.count(verdict) for verdict in ("passed", "failed", "not checked")}
         summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
-        return Shown("Self-check", (summary,), {"": self.frame})
+        return DisplayContent("Self-check", (summary,), {"": self.frame})
 
 
 @dataclass(frozen=True)
@@ -163,16 +163,16 @@ class ReplayedRun(Displayed):
     history: pd.DataFrame
     trace: Path
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         failed = f": {self.failure}" if self.failure else ""
-        return Shown(f"{self.label}, run {self.run}{failed}", (f"trace: {self.trace}",), {"": self.events})
+        return DisplayContent(f"{self.label}, run {self.run}{failed}", (f"trace: {self.trace}",), {"": self.events})
 
 
-class Comparison(comparison.Comparison, Displayed):
+class Comparison(comparison.ResultComparison, Displayed):
     """Comparison of two result sets: `frame` (one row per case and metric), `notes`, `confidence`, `verdict`."""
 
-    def _shown(self) -> Shown:
-        return Shown(f"The candidate is {self.verdict}", self.notes, {"": self.frame})
+    def _shown(self) -> DisplayContent:
+        return DisplayContent(f"The candidate is {self.verdict}", self.notes, {"": self.frame})
 
 
 @dataclass(frozen=True)
@@ -215,8 +215,8 @@ class EstimatedNoise(Displayed):
         phases = {"whole flight": self.noise.whole, **{name: densities for name, _, _, densities in self.noise.phases}}
         return pd.DataFrame([{"phase": name, **densities._asdict()} for name, densities in phases.items()])
 
-    def _shown(self) -> Shown:
-        return Shown("Process noise", (f"card: {self.card}",), {"Densities, SI": self.densities})
+    def _shown(self) -> DisplayContent:
+        return DisplayContent("Process noise", (f"card: {self.card}",), {"Densities, SI": self.densities})
 
 
 @dataclass(frozen=True)
@@ -264,9 +264,9 @@ class Solution(Displayed):
     seconds: float
     page: Path
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         tables = {"": self.answers} | ({"Confirmed by runs": self.confirmed} if len(self.confirmed) else {})
-        return Shown("Solution", (f"{self.seconds:.0f} s; report: {self.page}",), tables)
+        return DisplayContent("Solution", (f"{self.seconds:.0f} s; report: {self.page}",), tables)
 
 
 @dataclass(frozen=True)
@@ -300,9 +300,9 @@ class Sensitivity(Displayed):
     seconds: float
     page: Path
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         lines = (f"{self.samples} designs, {self.seconds:.0f} s; report: {self.page}", self.remark)
-        return Shown(f"{self.error}, {self.case}", tuple(line for line in lines if line), {"": self.indices})
+        return DisplayContent(f"{self.error}, {self.case}", tuple(line for line in lines if line), {"": self.indices})
 
 
 @dataclass(frozen=True)
@@ -335,9 +335,9 @@ class Tuning(Displayed):
     seconds: float
     page: Path
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         line = f"{self.evaluations} looks, {self.seconds:.0f} s; report: {self.page}"
-        return Shown("Tuning", (line, f"card: {self.file}"), {"Values": self.values, "Cases": self.cases})
+        return DisplayContent("Tuning", (line, f"card: {self.file}"), {"Values": self.values, "Cases": self.cases})
 
 
 @dataclass(frozen=True)
@@ -355,6 +355,6 @@ class MetricNames(Displayed):
     metrics: pd.DataFrame
     tables: Mapping[str, str]
 
-    def _shown(self) -> Shown:
+    def _shown(self) -> DisplayContent:
         tables = pd.DataFrame(list(self.tables.items()), columns=["table", "what it holds"])
-        return Shown("", (), {"Metrics": self.metrics, "Tables": tables})
+        return DisplayContent("", (), {"Metrics": self.metrics, "Tables": tables})

@@ -13,7 +13,7 @@ from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
 from lvnav_trade.covariance.diagnostics.ensemble import Densities, StepErrors, densities, step_errors
 from lvnav_trade.covariance.history import forward_tape
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.policies.stored_gains import FlownGains, GainSchedule, schedule_of
+from lvnav_trade.filter.policies.stored_gains import GainHistory, GainSchedule, schedule_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.per_axis import rms
@@ -175,7 +175,7 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
     if not np.any(updated):
         raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
     label = f", {case.label}" if case.axes else ""
-    nominal = FlownGains(
+    nominal = GainHistory(
         states=state_names(prepared.layout),
         measurements=[names[channel] for channel in taken],
         t=prepared.t_epoch[updated],

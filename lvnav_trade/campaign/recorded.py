@@ -28,7 +28,7 @@ from lvnav_trade.simulation.recorded.recorded_flight import refuse_unable, repla
 _MOTION = slice(VEL, VEL + 6)  # outputs of velocity and position
 
 
-class Asked(NamedTuple):
+class OutagePlan(NamedTuple):
     """Outages in which the solutions of the receiver are withheld."""
 
     lengths: tuple[float, ...] = (15.0, 60.0)  # durations, s
@@ -36,7 +36,7 @@ class Asked(NamedTuple):
     every: float = 5.0  # from the begin of an outage to the begin of the next, s
 
 
-class Processed(NamedTuple):
+class FilteredLog(NamedTuple):
     """A log processed by the filters of a campaign."""
 
     card: NavigationLog  # card of the log
@@ -56,7 +56,7 @@ def read_card(file: Path) -> NavigationLog:
         raise InputError(records=explain(error, root, NavigationLog, "")) from None
 
 
-def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
+def process(campaign: Campaign, file: Path, asked: OutagePlan) -> FilteredLog:
     """Process a log with the filter of every case of a campaign.
 
     The log replaces trajectory, IMU and receiver. The runs, requirements, faults and true errors of the campaign have
@@ -68,12 +68,12 @@ def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
         Campaign with the filters.
     file : Path
         Card of the log.
-    asked : Asked
+    asked : OutagePlan
         Outages to simulate.
 
     Returns
     -------
-    Processed
+    FilteredLog
         Alignment, tracks, outages, summary.
 
     Raises
@@ -105,7 +105,7 @@ def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
         )
     summary = summarised(rows)
     notes += failures(summary)
-    return Processed(card, aligned, pd.concat(tracks, ignore_index=True), rows, summary, tuple(notes))
+    return FilteredLog(card, aligned, pd.concat(tracks, ignore_index=True), rows, summary, tuple(notes))
 
 
 def failures(summary: pd.DataFrame) -> Iterator[str]:
@@ -128,7 +128,7 @@ def _of(case: Case) -> Iterator[None]:
         raise InputError(f"{case.label}: {error}") from None
 
 
-def _outages(prepared: Prepared, asked: Asked) -> list[tuple[float, Outage]]:
+def _outages(prepared: Prepared, asked: OutagePlan) -> list[tuple[float, Outage]]:
     """Return the outages of a replayed case, each with its nominal duration (s)."""
     results = []
     for length in asked.lengths:

@@ -33,7 +33,7 @@ _UNITS = {
 _MOST_PROCESSES = 6
 
 
-class FittedUnit(NamedTuple):
+class ImuFit(NamedTuple):
     """Error model of an IMU, fitted to its log at rest."""
 
     fits: dict[str, list[AxisFit]]  # by sensor (gyro, accel), of the axes x, y and z
@@ -51,7 +51,7 @@ def fit_unit(
     shortest: float = 0.0,
     longest: float = math.inf,
     counted: bool = False,
-) -> FittedUnit:
+) -> ImuFit:
     """Fit the error model of an IMU to its log at rest, by Allan variance.
 
     Parameters
@@ -67,7 +67,7 @@ def fit_unit(
 
     Returns
     -------
-    FittedUnit
+    ImuFit
         Fits, card, Allan deviations, coefficients.
 
     Raises
@@ -86,7 +86,7 @@ def fit_unit(
         )
     fits = {part: _triad(file, part, getattr(log, part), log.dt, factors) for part in _SENSORS}
     text = _card(file, log, fits)
-    return FittedUnit(fits, n * log.dt, rate, text, _curves(fits), _coefficients(fits))
+    return ImuFit(fits, n * log.dt, rate, text, _curves(fits), _coefficients(fits))
 
 
 def _triad(file: str, part: str, rates: Floats, dt: float, factors: list[int]) -> list[AxisFit]:

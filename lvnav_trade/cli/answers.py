@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import FAILED, Answer
+from lvnav_trade.cli.console import FAILED, VerbResult
 from lvnav_trade.quantities.errors import InputError
 
 _MOST = 10  # largest number of failed runs listed individually
@@ -30,13 +30,13 @@ def shown(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
     return collected, show
 
 
-def shared(done: Any) -> Answer:
+def shared(done: Any) -> VerbResult:
     """Return the console output on a finished shard."""
     lines = [f"failed: {line}" for line in done.failures[:_MOST]]
     lines.append(f"{done.runs} runs of {done.cases} cases are stored in {done.folder}")
     lines.append(f"when all shards are there: lvnav-trade merge {done.folder.parent}")
     content = {"folder": str(done.folder), "runs": done.runs, "cases": done.cases, "failures": list(done.failures)}
-    return Answer("\n".join(lines), content, FAILED if done.failures else 0)
+    return VerbResult("\n".join(lines), content, FAILED if done.failures else 0)
 
 
 def check_preferred(prefer: Sequence[str]) -> None:
@@ -49,7 +49,7 @@ def check_preferred(prefer: Sequence[str]) -> None:
             raise InputError(f"--prefer {name}: should be one of {', '.join(PREFERRED)}{hint(name, PREFERRED)}")
 
 
-def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
+def with_ranking(answer: VerbResult, results: Any, prefer: Sequence[str]) -> VerbResult:
     """Return an answer extended by the cases in preferred order; cases that meet every requirement come first."""
     from lvnav_trade.results.evaluation.resources import ranked
 
@@ -78,7 +78,7 @@ def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
     )
 
 
-def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
+def answer_of(results: Any, answers: Sequence[Any], report: bool) -> VerbResult:
     """Return the console output of a finished campaign: verdicts, location of the results, exit code."""
     from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
     from lvnav_trade.results.requirements.requirements import in_words
@@ -107,7 +107,7 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         "covariance": [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers],
         "requirements": json.loads(verdicts.to_json(orient="records")),  # JSON has no NaN; pandas writes null
     }
-    return Answer("\n".join(lines), content, results.exit_code)
+    return VerbResult("\n".join(lines), content, results.exit_code)
 
 
 def components_together(metrics: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:

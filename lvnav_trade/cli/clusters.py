@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.cli.answers import answer_of, shown
-from lvnav_trade.cli.console import Answer, Jobs, Json, Quiet, folder_option, verb
+from lvnav_trade.cli.console import Jobs, Json, Quiet, VerbResult, folder_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 
@@ -64,7 +64,7 @@ def merge(
     report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
     quiet: Quiet = False,
     as_json: Json = False,
-) -> Answer:
+) -> VerbResult:
     """Combine the shards of a campaign.
 
     Tables and report equal those of the undivided campaign.

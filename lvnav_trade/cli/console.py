@@ -122,7 +122,7 @@ def _options(
     pass
 
 
-class Answer(NamedTuple):
+class VerbResult(NamedTuple):
     """What a verb found: text for people, content for programs, and the exit code that it means."""
 
     text: str
@@ -130,7 +130,7 @@ class Answer(NamedTuple):
     code: int = 0
 
 
-def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
+def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., VerbResult]], Callable[..., None]]:
     """Add a command to the application: a function that returns its answer.
 
     Its arguments are those of the command, which has the options ``--json`` and ``--debug`` too. An argument that is a
@@ -138,7 +138,7 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer
     ``--json`` as `as_json`. `example` is printed below its help, without the name of the tool.
     """
 
-    def add(function: Callable[..., Answer]) -> Callable[..., None]:
+    def add(function: Callable[..., VerbResult]) -> Callable[..., None]:
         name = function.__name__.replace("_", "-")
         arguments = inspect.signature(function, eval_str=True).parameters
         records = {key: one.annotation for key, one in arguments.items() if hasattr(one.annotation, "_fields")}

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, file_option, verb
+from lvnav_trade.cli.console import VerbResult, file_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 _ROWS = 20
@@ -31,7 +31,7 @@ def cases(
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="rows that are shown")] = _ROWS,
     out: Annotated[Path | None, file_option("write all cases to this .csv or .parquet")] = None,
     units: Annotated[bool, typer.Option("--units", help="list the columns with unit and meaning instead")] = False,
-) -> Answer:
+) -> VerbResult:
     """List cases: errors, verdicts, cost.
 
     One row per case, with the levels of its axes; numbers in SI. A column may be named without axis_ and without
@@ -51,12 +51,12 @@ def cases(
         "written": written,
     }
     if units:
-        return Answer(table(["column", "unit", "meaning"], list(result.columns.itertuples(index=False))), content)
+        return VerbResult(table(["column", "unit", "meaning"], list(result.columns.itertuples(index=False))), content)
     lines = [_shown(result, limit, bool(names))]
     more = len(result.rows) - limit
     lines.append(f"{len(result.rows)} of {result.total} cases{f', {limit} of them shown' if more > 0 else ''}")
     lines += [f"written: {written}"] if written else []
-    return Answer("\n".join(lines), content)
+    return VerbResult("\n".join(lines), content)
 
 
 def _shown(found: Any, limit: int, is_chosen: bool) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, CampaignFile, Quiet, Sets, folder_option, verb
+from lvnav_trade.cli.console import CampaignFile, Quiet, Sets, VerbResult, folder_option, verb
 from lvnav_trade.cli.results import CaseOf
 
 
@@ -27,7 +27,7 @@ def export_vectors(
     case: CaseOf = None,
     run: Annotated[int, typer.Option("--run", metavar="RUN", help="number of the run, from 0")] = 0,
     kind: Annotated[TableFormat, typer.Option("--format", help="format of the tables")] = TableFormat.CSV,
-) -> Answer:
+) -> VerbResult:
     """Write inputs and expected outputs of a filter.
 
     Use them to test another implementation of the filter: IMU samples, measurements, satellites; estimates and
@@ -38,7 +38,7 @@ def export_vectors(
     vectors = api.export_vectors(campaign, out, case, run, sets or (), kind.value)
     rows = [[f"{name}.{kind.value}", len(frame)] for name, frame in vectors.tables.items()]
     text = f"{table(['file', 'rows'], rows)}\nunits: {out / 'columns.csv'}\nuse: {out / 'README.md'}"
-    return Answer(text, {"folder": str(out), "run": run, "files": sorted(vectors.files)})
+    return VerbResult(text, {"folder": str(out), "run": run, "files": sorted(vectors.files)})
 
 
 @verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
@@ -49,7 +49,7 @@ def export_filter(
     case: CaseOf = None,
     runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: C code only")] = 10,
     quiet: Quiet = False,
-) -> Answer:
+) -> VerbResult:
     """Write the filter of a case as C99.
 
     Recorded runs are written too. If this machine has a C compiler (CC, cc, gcc, clang), they are replayed. Each
@@ -72,4 +72,4 @@ def export_filter(
         lines.append(f"no C compiler is here; where one is: {code.command}")
     content = {"folder": str(out), "compiler": code.compiler, "agrees": code.agrees}
     rows_of = [] if code.replayed is None else code.replayed.to_dict(orient="records")
-    return Answer("\n".join(lines), content | {"replayed": rows_of}, 0 if code.agrees else 1)
+    return VerbResult("\n".join(lines), content | {"replayed": rows_of}, 0 if code.agrees else 1)

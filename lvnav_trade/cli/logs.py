@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, file_option, folder_option, verb
+from lvnav_trade.cli.console import VerbResult, file_option, folder_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 LogFile = Annotated[str, typer.Argument(metavar="LOG", help="CSV or Parquet, units in the names of its columns")]
@@ -39,7 +39,7 @@ def fit_unit(
         bool,
         typer.Option("--count-rows", help="treat rows as evenly spaced, for scattered time stamps of a host computer"),
     ] = False,
-) -> Answer:
+) -> VerbResult:
     """Fit an IMU card to a log of the IMU at rest.
 
     Overlapping Allan variance by axis: quantisation, white noise, bias instability, rate random walk, with intervals.
@@ -64,7 +64,7 @@ def fit_unit(
     lines.append(f"card: {out}")
     lines += [f"figure: {plot}"] if plot is not None else []
     content = {"card": str(out), "plot": str(plot) if plot else None, "seconds": fit.seconds, "rate_hz": fit.rate}
-    return Answer("\n".join(lines), {**content, "coefficients": json.loads(frame.to_json(orient="records"))})
+    return VerbResult("\n".join(lines), {**content, "coefficients": json.loads(frame.to_json(orient="records"))})
 
 
 @verb("walk.yaml walk_log.yaml -o walk_outages --outage '15 s' --outage '60 s'")
@@ -85,7 +85,7 @@ def process_log(
         float, typer.Option("--every", metavar="SECONDS", help="interval between the starts of outages")
     ] = 5.0,
     sets: Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change the campaign")] = None,
-) -> Answer:
+) -> VerbResult:
     """Run a recorded log through the filters of a campaign.
 
     Receiver solutions are withheld repeatedly for some seconds; the error at the end is compared with the sigma.
@@ -122,4 +122,4 @@ def process_log(
         f"heading after the rest: {heading:.1f} deg; page: {out / 'report.html'}",
     ]
     content = {"page": str(out / "report.html"), "heading_deg": heading, "notes": list(processed.notes)}
-    return Answer("\n".join(lines), content | {"summary": json.loads(processed.summary.to_json(orient="records"))})
+    return VerbResult("\n".join(lines), content | {"summary": json.loads(processed.summary.to_json(orient="records"))})

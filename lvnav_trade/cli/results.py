@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, file_option, verb
+from lvnav_trade.cli.console import CampaignFile, Jobs, Sets, VerbResult, file_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 CaseOf = Annotated[
@@ -27,7 +27,7 @@ def estimate_q(
     step: Annotated[
         float | None, typer.Option("--step", metavar="SECONDS", help="length of a step [default: time between updates]")
     ] = None,
-) -> Answer:
+) -> VerbResult:
     """Estimate process noise from runs; write a filter card.
 
     The runs are perturbed by the IMU's errors. The error per step is written as CSV and PNG too.
@@ -43,7 +43,7 @@ def estimate_q(
     head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
     text = f"{table(head, rows)}\ncard: {card}\nerror per step: {files[0]}, {files[1]}"
     densities = {name: noise._asdict() for name, noise in noises.items()}
-    return Answer(text, {"card": str(card), "files": [*map(str, files)], "densities_si": densities})
+    return VerbResult(text, {"card": str(card), "files": [*map(str, files)], "densities_si": densities})
 
 
 def _row(name: str, noise: object) -> list[str]:
@@ -62,7 +62,7 @@ def schedule_gains(
         float,
         typer.Option("--tolerance", help="largest error between knots, relative to each gain's largest magnitude"),
     ] = 0.02,
-) -> Answer:
+) -> VerbResult:
     """Write the gains of a filter as a card.
 
     Another filter replays them: filter.gains.
@@ -72,7 +72,7 @@ def schedule_gains(
     gains = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
     rows = [(segment.event, len(segment.knots)) for segment in gains.segments]
     text = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(gains.states)}\ncard: {out}"
-    return Answer(text, {"card": str(out), "states": list(gains.states), "knots": dict(rows)})
+    return VerbResult(text, {"card": str(out), "states": list(gains.states), "knots": dict(rows)})
 
 
 @verb("results/demo --keep reports/demo --figures")
@@ -85,7 +85,7 @@ def report(
     no_tables: Annotated[bool, typer.Option("--no-tables", help="with --keep: omit the CSV tables")] = False,
     figures: Annotated[bool, typer.Option("--figures", help="also write PNG and SVG figures")] = False,
     brief: Annotated[bool, typer.Option("--brief", help="also write brief.html, at most ten sheets of A4")] = False,
-) -> Answer:
+) -> VerbResult:
     """Build the report again from results."""
     from lvnav_trade import api
 
@@ -93,7 +93,7 @@ def report(
         raise InputError("--no-tables: only --keep writes CSV tables")
     built = api.report(folder, keep, not no_tables, ("png", "svg") if figures else (), brief)
     page, stored = str(built.page), str(built.kept) if built.kept is not None else None
-    return Answer(f"report: {page}" + (f"\nkept: {stored}" if stored else ""), {"report": page, "kept": stored})
+    return VerbResult(f"report: {page}" + (f"\nkept: {stored}" if stored else ""), {"report": page, "kept": stored})
 
 
 @verb("my_vehicle/base results/ascent --effect velocity_error_3d=5%")
@@ -115,7 +115,7 @@ def compare(
     md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the comparison in Markdown")] = None,
     junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="write JUnit XML")] = None,
     jobs: Jobs = -1,
-) -> Answer:
+) -> VerbResult:
     """Compare two result sets run by run (paired).
 
     Exit code 0: nothing is worse; 1: something is worse; 2: not comparable; 3: undecided.
@@ -130,21 +130,21 @@ def compare(
         *comparison_made.notes,
         comparison.answer(comparison_made),
     ]
-    return Answer("\n".join(lines), content, comparison.EXIT[comparison_made.verdict])
+    return VerbResult("\n".join(lines), content, comparison.EXIT[comparison_made.verdict])
 
 
 @verb("results/ascent my_vehicle/base", with_json=False)
 def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     target: Annotated[Path, typer.Argument(metavar="DIR", help="folder of the base, such as one in your repository")],
-) -> Answer:
+) -> VerbResult:
     """Save what `compare` needs from results.
 
     These are runs and events, a few hundred kilobytes.
     """
     from lvnav_trade import api
 
-    return Answer(f"base: {api.keep_base(folder, target)}")
+    return VerbResult(f"base: {api.keep_base(folder, target)}")
 
 
 @verb("results/demo -o demo.kml --ellipses")
@@ -154,12 +154,12 @@ def kml(
     ellipses: Annotated[bool, typer.Option("--ellipses", help="draw 3-sigma position ellipses of results")] = False,
     every: Annotated[float, typer.Option("--every", help="seconds between ellipses")] = 60.0,
     magnify: Annotated[float, typer.Option("--magnify", help="magnification of the ellipses")] = 1.0,
-) -> Answer:
+) -> VerbResult:
     """Write trajectories as KML for Earth viewers."""
     from lvnav_trade import api
 
     written = str(api.kml(source, out, ellipses, every, magnify))
-    return Answer(f"kml: {written}", {"kml": written})
+    return VerbResult(f"kml: {written}", {"kml": written})
 
 
 @verb("trajectories/two_stage_leo -o my_flight.csv")
@@ -169,7 +169,7 @@ def export_trajectory(
     sets: Sets = None,
     case: CaseOf = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="rows per second")] = 10.0,
-) -> Answer:
+) -> VerbResult:
     """Write a trajectory as a CSV file with its card.
 
     The columns are those of trajectories/example_table; the events are in the card. The file is read back and the
@@ -181,7 +181,7 @@ def export_trajectory(
     apart = table(["largest difference when flown", "SI"], [[k, f"{v:.1e}"] for k, v in exported.difference.items()])
     text = f"{apart}\nevents: {', '.join(exported.events)}\nrows: {exported.file}\ncard: {exported.card}"
     content = {"file": str(exported.file), "card": str(exported.card), "events": exported.events}
-    return Answer(text, content | {"difference": exported.difference})
+    return VerbResult(text, content | {"difference": exported.difference})
 
 
 @verb("my_vehicle --from flight.csv")
@@ -192,7 +192,7 @@ def init(
     time: Annotated[
         str | None, typer.Option("--time", metavar="COLUMN", help="column of time [default: guessed]")
     ] = None,
-) -> Answer:
+) -> VerbResult:
     """Write a first campaign for your trajectory file.
 
     Columns, units, frames and events are guessed; the card gives the reason for each line. No file is overwritten.
@@ -212,4 +212,4 @@ def init(
         "guesses": guessed,
         "events": started.events,
     }
-    return Answer("\n".join(lines), content)
+    return VerbResult("\n".join(lines), content)

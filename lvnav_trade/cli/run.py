@@ -13,7 +13,7 @@ import typer
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.answers import answer_of, check_preferred, components_together, shared, shown, with_ranking
 from lvnav_trade.cli.clusters import Backend, workers
-from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Quiet, Sets, folder_option, verb
+from lvnav_trade.cli.console import CampaignFile, Jobs, Json, Out, Quiet, Sets, VerbResult, folder_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def run(
     sets: Sets = None,
     quiet: Quiet = False,
     as_json: Json = False,
-) -> Answer:
+) -> VerbResult:
     """Run a campaign and build its report.
 
     Linear covariance comes first, within seconds, then Monte Carlo. The same command resumes an interrupted campaign.
@@ -108,7 +108,7 @@ def run(
 
 
 @verb("my_campaign.yaml --strict")
-def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> Answer:
+def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> VerbResult:
     """Validate a campaign without running it."""
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
@@ -118,11 +118,11 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
     good = f"{campaign}: good, {f'{checked.designs} designs' if checked.designs else counted}"
     case_list = [{"id": case.id, "label": case.label} for case in checked.cases]
     remarks = {name: list(getattr(checked, name)) for name in ("beyond_limits", "warnings", "notes")}
-    return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": case_list, "mistakes": []})
+    return VerbResult("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": case_list, "mistakes": []})
 
 
 @verb("demo")
-def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Strict = False) -> Answer:
+def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Strict = False) -> VerbResult:
     """Show the cases, their cost, and what is already done."""
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
@@ -132,7 +132,7 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     content = {"cases": planned.cases.to_dict("records"), "blocks": planned.blocks, "seconds": planned.seconds}
     content |= {"disk_mb": planned.disk_mb, "memory_mb": planned.memory_mb, "warnings": list(planned.warnings)}
     content["designs"] = None if planned.designs is None else planned.designs._asdict()
-    return Answer("\n".join(lines), content)
+    return VerbResult("\n".join(lines), content)
 
 
 def _planned(found: Plan) -> str:
@@ -154,7 +154,7 @@ def selfcheck(
     sets: Sets = None,
     jobs: Jobs = -1,
     quiet: Quiet = False,
-) -> Answer:
+) -> VerbResult:
     """Check the consistency of every case.
 
     Error definitions, Jacobians against differences, linear against nonlinear propagation over gaps, innovations and
@@ -171,7 +171,7 @@ def selfcheck(
         "counts": counts,
         "checks": [result.check.content() | {"cases": list(result.cases)} for result in outcome.checks],
     }
-    return Answer("\n".join(lines), content, api.MET if outcome.passed else api.VIOLATED)
+    return VerbResult("\n".join(lines), content, api.MET if outcome.passed else api.VIOLATED)
 
 
 @verb('results/demo "imu=tactical_mems, filter=tight" 17')
@@ -181,7 +181,7 @@ def replay(
     number: Annotated[int, typer.Argument(metavar="RUN", help="number of the run, from 0")],
     sets: Sets = None,
     out: Out = None,
-) -> Answer:
+) -> VerbResult:
     """Repeat one run bit for bit and save every step."""
     from lvnav_trade import api
 
@@ -195,11 +195,11 @@ def replay(
     run_name = f"{replayed.label}, run {number}{f': {replayed.failure}' if replayed.failure else ''}"
     text = f"{run_name}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {replayed.trace}"
     content = {"case": replayed.case, "label": replayed.label, "run": number, "failure": replayed.failure}
-    return Answer(text, {**content, "events": events, "trace": str(replayed.trace)})
+    return VerbResult(text, {**content, "events": events, "trace": str(replayed.trace)})
 
 
 @verb("results/demo")
-def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer:
+def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> VerbResult:
     """Show a campaign's progress: running, finished, damaged.
 
     Blocks and tables are checked.
@@ -207,7 +207,7 @@ def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer
     from lvnav_trade import api
 
     progress = api.status(folder)
-    return Answer(progress.text, progress._asdict() | {"cases": [case._asdict() for case in progress.cases]})
+    return VerbResult(progress.text, progress._asdict() | {"cases": [case._asdict() for case in progress.cases]})
 
 
 @verb("imu.gyro")
@@ -215,7 +215,7 @@ def fields(
     path: Annotated[
         str | None, typer.Argument(metavar="PATH", help="filter, receiver.clock, faults; the whole campaign if absent")
     ] = None,
-) -> Answer:
+) -> VerbResult:
     """List the fields at a path of a campaign.
 
     For each field: accepted values, default and meaning. If there are several kinds of settings, all are listed.
@@ -229,15 +229,15 @@ def fields(
         rows = [[row.field, row.default, "; ".join(filter(None, (row.type, row.meaning)))] for row in document.rows]
         blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows, _width())}")
     parts = [document._asdict() | {"rows": [row._asdict() for row in document.rows]} for document in documents]
-    return Answer("\n\n".join(blocks), {"path": path or "", "parts": parts})
+    return VerbResult("\n\n".join(blocks), {"path": path or "", "parts": parts})
 
 
 @verb("> campaign.schema.json", with_json=False)
-def schema() -> Answer:
+def schema() -> VerbResult:
     """Print the JSON Schema of campaign files, for editors."""
     from lvnav_trade import api
 
-    return Answer(json.dumps(api.schema(), indent=2))
+    return VerbResult(json.dumps(api.schema(), indent=2))
 
 
 def _width() -> int:
@@ -255,7 +255,7 @@ def _noun(sentence: str) -> str:
 def cards(
     name: Annotated[str | None, typer.Argument(metavar="CARD", help="show this card, or list this folder")] = None,
     long: Annotated[bool, typer.Option("--long", help="show the source of the numbers")] = False,
-) -> Answer:
+) -> VerbResult:
     """List all cards, those of a folder, or show one."""
     from lvnav_trade import api
 
@@ -263,7 +263,7 @@ def cards(
     selected = [card for card in all_cards if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
     if name is not None and not selected:
         text = api.card_text(name)
-        return Answer(text.removesuffix("\n"), {"name": name, "text": text})
+        return VerbResult(text.removesuffix("\n"), {"name": name, "text": text})
     listed = table(["card", "what"], [[card.name, card.title] for card in selected])
     if long:
         width = min(_width(), 100)
@@ -271,13 +271,13 @@ def cards(
         listed = "\n\n".join(
             f"{card.name}: {card.title}\n{source}" for card, source in zip(selected, sources, strict=True)
         )
-    return Answer(listed, {"cards": [card._asdict() for card in selected]})
+    return VerbResult(listed, {"cards": [card._asdict() for card in selected]})
 
 
 @verb("velocity")
 def metrics(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="only those whose name contains this")] = None,
-) -> Answer:
+) -> VerbResult:
     """List the metrics a campaign can name, then the tables.
 
     The list is grouped by use, and components of one quantity share a line. With NAME, every metric has its own line.
@@ -293,7 +293,7 @@ def metrics(
     if known_metrics.tables:
         content = [[table_name, _noun(text)] for table_name, text in known_metrics.tables.items()]
         blocks.append(f"Tables:\n{table(['table', 'content'], content, _width())}")
-    return Answer(
+    return VerbResult(
         "\n\n".join(blocks), {"metrics": known_metrics.metrics.to_dict("records"), "tables": known_metrics.tables}
     )
 
@@ -318,7 +318,7 @@ def study(
     options: StudyOptions,
     quiet: Quiet = False,
     as_json: Json = False,
-) -> Answer:
+) -> VerbResult:
     """Run every campaign of a folder and write one report.
 
     Published numbers are compared with ours. Violated or undecided requirements do not change the exit code; it is 4
@@ -338,4 +338,4 @@ def study(
     lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {result.page}"]
     content: dict[str, Any] = {"page": str(result.page), "failures": result.failures, "campaigns": result.campaigns}
     content |= {"published": result.published, "hold": result.hold}
-    return Answer("\n".join(lines), content, api.FAILED if result.failures else api.MET)
+    return VerbResult("\n".join(lines), content, api.FAILED if result.failures else api.MET)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, folder_option, verb
+from lvnav_trade.cli.console import CampaignFile, Jobs, Sets, VerbResult, folder_option, verb
 
 Page = Annotated[Path | None, folder_option("the report and its tables", "results/NAME")]
 
@@ -31,7 +31,7 @@ def solve(
     ] = None,
     out: Page = None,
     jobs: Jobs = -1,
-) -> Answer:
+) -> VerbResult:
     """Find the largest sufficient value or the cheapest case.
 
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. The
@@ -46,11 +46,11 @@ def solve(
         lines += ["", table(list(solution.confirmed.columns), list(solution.confirmed.itertuples(index=False)))]
     lines += [f"{solution.seconds:.0f} s", f"report: {solution.page}"]
     content = {"answers": solution.answers.to_dict("records"), "confirmed": solution.confirmed.to_dict("records")}
-    return Answer("\n".join(lines), {**content, "seconds": solution.seconds, "report": str(solution.page)})
+    return VerbResult("\n".join(lines), {**content, "seconds": solution.seconds, "report": str(solution.page)})
 
 
 @verb("trade/sobol")
-def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
+def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> VerbResult:
     """Compute global sensitivity to sigmas of error sources.
 
     The campaign's block `indices` has the settings. Frozen: in closed form. Re-tuned: by polynomials fitted to linear
@@ -64,13 +64,13 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
     lines += [f"{result.samples} designs, {result.seconds:.0f} s", f"report: {result.page}"]
     content = {"case": result.case, "error": result.error, "predicted": result.predicted, "seconds": result.seconds}
     content |= {"remark": result.remark}
-    return Answer(
+    return VerbResult(
         "\n".join(lines), {**content, "indices": result.indices.to_dict("records"), "report": str(result.page)}
     )
 
 
 @verb("trade/tune")
-def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
+def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> VerbResult:
     """Tune a filter over several cases; write its card.
 
     The campaign's block `tune` has the settings. The search is by linear covariance, and held-out cases
@@ -87,4 +87,4 @@ def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs
         f"card: {result.file}",
     ]
     content = {"values": result.values.to_dict("records"), "cases": result.cases.to_dict("records")}
-    return Answer("\n".join(lines), {**content, "seconds": result.seconds, "report": str(result.page)})
+    return VerbResult("\n".join(lines), {**content, "seconds": result.seconds, "report": str(result.page)})

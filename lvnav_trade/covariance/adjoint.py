@@ -21,7 +21,7 @@ from lvnav_trade.simulation.epoch.joint import component_partial, measured_chann
 from lvnav_trade.simulation.epoch.joint_ticks import fill_partials, nominal_tick
 
 
-class Backward(NamedTuple):
+class BackwardPass(NamedTuple):
     """State and result of a backward pass, updated in place.
 
     e : (n_metric, N). Adjoint of the joint states.
@@ -34,7 +34,7 @@ class Backward(NamedTuple):
     contribution: Floats
 
 
-class Entering(NamedTuple):
+class BackwardMetrics(NamedTuple):
     """Metrics of a backward pass: linear sums of errors at one or several history times.
 
     place : (n_hist,). Index in `rows` of the history time; -1 if it is not in the sum.
@@ -60,7 +60,7 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
 
     Parameters
     ----------
-    back, tape, true, signals : Backward, UpdateTape, Components, Signals
+    back, tape, true, signals : BackwardPass, UpdateTape, Components, Signals
     row_of : number of the update on the tape
     time_bin : bin of the contribution
     whitened : whether the measurement is from a decorrelated solution
@@ -223,11 +223,11 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
 
     Parameters
     ----------
-    back : Backward, of zeros; set here
+    back : BackwardPass, of zeros; set here
     scratch : BackwardScratch
     tape : UpdateTape of the forward pass
     true, case, flight : Components, FilterCase, NominalFlight
-    entering : Entering, the metrics
+    entering : BackwardMetrics, the metrics
     time_bins : (n_window,) time bin of each window
     """
     schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance

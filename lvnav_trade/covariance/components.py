@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.epoch_differences import Successive, successive_of
+from lvnav_trade.covariance.epoch_differences import SuccessiveErrors, successive_of
 from lvnav_trade.covariance.imu_array import REMAINDER, WHITE, Differences, differences, stands_for
 from lvnav_trade.covariance.slots import Component, as_lanes, by_length, slot_tables
 from lvnav_trade.covariance.sources import measurement_tables, n_joint, noise_sources, source_names
@@ -123,7 +123,7 @@ class Components(NamedTuple):
     clone: int
     sample_noise: Floats
     differences: Differences
-    successive: Successive | None
+    successive: SuccessiveErrors | None
 
 
 def _terms(prepared: Prepared) -> list[ErrorTerm]:

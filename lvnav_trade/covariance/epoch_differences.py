@@ -24,10 +24,10 @@ N_ENTRIES = 2
 """Jacobian entries for the measurement error at this epoch and at the previous one."""
 
 
-class Successive(NamedTuple):
+class SuccessiveErrors(NamedTuple):
     """Measurement errors of n channels as m = 2 n joint states: at this epoch, and at the previous epoch.
 
-    move : (n_epoch, m, m). Transition from the previous epoch, as in `solution.Chain`.
+    move : (n_epoch, m, m). Transition from the previous epoch, as in `solution.SolutionErrorModel`.
     white : (n_epoch, m, n). Effect of the noise of each channel on the states.
     variance : (n_epoch, n) SI squared. Variance of that noise.
     kind : (n,). Channel.
@@ -68,7 +68,7 @@ def difference_channels(prepared: Prepared) -> list[int]:
     ]
 
 
-def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> Successive | None:
+def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> SuccessiveErrors | None:
     """Return the errors of successive measurements; None without further observables.
 
     Parameters
@@ -106,7 +106,7 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
                 assumed = signals.partial[block, :, channel] if block >= 0 else 0.0
                 beyond = signals.shared.partial[family, :, true] - assumed
                 shared[:, i, m] += np.where(new[:, satellite], beyond, 0.0)
-    return Successive(
+    return SuccessiveErrors(
         move,
         white,
         variance,
@@ -118,7 +118,7 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
 
 
 def _renewed(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
-    """Return `renewed` and `renewed_source` of `Successive`."""
+    """Return `renewed` and `renewed_source` of `SuccessiveErrors`."""
     delayed, signals, n_kind = prepared.options.delayed, prepared.signals, prepared.model.n_kind
     renewed, source = np.full(delayed.renewed.shape, -1.0), np.zeros(delayed.renewed.shape[1], dtype=np.int64)
     first = 0
@@ -177,8 +177,8 @@ def _renew_joint(joint, successive, true, model, epoch):
 
 @inlined
 def begin_successive(joint, successive, model, epoch):
-    """Begin an epoch in every source (Successive, or None): present measurement errors become those of the previous
-    epoch, and renewed states are reset.
+    """Begin an epoch in every source (SuccessiveErrors, or None): present measurement errors become those of the
+    previous epoch, and renewed states are reset.
     """
     if successive is not None:
         advance_solution(joint.state, joint.scratch, successive, joint.true, epoch)
@@ -209,8 +209,8 @@ def _origin(true, late, delayed, epoch, c):
 
 @inlined
 def clone_joint(joint, late, delayed, epoch):
-    """Set the clones of the filter (Delayed, or None) to the states at the end of an epoch, in every source and in the
-    mean.
+    """Set the clones of the filter (DifferenceProcessing, or None) to the states at the end of an epoch, in every
+    source and in the mean.
     """
     if delayed is not None:
         for c in range(delayed.cloned.shape[0]):

@@ -61,7 +61,7 @@ def expected_of_samples(true, ticks, motion, vehicle):
     ----------
     true : Components
     ticks : SampleScratch, with mean innovation and innovation covariance by source
-    motion : Motion, with P h' and weights of the filter's sequential update
+    motion : ImuSampleWork, with P h' and weights of the filter's sequential update
     vehicle : VehicleModel
     """
     S, T, h, columns, total = ticks.expected, ticks.turned, motion.h, vehicle.columns, 0.0
@@ -129,7 +129,7 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
 def write_samples(out, hist, state, true, units, samples, tick, dt):
     """Write the error variance of IMU samples without their noise by source: raw, and corrected by the estimated bias.
 
-    units : Units of an IMU array, or None; samples : Samples; tick, dt : last tick, s
+    units : ImuArray of an IMU array, or None; samples : ReportedSamples; tick, dt : last tick, s
     """
     _write_biases(out, hist, state, true, samples)
     if units is None:
@@ -226,8 +226,8 @@ def _solve(work, chain, late, epoch):
 
 @jit
 def _report(rx, chain, signals, epoch):
-    """Set the covariance that the receiver reports on the nominal flight (Reported, or None), without the factor of the
-    filter's tuning.
+    """Set the covariance that the receiver reports on the nominal flight (NominalReport, or None), without the factor
+    of the filter's tuning.
     """
     if rx is not None:
         for i in range(6):
@@ -270,7 +270,7 @@ def _propagate(work, parts, case, joint, flight, vehicle, late, w):
     ----------
     work, parts, case, joint, flight : as in `forward`
     vehicle : VehicleModel of a filter that processes IMU samples as measurements, or None
-    late : Late, for which the navigation error is cloned at times of validity, or None
+    late : DelayProcessing, for which the navigation error is cloned at times of validity, or None
     w : window
     """
     schedule, model, options, unit = case.schedule, case.model, case.options, flight.unit
@@ -310,8 +310,8 @@ def _update(work, parts, case, joint, flight, vehicle, report, epoch):
 def _write(work, case, joint, record, samples, report, hist, tick):
     """Write the results at a history time, which follows a tick.
 
-    samples : Samples, if errors of IMU samples are reported, or None
-    report : Report, if errors of the receiver's solution are reported, or None
+    samples : ReportedSamples, if errors of IMU samples are reported, or None
+    report : ReportedSolution, if errors of the receiver's solution are reported, or None
     """
     out, state, true, units = joint.out, joint.state, joint.true, case.options.units
     write(out, hist, work.P, state, joint.scratch, true, record.attitude[hist], record.axes[hist])

@@ -7,9 +7,9 @@ import numpy as np
 from lvnav_trade.covariance.components import Components
 from lvnav_trade.covariance.forward import forward
 from lvnav_trade.covariance.workspace import (
-    Axes,
+    HistoryRotations,
+    NominalReport,
     PassResults,
-    Reported,
     UpdateTape,
     new_flight,
     new_joint,
@@ -19,7 +19,7 @@ from lvnav_trade.covariance.workspace import (
 from lvnav_trade.filter.policies.delay import N_PAST
 from lvnav_trade.filter.policies.imu_samples import new_motion
 from lvnav_trade.filter.policies.integrity.state import Monitor, new_monitor
-from lvnav_trade.filter.policies.mode_logic import Watch, new_watch
+from lvnav_trade.filter.policies.mode_logic import ModeState, new_watch
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.simulation.epoch.case import FilterCase, Parts, case_of
 from lvnav_trade.simulation.preparation.prepare import Prepared
@@ -35,7 +35,7 @@ class PassOutcome(NamedTuple):
 
     out: PassResults
     monitor: Monitor | None
-    watch: Watch | None
+    watch: ModeState | None
 
 
 def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> PassOutcome:
@@ -43,7 +43,12 @@ def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool
     parts, joint, flight = _new_parts(prepared), new_joint(prepared, true, tape), new_flight(prepared, true)
     turned = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(
-        new_nominal(prepared), parts, linear_case(prepared, aided), joint, flight, Axes(turned, prepared.record.axes)
+        new_nominal(prepared),
+        parts,
+        linear_case(prepared, aided),
+        joint,
+        flight,
+        HistoryRotations(turned, prepared.record.axes),
     )
     return PassOutcome(joint.out, parts.monitor, parts.watch)
 
@@ -72,5 +77,5 @@ def _new_parts(prepared: Prepared) -> Parts:
     if options.vehicle is not None:
         parts["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
     if options.solver is not None:
-        parts["rx"] = Reported(np.zeros((6, 6)))
+        parts["rx"] = NominalReport(np.zeros((6, 6)))
     return Parts(earlier=new_nominal_earlier(prepared), **parts)

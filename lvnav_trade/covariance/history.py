@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lvnav_trade.covariance.adjoint import Backward, Entering, go_back
+from lvnav_trade.covariance.adjoint import BackwardMetrics, BackwardPass, go_back
 from lvnav_trade.covariance.components import components
 from lvnav_trade.covariance.forward import expected_nees, false_rejection
 from lvnav_trade.covariance.forward_pass import linear_case, run_pass
@@ -30,7 +30,7 @@ from lvnav_trade.quantities.records import (
 )
 from lvnav_trade.simulation.epoch.joint import NominalFlight
 from lvnav_trade.simulation.preparation.prepare import Prepared
-from lvnav_trade.trajectory.guided.reference import Plan, steering_times
+from lvnav_trade.trajectory.guided.reference import GuidancePlan, steering_times
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position
@@ -104,7 +104,7 @@ def _whole_tape(prepared: Prepared) -> UpdateTape:
     return new_tape(prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled)
 
 
-def _injection(prepared: Prepared, plan: Plan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
+def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
     """Return the linear covariance of the injection of a guided ascent, from tape and results of a forward pass."""
     if has_uncorrected_outputs(prepared):
         return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
@@ -235,14 +235,16 @@ def _go_back(
     edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
     bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
     n_row, n = rows.shape[1], n_joint(prepared)
-    back = Backward(
+    back = BackwardPass(
         np.zeros((n_row, n)),
         np.zeros((n_row, true.source.size)),
         np.zeros((n_row, true.group.size, edges.size - 1)),
     )
     place = np.full(prepared.t_hist.size, -1)
     place[hist] = np.arange(len(hist))
-    entering = Entering(place, np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n - rows.shape[2]))))
+    entering = BackwardMetrics(
+        place, np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n - rows.shape[2])))
+    )
     flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
     go_back(back, new_backward_scratch(prepared, true), tape, true, linear_case(prepared), flight, entering, bins)
     return edges, back.contribution

@@ -17,7 +17,7 @@ from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.simulation.epoch.joint_ticks import lasting_share, tick_input, unit_input
 from lvnav_trade.simulation.imu_redundancy import grow
 from lvnav_trade.simulation.preparation.imu_arrays import along_axes, inputs_of
-from lvnav_trade.simulation.preparation.imu_inputs import Units
+from lvnav_trade.simulation.preparation.imu_inputs import ImuArray
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 # Drivers that no increment multiplies: the quantisation remainder, and white noise, new in every window.
@@ -80,7 +80,8 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
 def inform_nominal(formal, units, model, first, n_tick, seconds):
     """Inflate the formal covariance for IMUs that are excluded on the nominal flight, as in a run, over a window.
 
-    formal : (n, n) covariance of the filter, updated in place; units : Units, or None; first, n_tick, seconds : window
+    formal : (n, n) covariance of the filter, updated in place; units : ImuArray, or None; first, n_tick, seconds :
+        window
     """
     if units is not None:
         _inform(formal, units, units.redundant, model, first, n_tick, seconds)
@@ -136,7 +137,7 @@ def _add_component(out, hist, state, true, weights, component):
 
 @jit
 def add_sums(out, hist, state, true, units, tick):
-    """Add the sums of components that filter states model to the results at a history time (Units, or None)."""
+    """Add the sums of components that filter states model to the results at a history time (ImuArray, or None)."""
     if units is not None:
         for j in range(true.sensor.shape[0]):
             for c in range(3):
@@ -148,7 +149,7 @@ def add_sums(out, hist, state, true, units, tick):
                     _add_component(out, hist, state, true, weights, true.first[j] + c)
 
 
-def stands_for(layout: StateLayout, units: Units, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
+def stands_for(layout: StateLayout, units: ImuArray, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
     """Return the weight of each component in each filter state that models it, (n_stage, n_block, 3, n_state).
 
     The error of a sensing axis enters the combined triad by its column of the least-squares solution, and multiplies

@@ -12,14 +12,14 @@ import numpy as np
 
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats, InjectionLaw
 from lvnav_trade.trajectory.guided.orbit import AXIS, orbit_difference, with_apsides
-from lvnav_trade.trajectory.guided.sensitivity import Sensitivity
+from lvnav_trade.trajectory.guided.sensitivity import InjectionSensitivity
 
 _BASE = [k for k, name in enumerate(INJECTION) if name not in ("perigee", "apogee")]
 """Injection parameters from which perigee and apogee follow."""
 _PAIRS = list(combinations(range(len(_BASE)), 2))
 
 
-def injection_rows(found: Sensitivity) -> Floats:
+def injection_rows(found: InjectionSensitivity) -> Floats:
     """Return the weights (n_t, n_row, 9) of the navigation errors at each time in the sums that `injection_law` needs.
 
     The sums are the parameters of `_BASE`, the sum of each pair of them, and the orbit errors of knowledge and of
@@ -32,7 +32,9 @@ def injection_rows(found: Sensitivity) -> Floats:
     return np.concatenate([total, sums, found.knowledge, execution], axis=1)
 
 
-def injection_law(found: Sensitivity, sources: tuple[str, ...], variance: Floats, mean: Floats) -> InjectionLaw:
+def injection_law(
+    found: InjectionSensitivity, sources: tuple[str, ...], variance: Floats, mean: Floats
+) -> InjectionLaw:
     """Return the linear covariance of an injection.
 
     Parameters

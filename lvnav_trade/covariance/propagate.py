@@ -38,7 +38,7 @@ def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, l
     Parameters
     ----------
     nominal : Nominal; its state, increments and integrals are set
-    reference, unit : Reference, Unit
+    reference, unit : Reference, ImuTruth
     first, n_tick : first tick, number of ticks
     algorithm : Strapdown
     sensed : whether the increments are those that the IMU outputs (bandwidth), if the error of the strapdown algorithm

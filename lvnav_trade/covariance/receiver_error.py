@@ -1,8 +1,9 @@
 """Joint states after the estimation error: error of the receiver's solution, and clones of earlier states.
 
-The joint vector is [e, s, k]: estimation error e, error s of the receiver's solution (see `solution.Chain`), and clones
-k. For each delayed measurement, a clone has the navigation error at its time of validity, and an earlier velocity
-error. Copies and combinations at an epoch are linear, so they apply to every source separately, forwards and backwards.
+The joint vector is [e, s, k]: estimation error e, error s of the receiver's solution (see
+`solution.SolutionErrorModel`), and clones k. For each delayed measurement, a clone has the navigation error at its
+time of validity, and an earlier velocity error. Copies and combinations at an epoch are linear, so they apply to every
+source separately, forwards and backwards.
 """
 
 from lvnav_trade.filter.policies.delay import place_of
@@ -54,7 +55,7 @@ def advance_solution(joint, scratch, chain, true, epoch):
     ----------
     joint : JointCovariance, updated in place
     scratch, true : Scratch, Components
-    chain : Chain of a solution, or Successive
+    chain : SolutionErrorModel of a solution, or SuccessiveErrors
     epoch : index
     """
     A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]

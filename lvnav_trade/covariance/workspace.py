@@ -10,7 +10,7 @@ from lvnav_trade.covariance.epoch_differences import N_ENTRIES
 from lvnav_trade.covariance.receiver_error import N_SOLUTION_ENTRY
 from lvnav_trade.covariance.slots import as_lanes
 from lvnav_trade.covariance.sources import n_joint
-from lvnav_trade.filter.policies.epoch_differences import Earlier, new_earlier
+from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, new_earlier
 from lvnav_trade.filter.receivers.receiver import N_STATE
 from lvnav_trade.kernels.lanes import grouped_zeros, zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM
@@ -64,13 +64,13 @@ class UpdateTape(NamedTuple):
     sample_gain: Floats
 
 
-class Reported(NamedTuple):
+class NominalReport(NamedTuple):
     """Covariance (6, 6) that the receiver reports with its solution on the nominal flight, frame i."""
 
     covariance: Floats
 
 
-class Axes(NamedTuple):
+class HistoryRotations(NamedTuple):
     """Rotations (n_hist, 3, 3) at the history times from frame i: to body axes (attitude), to the reporting axes."""
 
     attitude: Floats
@@ -250,7 +250,7 @@ def new_nominal(prepared: Prepared) -> Nominal:
     return nominal
 
 
-def new_nominal_earlier(prepared: Prepared) -> Earlier | None:
+def new_nominal_earlier(prepared: Prepared) -> PreviousEpoch | None:
     """Return the arrays for the previous epoch of the nominal run; None without differences of two epochs."""
     delayed, model = prepared.options.delayed, prepared.model
     if delayed is None:

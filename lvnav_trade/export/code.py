@@ -11,7 +11,7 @@ from lvnav_trade.export.scope import refuse_redundant_imus
 from lvnav_trade.export.storage import Storage
 from lvnav_trade.export.translation.expressions import RingTooShort
 from lvnav_trade.export.translation.program import Program
-from lvnav_trade.export.translation.values import DOUBLE, INT, Array, Fields, Scalar, Value, size_of
+from lvnav_trade.export.translation.values import DOUBLE, INT, Array, RecordValue, Scalar, Value, size_of
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import state_names
 from lvnav_trade.simulation.preparation.prepare import Prepared
@@ -77,7 +77,7 @@ _HELPERS = {
 }
 
 
-class Exported(NamedTuple):
+class FilterProgram(NamedTuple):
     """C code of a filter."""
 
     header: str
@@ -89,7 +89,7 @@ class Exported(NamedTuple):
     counts_epochs: bool  # whether update has the number of the epoch as argument
 
 
-def exported(prepared: Prepared, title: str) -> Exported:
+def exported(prepared: Prepared, title: str) -> FilterProgram:
     """Return the C code of the filter of a case.
 
     Parameters
@@ -101,7 +101,7 @@ def exported(prepared: Prepared, title: str) -> Exported:
 
     Returns
     -------
-    Exported
+    FilterProgram
         Header, source and inputs.
 
     Raises
@@ -130,7 +130,7 @@ def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[
         "propagate": {"work": s.work, "parts": s.parts, "case": s.case, "window": window},
         "update": {"work": s.work, "parts": s.parts, "case": s.case, "epoch": epoch},
     }
-    if isinstance(storage.parts.fields["open_loop"], Fields):
+    if isinstance(storage.parts.fields["open_loop"], RecordValue):
         for name in ("correct_outputs", "restore_outputs"):
             steps[name] = {"work": s.work, "parts": s.parts, "model": s.model}
     return [
@@ -141,7 +141,7 @@ def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[
 
 def _assembled(
     program: Program, storage: Storage, names: list[str], title: str, prepared: Prepared, depth: int
-) -> Exported:
+) -> FilterProgram:
     code = program.text(names)
     used = set(re.findall(r"self->(?:window\.|epoch\.)?(\w+)", code))
     state = {name: array for name, array in storage.state.items() if name in used | {"nav", "P", "x"}}
@@ -155,7 +155,7 @@ def _assembled(
     header = _header(title, prepared, state, inputs, prototypes, depth)
     top = f'/* {title} */\n\n#include <math.h>\n#include <string.h>\n\n#include "{NAME}.h"'
     source = "\n\n".join([top, *helpers, code])
-    return Exported(header, source, inputs, state, depth, len(names) > 3, "int epoch)" in prototypes[2])
+    return FilterProgram(header, source, inputs, state, depth, len(names) > 3, "int epoch)" in prototypes[2])
 
 
 def _needed(name: str, code: str) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.export.code import NAME, Exported
+from lvnav_trade.export.code import NAME, FilterProgram
 from lvnav_trade.export.storage import BY_TICK
 from lvnav_trade.export.translation.values import INT, ONLY, Array, size_of
 from lvnav_trade.simulation.montecarlo import taped
@@ -21,7 +21,7 @@ _COMPARED = {"nav": "nav", "x": "x", "par": "par", "clock_hat": "clock", "extra"
 _END = -1  # index of the estimates at the end of a run
 
 
-def flight_bytes(prepared: Prepared, made: Exported) -> bytes:
+def flight_bytes(prepared: Prepared, made: FilterProgram) -> bytes:
     """Return the inputs of a filter in every window and epoch, equal in all runs, as bytes of doubles."""
     values: list[Any] = [prepared.schedule.n_tick.size]
     for w, epoch in enumerate(prepared.schedule.epoch):
@@ -43,7 +43,7 @@ def _of_window(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
     return np.concatenate([[float(first)], np.ravel(value[first : first + count])])
 
 
-def run_bytes(prepared: Prepared, made: Exported, seed: int, run: int) -> bytes:
+def run_bytes(prepared: Prepared, made: FilterProgram, seed: int, run: int) -> bytes:
     """Return increments, measurements and estimates of a recorded run as bytes of doubles.
 
     After the initial state, each window has its increments, the measurements of its epoch, and, where estimates are
@@ -71,12 +71,12 @@ def _is_compared(prepared: Prepared, w: int) -> bool:
     return bool(prepared.schedule.epoch[w] >= 0 or w == prepared.schedule.n_tick.size - 1)
 
 
-def _measured(made: Exported) -> list[str]:
+def _measured(made: FilterProgram) -> list[str]:
     """Return the fields of the struct that receive measurements."""
     return [name for name in _MEASURED if name in made.state]
 
 
-def _compared(made: Exported) -> list[str]:
+def _compared(made: FilterProgram) -> list[str]:
     """Return the fields of the struct that are compared with the simulation."""
     return [name for name in _COMPARED if name in made.state]
 
@@ -120,7 +120,7 @@ def _read_into(
     return "\n".join(f"{_STEP * level}{line}" for line in lines)
 
 
-def replay_text(made: Exported, n_state: int) -> str:
+def replay_text(made: FilterProgram, n_state: int) -> str:
     """Return the C program that replays runs: `replay flight.bin run_0.bin run_1.bin ...`.
 
     For each run it prints the largest difference of every estimate, relative to the magnitude of its block, and that of

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.export.translation.program import Program
-from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array, Fields, Known, Value, table_of
+from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array, Constant, RecordValue, Value, table_of
 from lvnav_trade.simulation.epoch.case import case_of
 from lvnav_trade.simulation.montecarlo import new_work
 from lvnav_trade.simulation.preparation.prepare import Prepared
@@ -72,20 +72,20 @@ class Storage:
         self.n_tick = int(prepared.schedule.n_tick.max(initial=0))
         work, parts = new_work(prepared, lanes=False)
         self.work = self._arrays("work", work, "")
-        self.parts = Fields(
+        self.parts = RecordValue(
             "parts", {name: self._part(name, array_record) for name, array_record in parts._asdict().items()}
         )
         self.model = self._record("model", prepared.model)
         self.schedule = self._record("schedule", prepared.schedule)
         self.signals = self._record("signals", prepared.signals, only=EPOCHS["signals"])
-        self.sensors: Value = Known(None)
+        self.sensors: Value = Constant(None)
         if prepared.sensors is not None:
             read_fields = {*EPOCHS["sensors"], "code", "channel", "scalars"}
             self.sensors = self._record("sensors", prepared.sensors, only=read_fields)
         options = {name: self._option(name, record) for name, record in prepared.options._asdict().items()}
-        self.options = Fields("options", options)
+        self.options = RecordValue("options", options)
         case = case_of(prepared)
-        self.case = Fields(
+        self.case = RecordValue(
             "case",
             {
                 "schedule": self.schedule,
@@ -93,30 +93,30 @@ class Storage:
                 "sensors": self.sensors,
                 "model": self.model,
                 "options": self.options,
-                "tick": Known(case.tick),
-                "step": Known(case.step),
+                "tick": Constant(case.tick),
+                "step": Constant(case.step),
             },
         )
-        self.start = Fields("start", {"P": self._table("start_P", np.asarray(prepared.start.P))})
+        self.start = RecordValue("start", {"P": self._table("start_P", np.asarray(prepared.start.P))})
 
     # ---------------------------------------------------------------------------------- arrays of a run
 
     def _part(self, name: str, part: Any) -> Value:
         if part is None or name in ("tape", "held", "missed", "last"):
-            return Known(None)
+            return Constant(None)
         if name == "units":
-            return Fields("units", {"redundant": Known(None)})
+            return RecordValue("units", {"redundant": Constant(None)})
         if isinstance(part, np.ndarray):
             return self._stored(name, part)
         return self._arrays(name, part, f"{name}_")
 
-    def _arrays(self, owner: str, record: Any, prefix: str) -> Fields:
+    def _arrays(self, owner: str, record: Any, prefix: str) -> RecordValue:
         arrays = {
             name: self._stored(f"{prefix}{name}", array, name in COUNTED.get(owner, ()))
             for name, array in record._asdict().items()
             if isinstance(array, np.ndarray)
         }
-        return Fields(owner, dict(arrays))
+        return RecordValue(owner, dict(arrays))
 
     def _stored(self, name: str, array: np.ndarray, counts: bool = False) -> Array:
         shape, rings = array.shape, (0,) * array.ndim
@@ -129,24 +129,24 @@ class Storage:
 
     def _option(self, name: str, option: Any) -> Value:
         if option is None or name in ("samples", "report", "solver", "further", "backup", "misses"):
-            return Known(None)
+            return Constant(None)
         if name == "units":
-            return Fields("units", {"redundant": Known(None)})
-        return self._record(name, option) if hasattr(option, "_asdict") else Known(option)
+            return RecordValue("units", {"redundant": Constant(None)})
+        return self._record(name, option) if hasattr(option, "_asdict") else Constant(option)
 
-    def _record(self, owner: str, record: Any, only: Any = None) -> Fields:
+    def _record(self, owner: str, record: Any, only: Any = None) -> RecordValue:
         fields = {
             name: self._field(owner, name, value)
             for name, value in record._asdict().items()
             if (only is None or name in only) and not (owner == "vehicle" and name in _UNREAD)
         }
-        return Fields(owner, fields)
+        return RecordValue(owner, fields)
 
     def _field(self, owner: str, name: str, value: Any) -> Value:
         if hasattr(value, "_asdict"):
             return self._record(name, value)
         if not isinstance(value, np.ndarray):
-            return Known(value.item() if isinstance(value, np.generic) else value)
+            return Constant(value.item() if isinstance(value, np.generic) else value)
         label = name if owner in ("signals", "schedule") else f"{owner}_{name}"
         for struct, axes, depth in (("epoch", EPOCHS, self.depth), ("window", WINDOWS, ONLY)):
             if name in axes.get(owner, {}):

@@ -136,7 +136,7 @@ def place_antenna(work, past, late, model, dt, epoch):
     Parameters
     ----------
     past : stored states of `late.keep`. With a buffered receiver the antenna is placed at the time of validity.
-    late : Late, or None
+    late : DelayProcessing, or None
     dt : s, of a strapdown step
     """
     _place_at(work, model, work.nav, work.previous, 0, dt)
@@ -191,7 +191,7 @@ def fill_tight(work, earlier, delayed, model, signals, epoch):
 
     Parameters
     ----------
-    earlier, delayed : Earlier and Delayed of differences of two epochs; None without further observables
+    earlier, delayed : PreviousEpoch and Delayed of differences of two epochs; None without further observables
     model, signals : FilterModel, Signals
     epoch : index
     """
@@ -233,7 +233,7 @@ def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
     Parameters
     ----------
     past : stored states. With delay compensation the prediction is that of the time of validity.
-    late : Late, or None
+    late : DelayProcessing, or None
     model, signals, sensors : FilterModel, Signals, Sensors
     k, epoch : indices
     """
@@ -284,7 +284,7 @@ def _report(reported, rx, signals, epoch):
 
 @jit
 def _add_spread(reported, points):
-    """Add the variance that the regression over sigma points (Points, or None) does not explain to the noise."""
+    """Add the variance that the regression over sigma points (SigmaPoints, or None) does not explain to the noise."""
     if points is not None:
         for i in range(6):
             reported[i, i] = reported[i, i] + points.spread[i]
@@ -292,14 +292,16 @@ def _add_spread(reported, points):
 
 @jit
 def _extrapolate(work, past, late, epoch):
-    """Extrapolate a delayed solution to the present, if the filter is so configured (Late, or None)."""
+    """Extrapolate a delayed solution to the present, if the filter is so configured (DelayProcessing, or None)."""
     if late is not None and late.extrapolated:
         carry_on(work.z, work.reported, past, work.P, late, epoch)
 
 
 @jit
 def _whiten(work, gains, model):
-    """Decorrelate the rows of a solution. Stored gains (Gains, or None) are for correlated rows, which then stay."""
+    """Decorrelate the rows of a solution. Stored gains (StoredGains, or None) are for correlated rows, which then
+    stay.
+    """
     if gains is None:
         separate(work.reported, model)
         whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
@@ -314,7 +316,7 @@ def decorrelate(work, parts, case, rx, late, epoch):
     Parameters
     ----------
     rx : Receiver, whose solution reports a covariance; None for a simulated solution
-    late : Late, whose extrapolation correlates position with velocity; None without delay compensation
+    late : DelayProcessing, whose extrapolation correlates position with velocity; None without delay compensation
     """
     if rx is None and late is None:
         return

@@ -7,7 +7,7 @@ import numpy as np
 
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.states import TYPES, Taken, clock_gains, extra_tables, row_tables, row_types
+from lvnav_trade.filter.states import TYPES, FilterMeasurements, clock_gains, extra_tables, row_tables, row_types
 from lvnav_trade.filter.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
@@ -233,7 +233,7 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
 def build_filter_model(
     card: FilterCard,
     layout: StateLayout,
-    taken: Taken,
+    taken: FilterMeasurements,
     seconds: Floats,
     strapdown: Strapdown | None = None,
     injected: Floats | None = None,

@@ -150,7 +150,7 @@ def extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
 NO_MEMORY = 1e-12
 
 
-class Taken(NamedTuple):
+class FilterMeasurements(NamedTuple):
     """Sensor models, channels and measurements that a filter is built from, in addition to its card.
 
     imu : Model of the IMU.
@@ -219,7 +219,7 @@ def _extra_blocks(
     return blocks
 
 
-def state_layout(card: FilterCard, taken: Taken, n_clone: int = 0) -> StateLayout:
+def state_layout(card: FilterCard, taken: FilterMeasurements, n_clone: int = 0) -> StateLayout:
     """Return the state layout of a filter.
 
     The order is: navigation errors, estimated IMU parameters, clock, estimated extra states, motion of the vehicle,

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from lvnav_trade.kernels import strapdown
 from lvnav_trade.kernels.local_level import ENU, NED
-from lvnav_trade.kernels.strapdown import Further, Strapdown
+from lvnav_trade.kernels.strapdown import Strapdown, StrapdownExtensions
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.records import Floats
 
@@ -186,7 +186,7 @@ def strapdown_of(
         rotating=mechanisation != "inertial",
         angle=angle,
         origin=origin,
-        further=Further(local, pairs) if local or pairs.size else None,
+        further=StrapdownExtensions(local, pairs) if local or pairs.size else None,
         general=general,
         counted=general or turn > EXACT_TURN,
     )

@@ -15,14 +15,14 @@ def has_reported_covariance(model, channel):
 
 @jit
 def _with_spread(variance, points, row):
-    """Add the variance that the regression over sigma points (Points, or None) does not explain."""
+    """Add the variance that the regression over sigma points (SigmaPoints, or None) does not explain."""
     return variance if points is None else variance + points.spread[row]
 
 
 @jit
 def _of_reported(work, gains, row):
     """Return the noise variance of a row of a solution with a reported covariance: 1 after decorrelation; with stored
-    gains (Gains, or None) the reported variance, because the rows are not decorrelated.
+    gains (StoredGains, or None) the reported variance, because the rows are not decorrelated.
     """
     return like(work.x[0], 1.0) if gains is None else work.reported[row, row]
 
@@ -50,7 +50,7 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
     ----------
     work : arrays of the run; row `row` of H and z is filled
     case : FilterCase
-    gains : Gains, stored; None: the gain follows from the covariance
+    gains : StoredGains, stored; None: the gain follows from the covariance
     variance : noise variance of the measurement
     epoch, row, channel : indices
     gate_squared : largest square of the normalised innovation that is accepted

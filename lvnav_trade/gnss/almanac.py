@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
+from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import whole
 
@@ -32,59 +32,59 @@ class AlmanacRecord(NamedTuple):
     week: int  # number of the week, as broadcast
 
 
-class _Field(NamedTuple):
+class _AlmanacField(NamedTuple):
     name: str  # of the field of the record
     label: str  # several beginnings of a YUMA line, by |, where writers differ
-    bounds: Bounds  # refuse what no orbit can have, not what is merely unusual
+    bounds: NumberBounds  # refuse what no orbit can have, not what is merely unusual
     unit: float = 1.0
 
 
-_PRN, _HEALTH, _WEEK = Bounds(1, 255, whole), Bounds(0, 255, whole), Bounds(0, 99999, whole)
-_SECONDS, _ECCENTRICITY, _ROOT_AXIS = Bounds(0.0, 604800.0), Bounds(0.0, 0.999), Bounds(2600.0, 1e5)
-_BIAS, _DRIFT = Bounds(-1.0, 1.0), Bounds(-1e-3, 1e-3)
-_TURN, _SEMICIRCLES = Bounds(-7.0, 7.0), Bounds(-2.3, 2.3)
+_PRN, _HEALTH, _WEEK = NumberBounds(1, 255, whole), NumberBounds(0, 255, whole), NumberBounds(0, 99999, whole)
+_SECONDS, _ECCENTRICITY, _ROOT_AXIS = NumberBounds(0.0, 604800.0), NumberBounds(0.0, 0.999), NumberBounds(2600.0, 1e5)
+_BIAS, _DRIFT = NumberBounds(-1.0, 1.0), NumberBounds(-1e-3, 1e-3)
+_TURN, _SEMICIRCLES = NumberBounds(-7.0, 7.0), NumberBounds(-2.3, 2.3)
 
 # A line begins with the label, in lower case; the file's own order.
 _YUMA = (
-    _Field("prn", "id", _PRN),
-    _Field("health", "health", _HEALTH),
-    _Field("eccentricity", "eccentricity", _ECCENTRICITY),
-    _Field("applicability", "time of applicability", _SECONDS),
-    _Field("inclination", "orbital inclination", Bounds(-math.pi, math.pi)),
-    _Field("node_rate", "rate of right ascen", Bounds(-1e-6, 1e-6)),
-    _Field("root_axis", "sqrt(a)", _ROOT_AXIS),
-    _Field("node", "right ascen at week|right ascen at toa|right ascension at", _TURN),
-    _Field("perigee", "argument of perigee", _TURN),
-    _Field("mean_anomaly", "mean anom", _TURN),
-    _Field("clock_bias", "af0", _BIAS),
-    _Field("clock_drift", "af1", _DRIFT),
-    _Field("week", "week", _WEEK),
+    _AlmanacField("prn", "id", _PRN),
+    _AlmanacField("health", "health", _HEALTH),
+    _AlmanacField("eccentricity", "eccentricity", _ECCENTRICITY),
+    _AlmanacField("applicability", "time of applicability", _SECONDS),
+    _AlmanacField("inclination", "orbital inclination", NumberBounds(-math.pi, math.pi)),
+    _AlmanacField("node_rate", "rate of right ascen", NumberBounds(-1e-6, 1e-6)),
+    _AlmanacField("root_axis", "sqrt(a)", _ROOT_AXIS),
+    _AlmanacField("node", "right ascen at week|right ascen at toa|right ascension at", _TURN),
+    _AlmanacField("perigee", "argument of perigee", _TURN),
+    _AlmanacField("mean_anomaly", "mean anom", _TURN),
+    _AlmanacField("clock_bias", "af0", _BIAS),
+    _AlmanacField("clock_drift", "af1", _DRIFT),
+    _AlmanacField("week", "week", _WEEK),
 )
 # The lines of a satellite; a blank line follows.
-_SEM: tuple[tuple[_Field, ...], ...] = (
-    (_Field("prn", "PRN", _PRN),),
+_SEM: tuple[tuple[_AlmanacField, ...], ...] = (
+    (_AlmanacField("prn", "PRN", _PRN),),
     (),  # the satellite's serial number, which some files leave blank
     (),  # index of its range accuracy
     (
-        _Field("eccentricity", "eccentricity", _ECCENTRICITY),
-        _Field("inclination", "inclination offset", Bounds(-1.3, 0.7), SEMICIRCLE),
-        _Field("node_rate", "rate of right ascension", Bounds(-3e-7, 3e-7), SEMICIRCLE),
+        _AlmanacField("eccentricity", "eccentricity", _ECCENTRICITY),
+        _AlmanacField("inclination", "inclination offset", NumberBounds(-1.3, 0.7), SEMICIRCLE),
+        _AlmanacField("node_rate", "rate of right ascension", NumberBounds(-3e-7, 3e-7), SEMICIRCLE),
     ),
     (
-        _Field("root_axis", "root of the semi-major axis", _ROOT_AXIS),
-        _Field("node", "longitude of the orbital plane", _SEMICIRCLES, SEMICIRCLE),
-        _Field("perigee", "argument of perigee", _SEMICIRCLES, SEMICIRCLE),
+        _AlmanacField("root_axis", "root of the semi-major axis", _ROOT_AXIS),
+        _AlmanacField("node", "longitude of the orbital plane", _SEMICIRCLES, SEMICIRCLE),
+        _AlmanacField("perigee", "argument of perigee", _SEMICIRCLES, SEMICIRCLE),
     ),
     (
-        _Field("mean_anomaly", "mean anomaly", _SEMICIRCLES, SEMICIRCLE),
-        _Field("clock_bias", "clock bias", _BIAS),
-        _Field("clock_drift", "clock drift", _DRIFT),
+        _AlmanacField("mean_anomaly", "mean anomaly", _SEMICIRCLES, SEMICIRCLE),
+        _AlmanacField("clock_bias", "clock bias", _BIAS),
+        _AlmanacField("clock_drift", "clock drift", _DRIFT),
     ),
-    (_Field("health", "health", _HEALTH),),
+    (_AlmanacField("health", "health", _HEALTH),),
     (),  # satellite configuration
 )
 _HEAD = tuple(
-    _Field(*item)
+    _AlmanacField(*item)
     for item in (("count", "number of records", _PRN), ("week", "week", _WEEK), ("applicability", "second", _SECONDS))
 )
 
@@ -207,7 +207,7 @@ def _next(rows: list[_Row], at: int) -> int:
     return next((k for k in range(at, len(rows)) if rows[k][1]), max(at, len(rows)))
 
 
-def _one(path: str | Path, row: _Row, index: int, field: _Field) -> float:
+def _one(path: str | Path, row: _Row, index: int, field: _AlmanacField) -> float:
     line, words = row
     if index >= len(words):
         raise InputError(f"{path}:{line}: {field.label} is missing")

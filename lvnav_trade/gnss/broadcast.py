@@ -34,7 +34,7 @@ EARTH_RATE_PZ90 = 7.2921151467e-5  # rad/s
 STEP = 30.0  # s
 
 
-class Broadcast(NamedTuple):
+class BroadcastEphemerides(NamedTuple):
     """One broadcast ephemeris per satellite, SI and radians. Times count from a reference such as the lift-off.
 
     names : (n_sat,). Names of the satellites.
@@ -126,7 +126,7 @@ class Broadcast(NamedTuple):
         return np.asarray(self.relativity_factor * of["eccentricity"] * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
 
 
-def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
+def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEphemerides:
     """Return the satellites of the ephemerides, times counted from `reference` (s of GPS time), in the order given.
 
     Galileo system time is treated as GPS time: they agree to some tens of nanoseconds, less than a millimetre of orbit.
@@ -138,7 +138,7 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
     tilted = np.array([item.name in GEOSTATIONARY for item in ephemerides], dtype=bool)
     gm = np.where(galileo, GM_GALILEO, np.where(beidou, GM_BEIDOU, GM_GPS))
     rate = np.where(beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
-    return Broadcast(
+    return BroadcastEphemerides(
         names=tuple(item.name for item in ephemerides),
         elements=of | {"toe": toe, "toc": toc},
         semi_major_axis=axis,
@@ -152,7 +152,7 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
     )
 
 
-class Integrated(NamedTuple):
+class IntegratedStates(NamedTuple):
     """One broadcast state per satellite, (n_sat,) and (n_sat, 3), SI; `start` (s) counts from a reference."""
 
     names: tuple[str, ...]
@@ -191,11 +191,11 @@ class Integrated(NamedTuple):
         return np.zeros(np.broadcast_shapes(np.shape(t), self.start.shape))
 
 
-def integrated(states: Sequence[StateVector], reference: float) -> Integrated:
+def integrated(states: Sequence[StateVector], reference: float) -> IntegratedStates:
     """Return the satellites of the states, times counted from `reference` (s of GPS time), in the order given."""
     names, time, bias, drift, r_e, v_e, a_e, _ = zip(*states, strict=True)
     systems, arrays = tuple(name[0] for name in names), map(np.array, (r_e, v_e, a_e, bias, drift))
-    return Integrated(names, systems, np.array(time) - reference, *arrays)
+    return IntegratedStates(names, systems, np.array(time) - reference, *arrays)
 
 
 def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
@@ -216,7 +216,7 @@ def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
     return np.asarray(spherical + turning + a_e)
 
 
-def _nodes(above: Integrated, first: int, last: int) -> tuple[Floats, Floats, Floats]:
+def _nodes(above: IntegratedStates, first: int, last: int) -> tuple[Floats, Floats, Floats]:
     """Return position, velocity and acceleration (last - first + 1, n_sat, 3) at whole steps from the broadcast time.
 
     Classical Runge-Kutta, forwards and backwards in time.

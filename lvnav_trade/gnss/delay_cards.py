@@ -217,7 +217,7 @@ class AtmosphereCard(Card):
     )
 
 
-class Matched(Card):
+class MatchedCorrection(Card):
     """Correction by the model of the true atmosphere."""
 
     kind: Literal["matched"] = "matched"
@@ -226,8 +226,8 @@ class Matched(Card):
 class CorrectionsCard(Card):
     """Corrections subtracted from the measurements before the filter processes them; `matched` uses the true model."""
 
-    troposphere: Annotated[_Troposphere | Matched, Field(discriminator="kind")] = NoTroposphere()
-    ionosphere: Annotated[_Ionosphere | Matched, Field(discriminator="kind")] = NoIonosphere()
+    troposphere: Annotated[_Troposphere | MatchedCorrection, Field(discriminator="kind")] = NoTroposphere()
+    ionosphere: Annotated[_Ionosphere | MatchedCorrection, Field(discriminator="kind")] = NoIonosphere()
     relativity: bool = Field(
         False, description="correct the periodic relativistic term of the satellite clocks, from position and velocity"
     )
@@ -254,6 +254,6 @@ def correction_models(
     troposphere = corrections.troposphere
     ionosphere = corrections.ionosphere if has_ionosphere else NoIonosphere()
     return (
-        atmosphere.troposphere if isinstance(troposphere, Matched) else troposphere,
-        atmosphere.ionosphere if isinstance(ionosphere, Matched) else ionosphere,
+        atmosphere.troposphere if isinstance(troposphere, MatchedCorrection) else troposphere,
+        atmosphere.ionosphere if isinstance(ionosphere, MatchedCorrection) else ionosphere,
     )

@@ -18,7 +18,7 @@ _LEAST = 1e-7  # m; smaller delays are rounding, whose logarithm cannot be inter
 _FLAT, _NEAR = 0.02, 150e3  # sine of elevation, and m: transition from uniform to logarithmic spacing of the table
 
 
-class Geometry(NamedTuple):
+class DelayGeometry(NamedTuple):
     """Time, position and lines of sight for the delay models.
 
     day_of_year : scalar or (n_epoch,). 1.0 at the start of the year.
@@ -37,7 +37,7 @@ class Geometry(NamedTuple):
     elevation: Floats
 
 
-def troposphere_delay(model: delay_cards.TroposphereModel, geometry: Geometry) -> Floats:
+def troposphere_delay(model: delay_cards.TroposphereModel, geometry: DelayGeometry) -> Floats:
     """Return the tropospheric delay (n_epoch, n_sat) in m. It increases pseudoranges and carrier ranges alike.
 
     Only `ray_traced` and `any_elevation` are valid below zero elevation; other models use their lowest elevation there.
@@ -68,7 +68,7 @@ def troposphere_delay(model: delay_cards.TroposphereModel, geometry: Geometry) -
 
 
 def ionosphere_delay(
-    model: delay_cards.IonosphereModel, geometry: Geometry, frequency: float = ionosphere.L1
+    model: delay_cards.IonosphereModel, geometry: DelayGeometry, frequency: float = ionosphere.L1
 ) -> Floats:
     """Return the ionospheric group delay (n_epoch, n_sat) in m at a frequency (Hz).
 
@@ -91,7 +91,7 @@ def ionosphere_delay(
 
 
 def _surface_content(
-    model: delay_cards.ContentIonosphere | delay_cards.KlobucharContentIonosphere, geometry: Geometry
+    model: delay_cards.ContentIonosphere | delay_cards.KlobucharContentIonosphere, geometry: DelayGeometry
 ) -> float | Floats:
     """Return the vertical electron content at the ground (1/m^2): a constant, or below the ionospheric point of each
     ray, (n_epoch, n_sat).
@@ -111,7 +111,7 @@ def _column(value: float | Floats) -> Floats:
     return np.atleast_1d(np.asarray(value, dtype=float))[:, None]
 
 
-def profile(card: delay_cards.RefractivityProfile) -> refractivity.Profile:
+def profile(card: delay_cards.RefractivityProfile) -> refractivity.SampledAtmosphere:
     """Return the refractivity profile of a card, sampled over height."""
     if card.kind == "standard":
         return refractivity.sampled(lambda h: refractivity.standard_refractivity(h, card.wet, card.wet_scale_height))

@@ -34,7 +34,7 @@ else:
 Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 
 
-class Timed(Conditions):
+class TimedFault(Conditions):
     """Time of a fault: a start and a duration, or conditions, or both."""
 
     start: Instant | None = Field(
@@ -52,25 +52,25 @@ class Timed(Conditions):
             yield "duration: is missing: add it, or give from in place of start, for a fault that lasts to the end"
 
 
-class TimedInSight(Timed, SightConditions):
+class TimedSatelliteFault(TimedFault, SightConditions):
     """Time of a fault of satellites, which may depend on their elevation."""
 
 
-class SatelliteOutage(TimedInSight):
+class SatelliteOutage(TimedSatelliteFault):
     """Loss of all satellites, or of all but `keep` (the highest at the start of the outage)."""
 
     kind: Literal["satellite_outage"] = "satellite_outage"
     keep: int = Field(0, ge=0)
 
 
-class AntennaFailure(Timed):
+class AntennaFailure(TimedFault):
     """Failure of antennas, given by their numbers from 1 in the receiver's list."""
 
     kind: Literal["antenna_failure"] = "antenna_failure"
     antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
 
 
-class DegradedNoise(TimedInSight):
+class DegradedNoise(TimedSatelliteFault):
     """White noise of the measurements multiplied by a factor that the filter does not model."""
 
     kind: Literal["degraded_noise"] = "degraded_noise"
@@ -78,7 +78,7 @@ class DegradedNoise(TimedInSight):
     satellites: Names = Field((), description="satellites such as G05; if empty: all, and the solution")
 
 
-class RangeBias(TimedInSight):
+class RangeBias(TimedSatelliteFault):
     """Step and drift of the pseudoranges of some satellites, as by a failed satellite clock."""
 
     kind: Literal["range_bias"] = "range_bias"
@@ -87,7 +87,7 @@ class RangeBias(TimedInSight):
     drift: Speed = 0.0
 
 
-class Jump(Conditions):
+class JumpFault(Conditions):
     """A single jump, at a start or when conditions first become true."""
 
     start: Instant | None = Field(
@@ -114,21 +114,21 @@ class Jump(Conditions):
         return "a clock jumps"
 
 
-class ClockJump(Jump):
+class ClockJump(JumpFault):
     """Single jump of the receiver clock, in metres of range."""
 
     kind: Literal["clock_jump"] = "clock_jump"
     size: Length
 
 
-class ClockDrift(Timed):
+class ClockDrift(TimedFault):
     """Frequency error of the receiver clock, in m/s of range rate; it affects the measurements of all satellites."""
 
     kind: Literal["clock_drift"] = "clock_drift"
     rate: Speed
 
 
-class CycleSlip(Jump):
+class CycleSlip(JumpFault):
     """Single jump of the carrier phases of some satellites, in cycles, which the receiver does not detect."""
 
     kind: Literal["cycle_slip"] = "cycle_slip"
@@ -141,7 +141,7 @@ class CycleSlip(Jump):
         return "a phase slips"
 
 
-class WildSamples(TimedInSight):
+class WildSamples(TimedSatelliteFault):
     """Additional white error of the measurements: of ranges, or of each axis of the solution."""
 
     kind: Literal["wild_samples"] = "wild_samples"
@@ -149,13 +149,13 @@ class WildSamples(TimedInSight):
     satellites: Names = Field((), description="satellites such as G05; if empty: all")
 
 
-class FrozenOutput(Timed):
+class FrozenOutput(TimedFault):
     """The receiver repeats its output of the time at which the fault began."""
 
     kind: Literal["frozen_output"] = "frozen_output"
 
 
-class InvalidOutput(Timed):
+class InvalidOutput(TimedFault):
     """The receiver flags its output as invalid. A filter whose mode logic ignores that flag still uses the output."""
 
     kind: Literal["invalid_output"] = "invalid_output"
@@ -164,7 +164,7 @@ class InvalidOutput(Timed):
     )
 
 
-class Spoofing(Timed):
+class Spoofing(TimedFault):
     """Ranges, range rates and phases of all satellites are those of a point that moves away from the antenna.
 
     The power is that of the true signals. The solution drifts while its ranges stay consistent.
@@ -181,7 +181,7 @@ class Spoofing(Timed):
             yield "velocity: is zero, so the false position is the true one; give a velocity, or leave the fault out"
 
 
-class Jamming(Timed):
+class Jamming(TimedFault):
     """A transmitter on the ground in the receiver's band, which lowers C/N0 according to the link budget."""
 
     kind: Literal["jamming"] = "jamming"
@@ -210,48 +210,48 @@ class Jamming(Timed):
             yield f"{pointed[0]}: without a pattern the antenna radiates alike in all directions"
 
 
-class LatencyChange(Timed):
+class LatencyChange(TimedFault):
     """Latency of the measurements beyond the latency assumed by the filter."""
 
     kind: Literal["latency_change"] = "latency_change"
     by: Duration
 
 
-class UnitFault(Timed):
+class ImuFault(TimedFault):
     """A fault of one IMU."""
 
     unit: int = Field(1, ge=1, description="number of the unit in the list of units")
 
 
-class GyroBiasStep(UnitFault):
+class GyroBiasStep(ImuFault):
     """Step of the gyro bias along the (first three) axes of the IMU."""
 
     kind: Literal["gyro_bias_step"] = "gyro_bias_step"
     size: tuple[AngularRate, AngularRate, AngularRate]
 
 
-class AccelBiasStep(UnitFault):
+class AccelBiasStep(ImuFault):
     """Step of the accelerometer bias along the (first three) axes of the IMU."""
 
     kind: Literal["accel_bias_step"] = "accel_bias_step"
     size: tuple[Acceleration, Acceleration, Acceleration]
 
 
-class GyroScaleFactorStep(UnitFault):
+class GyroScaleFactorStep(ImuFault):
     """Step of the gyro scale factor along the (first three) axes of the IMU."""
 
     kind: Literal["gyro_scale_factor_step"] = "gyro_scale_factor_step"
     size: tuple[SignedFraction, SignedFraction, SignedFraction]
 
 
-class AccelScaleFactorStep(UnitFault):
+class AccelScaleFactorStep(ImuFault):
     """Step of the accelerometer scale factor along the (first three) axes of the IMU."""
 
     kind: Literal["accel_scale_factor_step"] = "accel_scale_factor_step"
     size: tuple[SignedFraction, SignedFraction, SignedFraction]
 
 
-class DeadAxis(UnitFault):
+class DeadAxis(ImuFault):
     """A sensing element that no longer responds to its input; bias and noise of its electronics remain."""
 
     kind: Literal["dead_axis"] = "dead_axis"
@@ -262,7 +262,7 @@ class DeadAxis(UnitFault):
     )
 
 
-class DroppedSamples(UnitFault):
+class DroppedSamples(ImuFault):
     """Lost increments of an IMU, which the strapdown replaces by zero or by the last increment."""
 
     kind: Literal["dropped_samples"] = "dropped_samples"

@@ -15,14 +15,14 @@ from lvnav_trade.gnss.fault_cards import (
     DegradedNoise,
     FrozenOutput,
     InvalidOutput,
-    Jump,
+    JumpFault,
     LatencyChange,
     RangeBias,
     SatelliteOutage,
-    TimedInSight,
+    TimedSatelliteFault,
     WildSamples,
 )
-from lvnav_trade.quantities.conditions import ROUNDING, Course, Intervals, both, inside
+from lvnav_trade.quantities.conditions import ROUNDING, FlightProfile, Intervals, both, inside
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.records import FLAGS, Floats
 from lvnav_trade.quantities.units import Card
@@ -79,7 +79,7 @@ def missing_satellite(name: str, names: Sequence[str]) -> str:
     return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"
 
 
-def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
+def periods(number: int, fault: AnyFault, course: FlightProfile) -> Intervals:
     """Return the intervals (s) in which a fault is active.
 
     A jump has one interval of zero length, at which it occurs.
@@ -89,7 +89,7 @@ def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
     number : int
         Index of the fault in the scenario, for messages.
     fault : card
-    course : Course
+    course : FlightProfile
         The flight, for its events and conditions.
 
     Raises
@@ -99,7 +99,7 @@ def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
     """
     try:
         start = None if fault.start is None else course.time(fault.start, "start")
-        if isinstance(fault, Jump):
+        if isinstance(fault, JumpFault):
             if start is not None:
                 return ((start, start),)
             return tuple((course.begin(first), course.begin(first)) for first, _ in course.holding(fault)[:1])
@@ -111,7 +111,7 @@ def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
         raise _about(number, error.records[0].path, error.records[0].message) from None
 
 
-def active(faults: Sequence[AnyFault], kind: type[Card], course: Course, t: Floats) -> Iterable[Any]:
+def active(faults: Sequence[AnyFault], kind: type[Card], course: FlightProfile, t: Floats) -> Iterable[Any]:
     """Yield every active interval of the faults of a class.
 
     Parameters
@@ -120,7 +120,7 @@ def active(faults: Sequence[AnyFault], kind: type[Card], course: Course, t: Floa
         All faults of the scenario.
     kind : type
         Class of the cards to yield.
-    course : Course
+    course : FlightProfile
     t : (n_epoch,) s
         Epochs, rising.
 
@@ -154,7 +154,7 @@ def _outside(fault: AnyFault, intervals: Intervals, t: Floats) -> str:
     return f"the {what}{when} lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
 
 
-def lost(faults: Sequence[AnyFault], course: Course, t: Floats, elevation: Floats, visible: Mask) -> Mask:
+def lost(faults: Sequence[AnyFault], course: FlightProfile, t: Floats, elevation: Floats, visible: Mask) -> Mask:
     """Return which satellites are lost to outages, (n_epoch, n_sat) bool.
 
     Outages that overlap add up: a satellite is lost if any of them removes it.
@@ -182,7 +182,7 @@ def lost(faults: Sequence[AnyFault], course: Course, t: Floats, elevation: Float
     return gone
 
 
-def antennas_alive(faults: Sequence[AnyFault], course: Course, t: Floats, n_antenna: int) -> Mask:
+def antennas_alive(faults: Sequence[AnyFault], course: FlightProfile, t: Floats, n_antenna: int) -> Mask:
     """Return which antennas work, (n_epoch, n_antenna) bool; InputError if a fault names an antenna that is missing."""
     alive = np.ones((t.size, n_antenna), dtype=bool)
     for number, fault, _, start, end in active(faults, AntennaFailure, course, t):
@@ -195,7 +195,7 @@ def antennas_alive(faults: Sequence[AnyFault], course: Course, t: Floats, n_ante
     return alive
 
 
-def delay(faults: Sequence[AnyFault], course: Course, t: Floats) -> Floats:
+def delay(faults: Sequence[AnyFault], course: FlightProfile, t: Floats) -> Floats:
     """Return the latency of the measurements beyond the latency assumed by the filter, (n_epoch,) s."""
     late = np.zeros(t.size)
     for _, fault, within, *_ in active(faults, LatencyChange, course, t):
@@ -210,7 +210,7 @@ def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask
     return np.array([not wanted or name in wanted for name in names])
 
 
-def _affected(number: int, fault: TimedInSight, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
+def _affected(number: int, fault: TimedSatelliteFault, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
     """Return which satellites an active fault affects by their elevation, (n_epoch, n_sat) bool.
 
     InputError if it would affect none of the candidates (n_epoch, n_sat) at any time of the flight.
@@ -222,7 +222,12 @@ def _affected(number: int, fault: TimedInSight, within: Mask, elevation: Floats,
 
 
 def singled_out(
-    faults: Sequence[AnyFault], course: Course, t: Floats, names: tuple[str, ...], elevation: Floats, tracked: Mask
+    faults: Sequence[AnyFault],
+    course: FlightProfile,
+    t: Floats,
+    names: tuple[str, ...],
+    elevation: Floats,
+    tracked: Mask,
 ) -> list[tuple[str, ...]]:
     """Return the names of the satellites that each fault affects individually.
 
@@ -242,7 +247,7 @@ def singled_out(
 
 def failures(
     faults: Sequence[AnyFault],
-    course: Course,
+    course: FlightProfile,
     t: Floats,
     names: tuple[str, ...],
     elevation: Floats,

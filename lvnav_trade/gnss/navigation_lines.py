@@ -15,7 +15,7 @@ GZIP_MAGIC = b"\x1f\x8b"
 COMPRESS_MAGIC = b"\x1f\x9d"  # files .Z of the older program `compress`
 
 
-class Bounds(NamedTuple):
+class NumberBounds(NamedTuple):
     """Allowed range of a number, both ends included, and the function that reads it."""
 
     low: float
@@ -23,7 +23,7 @@ class Bounds(NamedTuple):
     read: Callable[[str], float] = decimal_or_endless
 
 
-def number(where: str, text: str, bounds: Bounds) -> float:
+def number(where: str, text: str, bounds: NumberBounds) -> float:
     """Return the number in a text, also with a Fortran exponent, within its bounds.
 
     InputError ``where: what`` if the text is no number or the number is outside the bounds, as nan and inf always are.

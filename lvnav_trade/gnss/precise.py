@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
+from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import decimal, whole
@@ -22,12 +22,12 @@ from lvnav_trade.quantities.times import GPS_ORIGIN
 NODES = 10
 """Nodes of an interpolation polynomial: ninth degree, accurate to a centimetre between nodes of 15 minutes."""
 _MARGIN = NODES // 2  # nodes required before and after lift-off
-_KM, _MICROSECONDS = Bounds(-1e6, 1e6), Bounds(-1e6, 1e6)
+_KM, _MICROSECONDS = NumberBounds(-1e6, 1e6), NumberBounds(-1e6, 1e6)
 _NO_CLOCK = 999999.0  # microseconds and more: unknown
 _TIMES = {"GPS", "GAL", "QZS", "ccc", ""}  # time systems that agree with GPS time to some tens of nanoseconds
 
 
-class Positions(NamedTuple):
+class PreciseFile(NamedTuple):
     """Contents of a file.
 
     t : (n_node,) s of GPS time. Nodes.
@@ -40,7 +40,7 @@ class Positions(NamedTuple):
     clock: dict[str, Floats]
 
 
-class Precise(NamedTuple):
+class PreciseEphemerides(NamedTuple):
     """Satellites at evenly spaced nodes.
 
     Positions are those of the centres of mass, as in the file. Antennas are a metre or two closer to the Earth.
@@ -111,7 +111,7 @@ def _polynomials() -> tuple[Floats, Floats]:
     return np.array(values), np.array([np.polyder(polynomial) for polynomial in values])
 
 
-def read_positions(path: str | Path) -> Positions:
+def read_positions(path: str | Path) -> PreciseFile:
     """Return the contents of a file; InputError ``file:line: what`` if it is no SP3 file or a number is invalid."""
     lines = read_lines(path, "SP3 file")
     if not lines or lines[0][:1] != "#" or lines[0][1:2] not in "abcd":
@@ -133,7 +133,7 @@ def read_positions(path: str | Path) -> Positions:
         raise InputError(f"{path}: {t.size} epochs; at least {2 * _MARGIN} are needed, evenly spaced")
     missing = ([0.0, 0.0, 0.0], math.nan)
     rows = {name: [places.get(time, missing) for time in times] for name, places in nodes.items()}
-    return Positions(
+    return PreciseFile(
         t,
         {
             name: np.array([place if any(place) else [math.nan] * 3 for place, _ in places])
@@ -160,12 +160,12 @@ def _time(where: str, line: str) -> float:
         raise InputError(f"{where}: not a time of an SP3 file") from None
 
 
-def precise(files: Sequence[Positions], names: Sequence[str], reference: float) -> Precise:
+def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float) -> PreciseEphemerides:
     """Return the satellites with position and clock at every node near a reference time.
 
     Parameters
     ----------
-    files : sequence of Positions
+    files : sequence of PreciseFile
         Files that follow one another.
     names : sequence of str
         Satellites to consider.
@@ -198,4 +198,4 @@ def precise(files: Sequence[Positions], names: Sequence[str], reference: float) 
     if not taken:
         raise InputError("no satellite has position and clock at every epoch near the lift-off")
     shown = tuple(taken), tuple(name[0] for name in taken)
-    return Precise(*shown, t[near] - reference, np.stack(r_e, axis=1), np.stack(clocks, axis=1))
+    return PreciseEphemerides(*shown, t[near] - reference, np.stack(r_e, axis=1), np.stack(clocks, axis=1))

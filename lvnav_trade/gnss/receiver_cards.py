@@ -15,7 +15,7 @@ from lvnav_trade.quantities import units
 from lvnav_trade.quantities.shared_cards import NoiseBy, Resources
 
 
-class OwnCovariance(units.Card):
+class ComputedCovariance(units.Card):
     """The receiver reports with every solution the covariance that its solver computes."""
 
     kind: Literal["own"] = "own"
@@ -32,7 +32,7 @@ class ConstantCovariance(units.Card):
 
 
 ReportedCovariance = Annotated[
-    OwnCovariance | ConstantCovariance,
+    ComputedCovariance | ConstantCovariance,
     Field(discriminator="kind", description="covariance that is reported with a solution"),
 ]
 Reported = Annotated[
@@ -118,7 +118,7 @@ class BancroftSolution(_Solver):
         " residuals",
     )
     smoothing: Smoothing = None  # of the ranges by carrier phase; none: code alone
-    reported_covariance: ReportedCovariance = OwnCovariance()  # covariance reported with the solution
+    reported_covariance: ReportedCovariance = ComputedCovariance()  # covariance reported with the solution
     reported: Reported = False  # whether errors of the solution are reported too
 
     def numbers(self) -> dict[str, Any]:
@@ -173,7 +173,7 @@ class FilteredSolution(_Solver):
         None, description="point solution that starts the filter; none: the default with its sigmas"
     )
     smoothing: Smoothing = None  # of the ranges by carrier phase; none: code alone
-    reported_covariance: ReportedCovariance = OwnCovariance()  # covariance reported with the solution
+    reported_covariance: ReportedCovariance = ComputedCovariance()  # covariance reported with the solution
     reported: Reported = False  # whether errors of the solution are reported too
 
     def _faults(self) -> Iterator[str]:

@@ -20,13 +20,13 @@ from lvnav_trade.gnss.tracking import (
     HELD,
     HIDDEN,
     WEAK,
-    Signals,
+    ChannelSignals,
     TrackingCard,
     continuous,
     track,
 )
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, matrices
-from lvnav_trade.quantities.records import IDLE, TRACK, Bools, Floats, Ints, Transition
+from lvnav_trade.quantities.records import IDLE, TRACK, Bools, ChannelTransition, Floats, Ints
 from lvnav_trade.quantities.shared_cards import Dynamics, NoiseFactor, noise_factor
 from lvnav_trade.trajectory.flight import Trajectory, motion
 
@@ -96,7 +96,7 @@ class Reception(NamedTuple):
     every_cn0: Floats  # (n_epoch, n_sat) dB-Hz, also of signals that are not received; NaN without a link
     continuous: Bools  # (n_epoch, n_sat), whether the carrier was tracked since the previous epoch
     state: NDArray[np.int8]  # (n_epoch, n_sat), state of the receiver's channel
-    transitions: tuple[Transition, ...]  # state changes of the channels in order of time
+    transitions: tuple[ChannelTransition, ...]  # state changes of the channels in order of time
 
 
 class _Steps(NamedTuple):
@@ -112,7 +112,7 @@ class _Steps(NamedTuple):
     each: int
 
 
-class _Heard(NamedTuple):
+class _ReceivedSignals(NamedTuple):
     """Signals at the steps, (n_step, n_sat) each.
 
     antenna : Antenna that receives the satellite best.
@@ -157,7 +157,7 @@ def receive(
     heard = _hear(receiver, trajectory, arrival, steps, antenna_alive, faults)
     at = np.arange(n_epoch) * steps.each
     cn0 = heard.cn0[at]
-    transitions: tuple[Transition, ...] = ()
+    transitions: tuple[ChannelTransition, ...] = ()
     if receiver.tracking is None:  # every step is an epoch
         tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & heard.held[at], receiver.channels)
         state = np.where(tracked, TRACK, IDLE).astype(np.int8)
@@ -210,7 +210,7 @@ def _hear(
     steps: _Steps,
     antenna_alive: Bools | None,
     faults: Sequence[AnyFault],
-) -> _Heard:
+) -> _ReceivedSignals:
     at = motion(trajectory, steps.t)
     # u_i' C_b_i: components of the direction in body axes
     level = gains(receiver.antennas, arrival.direction_i[steps.owner] @ matrices(at.q_b_i))
@@ -220,7 +220,7 @@ def _hear(
     gain = np.take_along_axis(level, antenna[..., None], axis=-1)[..., 0]
     heard, link, loops = np.isfinite(gain), receiver.link, receiver.loops
     if link is None:
-        return _Heard(antenna, gain, heard, heard, heard)
+        return _ReceivedSignals(antenna, gain, heard, heard, heard)
     carrier = received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain
     quiet = carrier_to_noise(link, carrier)
     if any(isinstance(fault, Jamming) for fault in faults):
@@ -229,7 +229,7 @@ def _hear(
     floor = -np.inf if receiver.tracking is None else receiver.tracking.track_above
     if loops is None:
         held = heard & (quiet >= floor)
-        return _Heard(antenna, quiet, heard, held, held)
+        return _ReceivedSignals(antenna, quiet, heard, held, held)
     still = np.zeros(quiet.shape)
     calm = heard & (quiet >= floor) & holds(loops, quiet, still, still + loops.jitter, still)
     acceleration, jerk = _dynamics(receiver, loops, trajectory, arrival, steps, antenna)
@@ -237,7 +237,7 @@ def _hear(
     jitter = shaking(loops, np.linalg.norm(at.f_b, axis=-1))[:, None] + still
     cn0 = quiet - coherence_loss(loops, trail, jitter)
     held = heard & (cn0 >= floor) & holds(loops, cn0, trail, jitter, acceleration)
-    return _Heard(antenna, cn0, heard, held, calm)
+    return _ReceivedSignals(antenna, cn0, heard, held, calm)
 
 
 def _dynamics(
@@ -282,13 +282,15 @@ def _dynamics(
     return acceleration, jerk
 
 
-def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, heard: _Heard) -> Signals:
+def _signals(
+    receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, heard: _ReceivedSignals
+) -> ChannelSignals:
     """Return the signals as the channels see them; of several causes of loss only the dominant cause is given."""
     expected, faulty = arrival.expected[steps.owner], arrival.faulty[steps.owner]
     causes = ((~expected, HIDDEN), (faulty, FAULT), (~heard.heard, DEAF), (heard.held, HELD), (~heard.calm, WEAK))
     cause = np.select([mask for mask, _ in causes], [code for _, code in causes], DYNAMICS).astype(np.int8)
     strong = (cause == HELD) & (receiver.link is None or heard.cn0 >= tracking.acquire_above)
-    return Signals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
+    return ChannelSignals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
 
 
 def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:

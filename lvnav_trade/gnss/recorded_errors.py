@@ -96,7 +96,7 @@ class ErrorTable(Card):
             yield "starts: a recording that is begun anywhere goes on at its beginning: set outside: repeat"
 
 
-class Recording(NamedTuple):
+class ErrorRecording(NamedTuple):
     """Rows of a recording.
 
     t : (n,) s since lift-off.
@@ -109,13 +109,13 @@ class Recording(NamedTuple):
     period: float
 
 
-def recording(card: ErrorTable) -> Recording:
+def recording(card: ErrorTable) -> ErrorRecording:
     """Return the rows of a card's file; InputError names file, row and error."""
     return _recording((card.model_dump_json(), content_of(card.file)), card)
 
 
 @remembered(4)
-def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
+def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
     """Return the rows of a card, cached by `identity`: the card and the digest of its file."""
     parts = [part for part in (card.position, card.velocity) if part is not None]
     names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
@@ -144,7 +144,7 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
         (speed > _FASTEST, lambda k: f"a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?"),
     ):
         refuse_first(wrong, card.file, places, fault)
-    return Recording(t, errors * card.factor, float(t[-1] - t[0]) + median)
+    return ErrorRecording(t, errors * card.factor, float(t[-1] - t[0]) + median)
 
 
 def refuse_short(card: ErrorTable, start: float, end: float) -> None:

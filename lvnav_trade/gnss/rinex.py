@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
+from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import decimal, whole
 from lvnav_trade.quantities.times import BDT_BEHIND, BDT_WEEKS, GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
@@ -52,7 +52,7 @@ class StateVector(NamedTuple):
     health: float
 
 
-class Broken(NamedTuple):
+class BrokenRecord(NamedTuple):
     """A record that cannot be used: name of the satellite, error with its place, and whether it is marked unhealthy."""
 
     name: str
@@ -75,7 +75,7 @@ class TimeOffset(NamedTuple):
     time: float
 
 
-class Navigation(NamedTuple):
+class NavigationFile(NamedTuple):
     """Contents of a navigation file.
 
     Its ephemerides and state vectors in order, alpha and beta of the Klobuchar model (None if missing), the offsets of
@@ -86,54 +86,54 @@ class Navigation(NamedTuple):
     states: tuple[StateVector, ...]
     klobuchar: tuple[tuple[float, ...], tuple[float, ...]] | None
     offsets: tuple[TimeOffset, ...] = ()
-    broken: tuple[Broken, ...] = ()
+    broken: tuple[BrokenRecord, ...] = ()
 
 
-class _Field(NamedTuple):
+class _RinexField(NamedTuple):
     name: str
     label: str
     line: int  # of the record, the one of the epoch being 0
     column: int  # 0 to 3; on the first line 1 to 3, behind the epoch
-    bounds: Bounds
+    bounds: NumberBounds
 
 
-_ANY = Bounds(-1e15, 1e15)  # these may be blank, which is zero
-_TURN = Bounds(-7.0, 7.0)  # rad
-_SMALL = Bounds(-1e-3, 1e-3)  # harmonic corrections of angles (rad), clock drift (s/s)
-_METRES = Bounds(-1e5, 1e5)
+_ANY = NumberBounds(-1e15, 1e15)  # these may be blank, which is zero
+_TURN = NumberBounds(-7.0, 7.0)  # rad
+_SMALL = NumberBounds(-1e-3, 1e-3)  # harmonic corrections of angles (rad), clock drift (s/s)
+_METRES = NumberBounds(-1e5, 1e5)
 _KEPLERIAN = (
-    _Field("clock_bias", "clock bias", 0, 1, Bounds(-1.0, 1.0)),
-    _Field("clock_drift", "clock drift", 0, 2, _SMALL),
-    _Field("clock_drift_rate", "clock drift rate", 0, 3, _SMALL),
-    _Field("radius_sin", "Crs", 1, 1, _METRES),
-    _Field("mean_motion_difference", "delta n", 1, 2, Bounds(-1e-6, 1e-6)),
-    _Field("mean_anomaly", "M0", 1, 3, _TURN),
-    _Field("latitude_cos", "Cuc", 2, 0, _SMALL),
-    _Field("eccentricity", "eccentricity", 2, 1, Bounds(0.0, 0.999)),
-    _Field("latitude_sin", "Cus", 2, 2, _SMALL),
-    _Field("root_axis", "root of the semi-major axis", 2, 3, Bounds(2600.0, 1e5)),
-    _Field("week_second", "toe", 3, 0, Bounds(0.0, SECONDS_PER_WEEK)),
-    _Field("inclination_cos", "Cic", 3, 1, _SMALL),
-    _Field("node", "OMEGA0", 3, 2, _TURN),
-    _Field("inclination_sin", "Cis", 3, 3, _SMALL),
-    _Field("inclination", "i0", 4, 0, Bounds(-math.pi, math.pi)),
-    _Field("radius_cos", "Crc", 4, 1, _METRES),
-    _Field("perigee", "omega", 4, 2, _TURN),
-    _Field("node_rate", "OMEGA dot", 4, 3, Bounds(-1e-6, 1e-6)),
-    _Field("inclination_rate", "i dot", 5, 0, Bounds(-1e-6, 1e-6)),
-    _Field("data_source", "data source", 5, 1, _ANY),
-    _Field("accuracy", "accuracy", 6, 0, _ANY),
-    _Field("health", "health", 6, 1, _ANY),
-    _Field("group_delay", "group delay", 6, 2, _ANY),
+    _RinexField("clock_bias", "clock bias", 0, 1, NumberBounds(-1.0, 1.0)),
+    _RinexField("clock_drift", "clock drift", 0, 2, _SMALL),
+    _RinexField("clock_drift_rate", "clock drift rate", 0, 3, _SMALL),
+    _RinexField("radius_sin", "Crs", 1, 1, _METRES),
+    _RinexField("mean_motion_difference", "delta n", 1, 2, NumberBounds(-1e-6, 1e-6)),
+    _RinexField("mean_anomaly", "M0", 1, 3, _TURN),
+    _RinexField("latitude_cos", "Cuc", 2, 0, _SMALL),
+    _RinexField("eccentricity", "eccentricity", 2, 1, NumberBounds(0.0, 0.999)),
+    _RinexField("latitude_sin", "Cus", 2, 2, _SMALL),
+    _RinexField("root_axis", "root of the semi-major axis", 2, 3, NumberBounds(2600.0, 1e5)),
+    _RinexField("week_second", "toe", 3, 0, NumberBounds(0.0, SECONDS_PER_WEEK)),
+    _RinexField("inclination_cos", "Cic", 3, 1, _SMALL),
+    _RinexField("node", "OMEGA0", 3, 2, _TURN),
+    _RinexField("inclination_sin", "Cis", 3, 3, _SMALL),
+    _RinexField("inclination", "i0", 4, 0, NumberBounds(-math.pi, math.pi)),
+    _RinexField("radius_cos", "Crc", 4, 1, _METRES),
+    _RinexField("perigee", "omega", 4, 2, _TURN),
+    _RinexField("node_rate", "OMEGA dot", 4, 3, NumberBounds(-1e-6, 1e-6)),
+    _RinexField("inclination_rate", "i dot", 5, 0, NumberBounds(-1e-6, 1e-6)),
+    _RinexField("data_source", "data source", 5, 1, _ANY),
+    _RinexField("accuracy", "accuracy", 6, 0, _ANY),
+    _RinexField("health", "health", 6, 1, _ANY),
+    _RinexField("group_delay", "group delay", 6, 2, _ANY),
 )
-_KM, _KM_S = Bounds(-1e5, 1e5), Bounds(-10.0, 10.0)
+_KM, _KM_S = NumberBounds(-1e5, 1e5), NumberBounds(-10.0, 10.0)
 _GLONASS = (
-    _Field("clock_bias", "-tau", 0, 1, Bounds(-1.0, 1.0)),
-    _Field("clock_drift", "gamma", 0, 2, _SMALL),
-    *(_Field(f"r{axis}", f"{axis} position", line, 0, _KM) for line, axis in enumerate("xyz", 1)),
-    *(_Field(f"v{axis}", f"{axis} velocity", line, 1, _KM_S) for line, axis in enumerate("xyz", 1)),
-    *(_Field(f"a{axis}", f"{axis} acceleration", line, 2, _SMALL) for line, axis in enumerate("xyz", 1)),
-    _Field("health", "health", 1, 3, _ANY),
+    _RinexField("clock_bias", "-tau", 0, 1, NumberBounds(-1.0, 1.0)),
+    _RinexField("clock_drift", "gamma", 0, 2, _SMALL),
+    *(_RinexField(f"r{axis}", f"{axis} position", line, 0, _KM) for line, axis in enumerate("xyz", 1)),
+    *(_RinexField(f"v{axis}", f"{axis} velocity", line, 1, _KM_S) for line, axis in enumerate("xyz", 1)),
+    *(_RinexField(f"a{axis}", f"{axis} acceleration", line, 2, _SMALL) for line, axis in enumerate("xyz", 1)),
+    _RinexField("health", "health", 1, 3, _ANY),
 )
 _ORBIT, _SPEED = (1e7, 5e7), (5e2, 1e4)  # m from the Earth's centre, m/s: those of GLONASS are 2.55e7 and some 3.6e3
 # Differences of a system's time and GPS time in the header, and the letter of the system.
@@ -161,7 +161,7 @@ class _Record(NamedTuple):
     lines: list[str]
 
 
-def read_navigation(path: str | Path) -> Navigation:
+def read_navigation(path: str | Path) -> NavigationFile:
     """Read all records of GPS, Galileo, BeiDou and GLONASS of a navigation file, gzip or plain; others are skipped.
 
     RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A14. The week of a reference time is the week closest to the
@@ -181,7 +181,7 @@ def read_navigation(path: str | Path) -> Navigation:
         raise InputError(f"{path}:{max(1, len(lines))}: ends without 'END OF HEADER'")
     ephemerides: list[Ephemeris] = []
     states: list[StateVector] = []
-    broken: list[Broken] = []
+    broken: list[BrokenRecord] = []
     for record in _records(path, form, lines, end + 1):
         try:
             if record.name[0] == "R":
@@ -189,11 +189,11 @@ def read_navigation(path: str | Path) -> Navigation:
             else:
                 ephemerides.append(_ephemeris(record, form))
         except InputError as error:
-            broken.append(Broken(record.name, str(error), _is_unhealthy(record, form)))
+            broken.append(BrokenRecord(record.name, str(error), _is_unhealthy(record, form)))
     if not ephemerides and not states:
         raise InputError(broken[0].fault if broken else f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
     alpha_beta, offsets = _klobuchar(path, lines[:end]), _offsets(path, lines[:end])
-    return Navigation(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets), tuple(broken))
+    return NavigationFile(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets), tuple(broken))
 
 
 def _is_unhealthy(record: _Record, form: _Format) -> bool:
@@ -211,7 +211,7 @@ def _format(path: str | Path, lines: list[str]) -> _Format:
     first = lines[0] if lines else ""
     if first[LABEL:].strip() != "RINEX VERSION / TYPE":
         raise InputError(f"{path}:1: not a RINEX file (the first line should end with 'RINEX VERSION / TYPE')")
-    version = int(number(f"{path}:1: version", first[:9], Bounds(1.0, 9.99)))
+    version = int(number(f"{path}:1: version", first[:9], NumberBounds(1.0, 9.99)))
     kind = first[20:21].upper()
     if version not in (2, 3):
         raise InputError(f"{path}:1: RINEX version {first[:9].strip()}; versions 2 and 3 can be read")
@@ -245,10 +245,13 @@ def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
         if line[LABEL:].strip() != "TIME SYSTEM CORR" or line[:4] not in _OFFSETS:
             continue
         where = f"{path}:{at}: {line[:4]}"
-        bias, drift = (number(where, text, Bounds(-1e-3, 1e-3)) for text in (line[5:22], line[22:38]))
+        bias, drift = (number(where, text, NumberBounds(-1e-3, 1e-3)) for text in (line[5:22], line[22:38]))
         second, week = (
             number(where, text, bounds) if text.strip() else 0.0
-            for text, bounds in ((line[38:45], Bounds(0.0, SECONDS_PER_WEEK)), (line[45:50], Bounds(0.0, 9999.0)))
+            for text, bounds in (
+                (line[38:45], NumberBounds(0.0, SECONDS_PER_WEEK)),
+                (line[45:50], NumberBounds(0.0, 9999.0)),
+            )
         )
         letter = _OFFSETS[line[:4]]
         time = week * SECONDS_PER_WEEK + second
@@ -278,7 +281,7 @@ def _name(path: str | Path, at: int, form: _Format, line: str) -> str:
     return f"{system}{int(digits):02d}"
 
 
-def _values(record: _Record, form: _Format, wanted: tuple[_Field, ...]) -> dict[str, float]:
+def _values(record: _Record, form: _Format, wanted: tuple[_RinexField, ...]) -> dict[str, float]:
     length = _LENGTH[record.name[0]]
     if len(record.lines) < length:
         last = record.first + len(record.lines) - 1

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from lvnav_trade.gnss.broadcast import Broadcast, Integrated, broadcast, integrated
+from lvnav_trade.gnss.broadcast import BroadcastEphemerides, IntegratedStates, broadcast, integrated
 from lvnav_trade.gnss.constellation import (
     LETTERS,
     AlmanacConstellation,
@@ -19,8 +19,8 @@ from lvnav_trade.gnss.constellation import (
     orbits,
     parts_of,
 )
-from lvnav_trade.gnss.precise import Precise, precise, read_positions
-from lvnav_trade.gnss.rinex import Ephemeris, Navigation, StateVector, read_navigation
+from lvnav_trade.gnss.precise import PreciseEphemerides, precise, read_positions
+from lvnav_trade.gnss.rinex import Ephemeris, NavigationFile, StateVector, read_navigation
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import read_bytes
@@ -41,7 +41,7 @@ _HEALTH_E1 = 0b111
 _NO_URA, _NO_SISA = 6144.0, 255.0  # m
 
 
-class Combined(NamedTuple):
+class CombinedSatellites(NamedTuple):
     """Several sets of satellites in succession, with orbits from different kinds of data.
 
     Times t, (..., n_sat) or (..., 1), are in s of GPS time since lift-off.
@@ -78,7 +78,7 @@ class Combined(NamedTuple):
         return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
 
 
-Satellites = Orbits | Broadcast | Integrated | Precise | Combined
+Satellites = Orbits | BroadcastEphemerides | IntegratedStates | PreciseEphemerides | CombinedSatellites
 
 
 def satellites(constellation: Constellation, epoch: str) -> Satellites:
@@ -100,7 +100,7 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     twice = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
     if twice:
         raise InputError(f"two parts of the combined constellation give {twice[0]}")
-    whole = Combined(parts)
+    whole = CombinedSatellites(parts)
     repeated = [name for name in whole.names if whole.names.count(name) > 1]
     if repeated:  # draws are keyed by name
         raise InputError(f"two parts of the combined constellation name a satellite {repeated[0]}")
@@ -139,7 +139,7 @@ def _precise_part(card: PreciseConstellation, epoch: str) -> Satellites:
         raise InputError(f"{', '.join(_files(card))}: {error}") from None
 
 
-def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Ephemeris | StateVector], list[str]]:
+def _contents(card: RinexConstellation) -> tuple[str, list[NavigationFile], list[Ephemeris | StateVector], list[str]]:
     """Return the names of a card's files, their contents, all records, and the letters of the systems to use."""
     files = _files(card)
     navigation = [read_navigation(file) for file in files]
@@ -172,7 +172,7 @@ def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
     keplerian = [item for item in taken if isinstance(item, Ephemeris)]
     states = [item for item in taken if isinstance(item, StateVector)]
     if keplerian and states:
-        return Combined((broadcast(keplerian, lift_off), integrated(states, lift_off)))
+        return CombinedSatellites((broadcast(keplerian, lift_off), integrated(states, lift_off)))
     return broadcast(keplerian, lift_off) if keplerian else integrated(states, lift_off)
 
 

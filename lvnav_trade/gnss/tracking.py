@@ -8,7 +8,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lvnav_trade.kernels.random import philox, seed_words, source_word
-from lvnav_trade.quantities.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Bools, Floats, Ints, Transition
+from lvnav_trade.quantities.records import (
+    ACQUIRE,
+    IDLE,
+    LOST,
+    SEARCH,
+    TRACK,
+    TRACKING,
+    Bools,
+    ChannelTransition,
+    Floats,
+    Ints,
+)
 from lvnav_trade.quantities.units import Card, CarrierToNoise, Frequency, Pause, Share
 
 # Causes of loss of lock, each masked by those after it; HELD is lock.
@@ -53,7 +64,7 @@ class TrackingCard(Card):
             yield "acquire_above lies below track_above: what is found would be lost at once"
 
 
-class Signals(NamedTuple):
+class ChannelSignals(NamedTuple):
     """Signals at the steps of the channels.
 
     t : (n_step,) s since lift-off.
@@ -81,8 +92,8 @@ def share(card: TrackingCard, satellite: str, t: float) -> float:
 
 
 def track(
-    card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals
-) -> tuple[NDArray[np.int8], tuple[Transition, ...]]:
+    card: TrackingCard, channels: int, names: tuple[str, ...], signals: ChannelSignals
+) -> tuple[NDArray[np.int8], tuple[ChannelTransition, ...]]:
     """Return the state of every satellite at every step, (n_step, n_sat), and all transitions in order of time.
 
     A satellite keeps its channel until its signal is lost. A free channel goes to the highest satellite; satellites
@@ -95,7 +106,7 @@ def track(
         Largest number of satellites that are searched for, acquired and tracked at a time.
     names : (n_sat,)
         Names of the satellites.
-    signals : Signals
+    signals : ChannelSignals
     """
     receiver = _Channels(card, channels, names, signals)
     states = np.zeros(signals.expected.shape, dtype=np.int8)
@@ -110,7 +121,7 @@ def track(
 class _Channels:
     """State of the channels over time; times in s, NaN for none."""
 
-    def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals) -> None:
+    def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: ChannelSignals) -> None:
         count = len(names)
         self.card, self.channels, self.names, self.signals = card, channels, names, signals
         self.state = np.zeros(count, dtype=np.int8)
@@ -120,7 +131,7 @@ class _Channels:
         self.failing, self.found, self.due, self.lost = np.full((4, count), np.nan)
         self.vain = np.zeros(count, dtype=int)  # unsuccessful passes since the last success
         self.next = np.inf  # earliest of the times found and due
-        self.transitions: list[Transition] = []
+        self.transitions: list[ChannelTransition] = []
 
     def begin(self) -> None:
         up = self.signals.expected[0] & ~self.gone[0]
@@ -197,7 +208,7 @@ class _Channels:
 
     def _turn(self, step: int, sat: int, state: int, reason: str) -> None:
         before, after = TRACKING[int(self.state[sat])], TRACKING[state]
-        self.transitions.append(Transition(float(self.signals.t[step]), self.names[sat], before, after, reason))
+        self.transitions.append(ChannelTransition(float(self.signals.t[step]), self.names[sat], before, after, reason))
         self.state[sat] = state
         self.failing[sat] = self.found[sat] = self.due[sat] = np.nan
 

@@ -38,7 +38,7 @@ class Transmission(NamedTuple):
     v_i: Floats
 
 
-class Heard(NamedTuple):
+class ReceivedSatellites(NamedTuple):
     """Satellites and their reception before the noise is computed, which depends on other settings of the receiver.
 
     sky : Satellites; noise sigmas are NaN.
@@ -87,7 +87,7 @@ def sky(
     )
 
 
-def with_noise(heard: Heard, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
+def with_noise(heard: ReceivedSatellites, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
     """Return the satellites with the white-noise sigmas of the receiver's measurements."""
     of_range, of_rate, of_phase = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
     return heard.sky._replace(range_sigma=of_range, rate_sigma=of_rate, phase_sigma=of_phase)
@@ -100,7 +100,7 @@ def heard_in(
     t_epoch: Floats,
     faults: Sequence[AnyFault] = (),
     antenna_alive: Mask | None = None,
-) -> Heard:
+) -> ReceivedSatellites:
     """Return the satellites of `sky` without noise sigmas; parameters and errors as there."""
     above = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
@@ -134,7 +134,7 @@ def heard_in(
         phase_sigma=unknown,
         **received_as,
     )
-    return Heard(noiseless, cn0)
+    return ReceivedSatellites(noiseless, cn0)
 
 
 def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:

@@ -28,7 +28,7 @@ SMALLEST = 1e-6
 Direction = tuple[float, float, float]
 
 
-class MountedUnit(ImuCard):
+class MountedImu(ImuCard):
     """An IMU of an array, with its position and orientation."""
 
     lever_arm: tuple[units.Length, units.Length, units.Length] = Field(
@@ -71,7 +71,7 @@ class ImuSet(NamedCard):
 
     name: str = "several units"
     source: str = ""
-    units: tuple[MountedUnit, ...] = Field(description="one or more units, all with the same rate")
+    units: tuple[MountedImu, ...] = Field(description="one or more units, all with the same rate")
     weights: Literal["random_walk", "bias", "equal"] = Field(
         "random_walk",
         description="weight of a sensing axis in the least squares: inverse square of its random walk, or of its bias"

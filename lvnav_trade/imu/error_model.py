@@ -68,7 +68,7 @@ class InstabilityFit(Card):
             yield "the longest averaging time should be ten times the shortest or more"
 
 
-class SensorCard(Card):
+class TriadCard(Card):
     """A triad of sensors with bias instability."""
 
     if TYPE_CHECKING:  # fields of the cards below, in their order
@@ -124,7 +124,7 @@ class SensorCard(Card):
         return self.instability.sigma
 
 
-class GyroCard(SensorCard):
+class GyroCard(TriadCard):
     """Errors of the gyro triad, one sigma, the same for all axes or by axis (table 1 of Trigo and Theil)."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
@@ -144,7 +144,7 @@ class GyroCard(SensorCard):
     temperature: GyroRamp | None = None  # bias that grows as the IMU warms; none: no such error
 
 
-class AccelCard(SensorCard):
+class AccelCard(TriadCard):
     """Errors of the accelerometer triad, one sigma, the same for all axes or by axis."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
@@ -238,7 +238,7 @@ def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     return increments + (trail - level) * (time_constant * (1.0 - decay))
 
 
-class Dead(NamedTuple):
+class DeadElement(NamedTuple):
     """A dead sensing element.
 
     axis : Index of its axis.
@@ -251,7 +251,7 @@ class Dead(NamedTuple):
     last: bool
 
 
-def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[Dead] = ()) -> Floats:
+def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadElement] = ()) -> Floats:
     """Return the increments after clipping at full scale and dead elements.
 
     Bias, noise and scale factor are errors of the electronics and are added after this step.
@@ -264,7 +264,7 @@ def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[Dead]
         Linearly independent unit vectors of 1 to 3 sensing axes. Components across all of them do not change.
     limit : float
         Largest increment (rad or m/s) of a tick, of either sign; inf: none.
-    dead : sequence of Dead
+    dead : sequence of DeadElement
 
     Returns
     -------

@@ -29,7 +29,7 @@ class ParityCard(units.Card):
     )
 
 
-class Middle(NamedTuple):
+class MedianModel(NamedTuple):
     """Statistical linearisation of the median of n readings.
 
     gains : (n,). Linear gains of the reading errors.
@@ -106,7 +106,7 @@ def _gains(mean: Floats, sigma: Floats) -> Floats:
     return np.asarray(probability / probability.sum())  # the sum is one but for the integration error
 
 
-def middle(mean: Floats, white: Floats, lasting: Floats) -> Middle:
+def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
     """Return the statistics of the median of n independent normal readings.
 
     Parameters
@@ -130,7 +130,7 @@ def middle(mean: Floats, white: Floats, lasting: Floats) -> Middle:
     constant = lasting * _normals(n, FEW)
     averaged = _expected((mean + constant).T, white) - constant @ gains
     total, constant_part = float(np.var(residual)), float(np.var(averaged))
-    return Middle(
+    return MedianModel(
         gains,
         float(_expected(mean[:, None], sigma)[0]),
         float(np.sum((gains * lasting) ** 2)) + min(constant_part, total),

@@ -28,7 +28,7 @@ PACKAGE = __name__.partition(".")[0]
 _BYTE, _WORD = ir.IntType(8), ir.IntType(64)
 
 
-class _Place:
+class _Address:
     """Location of a record: an address and an offset in bytes, with the fields already read from there."""
 
     def __init__(self, address: Any, offset: int) -> None:
@@ -48,7 +48,7 @@ class _Place:
     def field(self, builder: Any, kind: Any, index: int) -> Any:
         """Return a field of the record (an LLVM struct), read at the beginning of the function."""
         if index not in self.fields:
-            inner, place = kind.elements[index], _Place(self.address, self.offset + _offsets(kind)[index])
+            inner, place = kind.elements[index], _Address(self.address, self.offset + _offsets(kind)[index])
             with builder.goto_entry_block():
                 self.fields[index] = place.value(builder, inner)
         return self.fields[index]
@@ -80,7 +80,7 @@ class RecordModel(TupleModel):  # type: ignore[misc]  # numba tells no types
 
     def from_argument(self, builder: Any, value: Any) -> Any:
         """Return the record at an address."""
-        return _Place(value, 0).value(builder, self.get_value_type())
+        return _Address(value, 0).value(builder, self.get_value_type())
 
 
 def _model_of(plain: Any) -> Any:

@@ -74,7 +74,7 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
             lock.release()
 
 
-class _Place(CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
+class _CacheLocator(CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
     """Locator of the cache folder of this version of the kernels. A failure to write appears when a kernel is saved."""
 
     @classmethod
@@ -85,7 +85,7 @@ class _Place(CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
 class _Stored(CompileResultCacheImpl):  # type: ignore[misc]
     """Stored form of a function, without the listing of its types, which would take a fifth of the folder."""
 
-    _locator_classes = (_Place,)
+    _locator_classes = (_CacheLocator,)
 
     def reduce(self, cres: Any) -> Any:
         cres.library.is_entry = not cres.library.is_part

@@ -173,7 +173,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
         return numba.types.Dispatcher(self.inner)
 
 
-class Part(CPUDispatcher):  # type: ignore[misc]
+class InnerKernel(CPUDispatcher):  # type: ignore[misc]
     """A kernel as other kernels call it.
 
     A literal argument, such as an axis or a column, does not make another version. LLVM sees the literal when it
@@ -200,6 +200,6 @@ def compiled(function: Callable[..., Any], options: dict[str, Any]) -> Callable[
     kernel = numba.njit(**options)(function)
     kernel.__class__ = Kernel
     kernel.inner = numba.njit(**options, no_cpython_wrapper=True)(twin)
-    kernel.inner.__class__ = Part
+    kernel.inner.__class__ = InnerKernel
     kernel._cache, kernel.inner._cache = KernelCache(function), KernelCache(twin)
     return kernel

@@ -69,7 +69,7 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
 
     Parameters
     ----------
-    further, algorithm : Further, Strapdown
+    further, algorithm : StrapdownExtensions, Strapdown
     dt : s, of a step
     px, py, pz : place at the start, see `local_level`
     vx, vy, vz : m/s, velocity at the start, local axes

@@ -36,7 +36,7 @@ def gravity(kind, x, y, z):
     return gravity_j4(x, y, z)
 
 
-class Further(NamedTuple):
+class StrapdownExtensions(NamedTuple):
     """Extensions of the strapdown algorithm: local geographic axes, products of all pairs of increments.
 
     local : Code of the local geographic axes of the integration: NED or ENU; 0 for other axes.
@@ -75,7 +75,7 @@ class Strapdown(NamedTuple):
     rotating: bool
     angle: float
     origin: Floats
-    further: Further | None
+    further: StrapdownExtensions | None
     general: bool
     counted: bool
 

@@ -143,13 +143,13 @@ BOUNDS = {
     "dynamic_pressure_above": (2, True),
     "dynamic_pressure_below": (2, False),
 }
-"""Bounds on the flight: row of `Course.values`, and whether the condition is true above the bound."""
+"""Bounds on the flight: row of `FlightProfile.values`, and whether the condition is true above the bound."""
 ELEVATIONS = ("elevation_above", "elevation_below")
 PAIRS = tuple((f"{name}above", f"{name}below") for name in ("", "speed_", "dynamic_pressure_", "elevation_"))
 _SHOWN = (("altitude", 1e-3, "km"), ("speed", 1.0, "m/s"), ("dynamic pressure", 1e-3, "kPa"))
 
 
-class Course:
+class FlightProfile:
     """A flight as conditions evaluate it.
 
     Parameters
@@ -255,11 +255,11 @@ def inside(intervals: Intervals, t: Floats) -> Mask:
     return within
 
 
-def never(conditions: Conditions, course: Course) -> Mistake | None:
+def never(conditions: Conditions, course: FlightProfile) -> Mistake | None:
     """Return the input error of conditions that are true at no time of a flight; None if there is such a time.
 
     The path of the error is the field to change. Conditions on elevation are not examined. InputError as in
-    `Course.holding`.
+    `FlightProfile.holding`.
     """
     first, last = course.instants["start"], course.instants["end"]
     flight: Intervals = ((first, last),)

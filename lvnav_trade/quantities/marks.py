@@ -36,7 +36,7 @@ Marks = Annotated[
 ]
 
 
-class Mark(NamedTuple):
+class MarkedField(NamedTuple):
     """A marked field of resolved settings.
 
     card : Dotted path of the card with the mark, empty at the top.
@@ -100,7 +100,7 @@ def _below(value: Any, step: str) -> list[Any]:
     return [value[step]] if isinstance(value, Mapping) and step in value else []
 
 
-def marks_in(data: Any, path: str = "") -> Iterator[Mark]:
+def marks_in(data: Any, path: str = "") -> Iterator[MarkedField]:
     """Yield the marks within resolved settings (dictionaries, lists, scalars).
 
     path : Dotted path of `data` within the settings.
@@ -113,7 +113,7 @@ def marks_in(data: Any, path: str = "") -> Iterator[Mark]:
                     values = [below for value in values for below in _below(value, step)]
                 distinct = list({str(value): value for value in values}.values())
                 value = distinct[0] if len(distinct) == 1 else distinct
-                yield Mark(path, str(data.get("name") or ""), field, mark.replace("_", " "), value, str(reason))
+                yield MarkedField(path, str(data.get("name") or ""), field, mark.replace("_", " "), value, str(reason))
         for key, below in data.items():
             yield from marks_in(below, f"{path}.{key}" if path else str(key))
     elif isinstance(data, list) and data and isinstance(data[0], Mapping):

@@ -17,7 +17,7 @@ Value = TypeVar("Value")
 _NOTES = "_notes"  # key of the notes in the dictionary of a recording copy
 
 
-class Reads:
+class FieldReads:
     """The fields that were read of some settings and of all settings within them.
 
     Fields are read by attribute. Comparing, hashing, copying, validating and writing settings out reads nothing.
@@ -145,7 +145,7 @@ def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Valu
             if (key, rest) in kept:
                 kept.move_to_end((key, rest))
             else:
-                reads = Reads(card)
+                reads = FieldReads(card)
                 value = function(key, reads.card, *rest)
                 kept[key, rest] = value, frozenset(reads.paths)
                 while len(kept) > size:
@@ -159,7 +159,7 @@ def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Valu
     return decorate
 
 
-class _Kept(NamedTuple):
+class _CachedResult(NamedTuple):
     """A cached result and the settings from which it was computed.
 
     key : Key and rest of the arguments.
@@ -190,18 +190,18 @@ def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[
     """
 
     def decorate(function: Callable[..., Value]) -> Callable[..., Value]:
-        kept: list[_Kept] = []
+        kept: list[_CachedResult] = []
 
         @wraps(function)
         def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
             plain = _plain(card) if isinstance(card, _Recording) else card
             cached = next((result for result in reversed(kept) if result.is_of((key, *rest), plain)), None)
             if cached is None:
-                reads = Reads(plain)
+                reads = FieldReads(plain)
                 value = function(key, reads.card, *rest)
                 above = {above for path in reads.paths for above in _above(path)}
                 whole = {path: _at(plain, path) for path in reads.paths - above}
-                cached = _Kept((key, *rest), whole, {path: _built(_at(plain, path)) for path in above}, value)
+                cached = _CachedResult((key, *rest), whole, {path: _built(_at(plain, path)) for path in above}, value)
                 kept.append(cached)
                 del kept[:-size]
             note(card, {*cached.whole, *cached.built})

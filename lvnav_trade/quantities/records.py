@@ -106,7 +106,7 @@ class Reference(NamedTuple):
     dvel: Floats
 
 
-class Transition(NamedTuple):
+class ChannelTransition(NamedTuple):
     """Change of state of a receiver channel.
 
     t : s since lift-off.
@@ -160,7 +160,7 @@ class Sky(NamedTuple):
     state: NDArray[np.int8]
     lever_arms: Floats
     systems: tuple[str, ...]
-    transitions: tuple[Transition, ...] = ()
+    transitions: tuple[ChannelTransition, ...] = ()
 
 
 class RunBlock(NamedTuple):
@@ -294,7 +294,7 @@ class Output(NamedTuple):
     label_factor: float
 
 
-class Protecting(NamedTuple):
+class ProtectionRisks(NamedTuple):
     """Probabilities, at any one time, that the protection levels refer to.
 
     integrity_risk : Probability of an undetected error beyond the protection level.
@@ -309,7 +309,7 @@ class Protecting(NamedTuple):
     alarms: bool = False
 
 
-class Asked(NamedTuple):
+class CovarianceRequest(NamedTuple):
     """Results of linear covariance that a campaign requests for a case.
 
     at : Event of the diagnostics; if empty, injection or else the last event.
@@ -339,7 +339,7 @@ class Asked(NamedTuple):
     spot_check: int = 0
     seed: int = 0
     allan: float = 0.0
-    protection: Protecting | None = None
+    protection: ProtectionRisks | None = None
 
 
 class AdjointBudget(NamedTuple):

@@ -105,7 +105,7 @@ _SEEN = 5000  # number of rows whose digits are examined
 _DIGITS = range(-3, 7)
 
 
-class Stamps(NamedTuple):
+class RestoredTimes(NamedTuple):
     """A column of time after restoration.
 
     column : (n,), unit of the file. Times on their grid, or unchanged.
@@ -124,7 +124,7 @@ class Stamps(NamedTuple):
         return self.apart / math.sqrt(12.0)
 
 
-def restored(column: Floats, unit: str) -> Stamps:
+def restored(column: Floats, unit: str) -> RestoredTimes:
     """Return time stamps (n,) with the rounding to single precision removed.
 
     It is removed if every time is within rounding of a grid of decimal digits or of even intervals, and the grid is
@@ -132,7 +132,7 @@ def restored(column: Floats, unit: str) -> Stamps:
 
     unit : Unit of the column, for the remark.
     """
-    as_is = Stamps(column, "", 0.0)
+    as_is = RestoredTimes(column, "", 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
         single = column.astype(np.float32)
     if column.size < 2 or not np.all(np.isfinite(single)) or not _is_single(column, single):
@@ -145,10 +145,10 @@ def restored(column: Floats, unit: str) -> Stamps:
         ticks = column / (_CLEAR * apart)
         if np.all(ticks == np.rint(ticks)):  # a clock of binary ticks
             return as_is
-        return Stamps(column, f"{remark}, fit no grid: the noise of the rows includes their rounding", apart)
+        return RestoredTimes(column, f"{remark}, fit no grid: the noise of the rows includes their rounding", apart)
     if np.max(np.abs(grid - column)) <= _MEANT * apart:
         return as_is
-    return Stamps(grid, f"{remark}, are restored to the grid that they were rounded from", 0.0)
+    return RestoredTimes(grid, f"{remark}, are restored to the grid that they were rounded from", 0.0)
 
 
 def _is_single(column: Floats, single: np.ndarray) -> bool:

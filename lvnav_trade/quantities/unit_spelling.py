@@ -34,7 +34,7 @@ class Unit(NamedTuple):
     offset: float = 0.0
 
 
-class _Listed(NamedTuple):
+class _UnitSpellings(NamedTuple):
     """A unit with all its spellings.
 
     symbols : Symbols, with prefixes as letters.
@@ -72,90 +72,92 @@ _RATE, _SPEED, _ACCELERATION = {"rad": 1, "s": -1}, {"m": 1, "s": -1}, {"m": 1, 
 _FORCE, _PRESSURE, _POWER = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}, {"kg": 1, "m": 2, "s": -3}
 _LIST = (
     # length
-    _Listed("m", "metre meter", {}, {"m": 1}, "umcdk"),  # without n: nm is a nautical mile as well
-    _Listed("in", "", {0.0254: 1}, {"m": 1}),
-    _Listed("inch inches", "", {0.0254: 1}, {"m": 1}),
-    _Listed("ft", "", {_FOOT: 1}, {"m": 1}, "k"),
-    _Listed("foot feet", "", {_FOOT: 1}, {"m": 1}),
-    _Listed("mi", "mile", {1609.344: 1}, {"m": 1}),
-    _Listed("nmi NM", "nautical_mile", {1852.0: 1}, {"m": 1}),
+    _UnitSpellings("m", "metre meter", {}, {"m": 1}, "umcdk"),  # without n: nm is a nautical mile as well
+    _UnitSpellings("in", "", {0.0254: 1}, {"m": 1}),
+    _UnitSpellings("inch inches", "", {0.0254: 1}, {"m": 1}),
+    _UnitSpellings("ft", "", {_FOOT: 1}, {"m": 1}, "k"),
+    _UnitSpellings("foot feet", "", {_FOOT: 1}, {"m": 1}),
+    _UnitSpellings("mi", "mile", {1609.344: 1}, {"m": 1}),
+    _UnitSpellings("nmi NM", "nautical_mile", {1852.0: 1}, {"m": 1}),
     # time
-    _Listed("s sec", "second", {}, {"s": 1}, "num"),
-    _Listed("min", "minute", {60.0: 1}, {"s": 1}),
-    _Listed("h hr hrs Hr", "hour", {60.0: 2}, {"s": 1}),
-    _Listed("d", "day", {24.0: 1, 60.0: 2}, {"s": 1}),
-    _Listed("", "week", {7.0: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
-    _Listed("", "month", {1.0 / 12.0: 1, 365.25: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
-    _Listed("yr", "year", {365.25: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
+    _UnitSpellings("s sec", "second", {}, {"s": 1}, "num"),
+    _UnitSpellings("min", "minute", {60.0: 1}, {"s": 1}),
+    _UnitSpellings("h hr hrs Hr", "hour", {60.0: 2}, {"s": 1}),
+    _UnitSpellings("d", "day", {24.0: 1, 60.0: 2}, {"s": 1}),
+    _UnitSpellings("", "week", {7.0: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
+    _UnitSpellings("", "month", {1.0 / 12.0: 1, 365.25: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
+    _UnitSpellings("yr", "year", {365.25: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
     # angle
-    _Listed("rad", "radian", {}, {"rad": 1}, "num"),
-    _Listed("deg \u00b0 \u00ba \u02da", "degree", {_DEGREE: 1}, {"rad": 1}, "um"),
-    _Listed("arcmin arc-min \u2032", "arcminute", {1.0 / 60.0: 1, _DEGREE: 1}, {"rad": 1}),
-    _Listed("arcsec arc-sec asec \u2033", "", {1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}),
-    _Listed("", "arcsecond", {1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}, "um"),
-    _Listed("mas", "", {1e-3: 1, 1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}),
-    _Listed("mil mils", "", {2.0 * math.pi / 6400.0: 1}, {"rad": 1}),  # NATO: 1600 mil are 90 deg
-    _Listed("gon", "", {math.pi / 200.0: 1}, {"rad": 1}),
-    _Listed("rev", "revolution turn", {2.0 * math.pi: 1}, {"rad": 1}),
+    _UnitSpellings("rad", "radian", {}, {"rad": 1}, "num"),
+    _UnitSpellings("deg \u00b0 \u00ba \u02da", "degree", {_DEGREE: 1}, {"rad": 1}, "um"),
+    _UnitSpellings("arcmin arc-min \u2032", "arcminute", {1.0 / 60.0: 1, _DEGREE: 1}, {"rad": 1}),
+    _UnitSpellings("arcsec arc-sec asec \u2033", "", {1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}),
+    _UnitSpellings("", "arcsecond", {1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}, "um"),
+    _UnitSpellings("mas", "", {1e-3: 1, 1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}),
+    _UnitSpellings("mil mils", "", {2.0 * math.pi / 6400.0: 1}, {"rad": 1}),  # NATO: 1600 mil are 90 deg
+    _UnitSpellings("gon", "", {math.pi / 200.0: 1}, {"rad": 1}),
+    _UnitSpellings("rev", "revolution turn", {2.0 * math.pi: 1}, {"rad": 1}),
     # angular rate
-    _Listed("dps", "", {_DEGREE: 1}, _RATE, "um"),
-    _Listed("dph", "", {_DEGREE: 1, 60.0: -2}, _RATE),
-    _Listed("rpm RPM", "", {2.0 * math.pi: 1, 60.0: -1}, _RATE),
+    _UnitSpellings("dps", "", {_DEGREE: 1}, _RATE, "um"),
+    _UnitSpellings("dph", "", {_DEGREE: 1, 60.0: -2}, _RATE),
+    _UnitSpellings("rpm RPM", "", {2.0 * math.pi: 1, 60.0: -1}, _RATE),
     # speed
-    _Listed("mps", "", {}, _SPEED),
-    _Listed("fps", "", {_FOOT: 1}, _SPEED),
-    _Listed("kph", "", {1000.0: 1, 60.0: -2}, _SPEED),
-    _Listed("mph", "", {1609.344: 1, 60.0: -2}, _SPEED),
-    _Listed("kn kt kts", "knot", {1852.0: 1, 60.0: -2}, _SPEED),
+    _UnitSpellings("mps", "", {}, _SPEED),
+    _UnitSpellings("fps", "", {_FOOT: 1}, _SPEED),
+    _UnitSpellings("kph", "", {1000.0: 1, 60.0: -2}, _SPEED),
+    _UnitSpellings("mph", "", {1609.344: 1, 60.0: -2}, _SPEED),
+    _UnitSpellings("kn kt kts", "knot", {1852.0: 1, 60.0: -2}, _SPEED),
     # acceleration: g is standard gravity and never a gram
-    _Listed("g", "", {_GRAVITY: 1}, _ACCELERATION, "num"),
-    _Listed("milli-g milli_g", "", {1e-3: 1, _GRAVITY: 1}, _ACCELERATION),
-    _Listed("micro-g micro_g", "", {1e-6: 1, _GRAVITY: 1}, _ACCELERATION),
-    _Listed("Gal", "", {0.01: 1}, _ACCELERATION, "um"),
+    _UnitSpellings("g", "", {_GRAVITY: 1}, _ACCELERATION, "num"),
+    _UnitSpellings("milli-g milli_g", "", {1e-3: 1, _GRAVITY: 1}, _ACCELERATION),
+    _UnitSpellings("micro-g micro_g", "", {1e-6: 1, _GRAVITY: 1}, _ACCELERATION),
+    _UnitSpellings("Gal", "", {0.01: 1}, _ACCELERATION, "um"),
     # frequency
-    _Listed("Hz", "hertz", {}, {"s": -1}, "mkMG"),
-    _Listed("hz HZ", "", {}, {"s": -1}),
-    _Listed("khz KHz", "", {1e3: 1}, {"s": -1}),
+    _UnitSpellings("Hz", "hertz", {}, {"s": -1}, "mkMG"),
+    _UnitSpellings("hz HZ", "", {}, {"s": -1}),
+    _UnitSpellings("khz KHz", "", {1e3: 1}, {"s": -1}),
     # mass
-    _Listed("kg", "kilogram", {}, {"kg": 1}),
-    _Listed("", "gram", {1e-3: 1}, {"kg": 1}),
-    _Listed("t Mg", "tonne", {1000.0: 1}, {"kg": 1}),
-    _Listed("lb lbs lbm", "pound", {_POUND: 1}, {"kg": 1}),
-    _Listed("oz", "ounce", {_POUND / 16.0: 1}, {"kg": 1}),
-    _Listed("slug slugs", "", {_POUND: 1, _GRAVITY: 1, _FOOT: -1}, {"kg": 1}),
+    _UnitSpellings("kg", "kilogram", {}, {"kg": 1}),
+    _UnitSpellings("", "gram", {1e-3: 1}, {"kg": 1}),
+    _UnitSpellings("t Mg", "tonne", {1000.0: 1}, {"kg": 1}),
+    _UnitSpellings("lb lbs lbm", "pound", {_POUND: 1}, {"kg": 1}),
+    _UnitSpellings("oz", "ounce", {_POUND / 16.0: 1}, {"kg": 1}),
+    _UnitSpellings("slug slugs", "", {_POUND: 1, _GRAVITY: 1, _FOOT: -1}, {"kg": 1}),
     # force, pressure, power
-    _Listed("N", "newton", {}, _FORCE, "umkM"),
-    _Listed("lbf", "", {_POUND: 1, _GRAVITY: 1}, _FORCE, "k"),
-    _Listed("kgf", "", {_GRAVITY: 1}, _FORCE),
-    _Listed("Pa", "pascal", {}, _PRESSURE, "mhkM"),
-    _Listed("bar", "", {1e5: 1}, _PRESSURE, "m"),
-    _Listed("atm", "", {101325.0: 1}, _PRESSURE),
-    _Listed("torr Torr", "", {101325.0: 1, 760.0: -1}, _PRESSURE),
-    _Listed("psi psia", "", {_POUND: 1, _GRAVITY: 1, 0.0254: -2}, _PRESSURE),
-    _Listed("inHg", "", {25.4: 1, 13.5951: 1, _GRAVITY: 1}, _PRESSURE),  # mercury of 13595.1 kg/m^3
-    _Listed("mmHg", "", {13.5951: 1, _GRAVITY: 1}, _PRESSURE),
-    _Listed("W", "watt", {}, _POWER, "umk"),
+    _UnitSpellings("N", "newton", {}, _FORCE, "umkM"),
+    _UnitSpellings("lbf", "", {_POUND: 1, _GRAVITY: 1}, _FORCE, "k"),
+    _UnitSpellings("kgf", "", {_GRAVITY: 1}, _FORCE),
+    _UnitSpellings("Pa", "pascal", {}, _PRESSURE, "mhkM"),
+    _UnitSpellings("bar", "", {1e5: 1}, _PRESSURE, "m"),
+    _UnitSpellings("atm", "", {101325.0: 1}, _PRESSURE),
+    _UnitSpellings("torr Torr", "", {101325.0: 1, 760.0: -1}, _PRESSURE),
+    _UnitSpellings("psi psia", "", {_POUND: 1, _GRAVITY: 1, 0.0254: -2}, _PRESSURE),
+    _UnitSpellings("inHg", "", {25.4: 1, 13.5951: 1, _GRAVITY: 1}, _PRESSURE),  # mercury of 13595.1 kg/m^3
+    _UnitSpellings("mmHg", "", {13.5951: 1, _GRAVITY: 1}, _PRESSURE),
+    _UnitSpellings("W", "watt", {}, _POWER, "umk"),
     # volume
-    _Listed("l L", "litre liter", {0.1: 3}, {"m": 3}, "mcd"),
-    _Listed("cc", "", {0.01: 3}, {"m": 3}),
+    _UnitSpellings("l L", "litre liter", {0.1: 3}, {"m": 3}, "mcd"),
+    _UnitSpellings("cc", "", {0.01: 3}, {"m": 3}),
     # temperature
-    _Listed("K", "kelvin", {}, {"K": 1}, "m"),
-    _Listed("degC \u00b0C \u00baC \u02daC \u2103 celsius", "", {}, {"K": 1}, offset=273.15),
-    _Listed("degF \u00b0F \u00baF \u02daF \u2109 fahrenheit", "", {5.0 / 9.0: 1}, {"K": 1}, offset=459.67 * 5.0 / 9.0),
+    _UnitSpellings("K", "kelvin", {}, {"K": 1}, "m"),
+    _UnitSpellings("degC \u00b0C \u00baC \u02daC \u2103 celsius", "", {}, {"K": 1}, offset=273.15),
+    _UnitSpellings(
+        "degF \u00b0F \u00baF \u02daF \u2109 fahrenheit", "", {5.0 / 9.0: 1}, {"K": 1}, offset=459.67 * 5.0 / 9.0
+    ),
     # magnetic flux density
-    _Listed("T", "tesla", {}, {"T": 1}, "num"),
-    _Listed("G Gs Gauss", "gauss", {1e-4: 1}, {"T": 1}, "um"),
+    _UnitSpellings("T", "tesla", {}, {"T": 1}, "num"),
+    _UnitSpellings("G Gs Gauss", "gauss", {1e-4: 1}, {"T": 1}, "um"),
     # fractions and electron content
-    _Listed("ppm PPM", "", {1e-6: 1}, {}),
-    _Listed("ppb PPB", "", {1e-9: 1}, {}),
-    _Listed("\u2030", "", {1e-3: 1}, {}),
-    _Listed("% percent", "", {0.01: 1}, {}),
-    _Listed("dimensionless", "", {}, {}),
-    _Listed("TECU", "", {1e16: 1}, {"m": -2}),
+    _UnitSpellings("ppm PPM", "", {1e-6: 1}, {}),
+    _UnitSpellings("ppb PPB", "", {1e-9: 1}, {}),
+    _UnitSpellings("\u2030", "", {1e-3: 1}, {}),
+    _UnitSpellings("% percent", "", {0.01: 1}, {}),
+    _UnitSpellings("dimensionless", "", {}, {}),
+    _UnitSpellings("TECU", "", {1e16: 1}, {"m": -2}),
 )
 
 
-def _spellings(listed: _Listed) -> Iterator[tuple[str, Powers]]:
+def _spellings(listed: _UnitSpellings) -> Iterator[tuple[str, Powers]]:
     """Yield every spelling of a unit with its size."""
     words = [
         word + end for word in listed.words.split() for end in ("", "s") if not (end and word.endswith(("s", "z")))
@@ -170,7 +172,7 @@ def _spellings(listed: _Listed) -> Iterator[tuple[str, Powers]]:
         yield from ((word + name, size) for name in words)
 
 
-def _listed(entries: Iterable[_Listed]) -> Iterator[tuple[str, Unit]]:
+def _listed(entries: Iterable[_UnitSpellings]) -> Iterator[tuple[str, Unit]]:
     for entry in entries:
         for name, size in _spellings(entry):
             yield name, Unit(size, entry.dimension, entry.offset)
@@ -228,7 +230,7 @@ def product(text: str) -> Product:
     """Return the product of units in a text; `UnknownUnitError` names the part that is unknown."""
     spelled = _SUPERSCRIPT.sub(lambda match: f"^{match[0].translate(_RAISED)}", text)
     spelled = spelled.translate(_SIGNS).replace("\u00bd", "^0.5")
-    reader = _Reader(text, spelled)
+    reader = _UnitParser(text, spelled)
     factors = reader.factors(0)
     if reader.at < len(spelled):
         raise UnknownUnitError(text)
@@ -267,7 +269,7 @@ def conversion(source: Product, target: Product) -> float:
     return factor
 
 
-class _Reader:
+class _UnitParser:
     """Parser of the factors of `spelled`, the normalised form of `text` as the user wrote it."""
 
     def __init__(self, text: str, spelled: str) -> None:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.advice import advice
-from lvnav_trade.report.blocks import Block, More, Text, figure, listed, stated, words
+from lvnav_trade.report.blocks import Block, Details, Text, figure, listed, stated, words
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
@@ -54,7 +54,7 @@ def _worst_runs(tables: Tables) -> list[Block]:
     names = ["case", "run_number"]
     traced = worst[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
     drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in traced.itertuples()]
-    pictures = [More("Pictures of the worst runs", drawn)] if drawn else []
+    pictures = [Details("Pictures of the worst runs", drawn)] if drawn else []
     return [stated("worst_runs", rows), *pictures]
 
 

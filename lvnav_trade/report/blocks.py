@@ -94,21 +94,21 @@ def _is_map(panel: Panel) -> bool:
     return any(mark.kind == "cells" for mark in panel.marks)
 
 
-class Grades(NamedTuple):
+class SourceScaling(NamedTuple):
     """Interactive control that scales an error source; in HTML reports only."""
 
     data: str  # JSON for the script of the report
     kind: str = "grades"
 
 
-class Designs(NamedTuple):
+class DesignExplorer(NamedTuple):
     """Interactive scatter plot and parallel axes of a design space; in HTML reports only."""
 
     data: str  # JSON for the script of the report
     kind: str = "designs"
 
 
-class More(NamedTuple):
+class Details(NamedTuple):
     """Blocks that an HTML report shows on demand, and Markdown below a heading; a brief report omits them."""
 
     title: str
@@ -116,7 +116,7 @@ class More(NamedTuple):
     kind: str = "more"
 
 
-Block = Text | Table | Picture | Grades | Designs | More
+Block = Text | Table | Picture | SourceScaling | DesignExplorer | Details
 Blocks = Callable[[Tables], list[Block]]
 
 

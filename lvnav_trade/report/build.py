@@ -18,7 +18,18 @@ from lvnav_trade.report import flight as injection
 from lvnav_trade.report import models as registered
 from lvnav_trade.report import space as together
 from lvnav_trade.report.answers import answers
-from lvnav_trade.report.blocks import Block, Blocks, Designs, Grades, More, Picture, Section, Table, Text, chosen_cases
+from lvnav_trade.report.blocks import (
+    Block,
+    Blocks,
+    DesignExplorer,
+    Details,
+    Picture,
+    Section,
+    SourceScaling,
+    Table,
+    Text,
+    chosen_cases,
+)
 from lvnav_trade.report.document import Head, head, stated_requirements, title_of
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.figures.style import share_scales
@@ -82,7 +93,7 @@ _DETAILED = ("orbit", "correction", "impact")
 """Sections and tables that take a second per case; with more than `_MANY` cases they cover the key cases only."""
 
 
-class Made(NamedTuple):
+class ReportContent(NamedTuple):
     """Content of a report, independent of its format."""
 
     title: str
@@ -92,7 +103,9 @@ class Made(NamedTuple):
     head: Head = ()  # title block
 
 
-def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[], None] = lambda: None) -> Made:
+def make(
+    tables: Tables, sections: Sequence[str] | None = None, step: Callable[[], None] = lambda: None
+) -> ReportContent:
     """Return the content of the report of results.
 
     Parameters
@@ -106,7 +119,7 @@ def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[
 
     Returns
     -------
-    Made
+    ReportContent
         Title, question, sections, CSV tables.
 
     Raises
@@ -119,14 +132,14 @@ def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[
         return _made(tables, sections, step)
 
 
-def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], None]) -> Made:
+def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], None]) -> ReportContent:
     """Return the content of the report, with strings converted for fast access to single cells."""
     stated = (tables.campaign.get("report") or {}).get("sections")
     names = list(sections or stated or SECTIONS)
     _check(names)
     title, question = title_of(tables), str(tables.campaign.get("description") or "")
     if tables.cases.empty:
-        return Made(title, question, [Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))], {})
+        return ReportContent(title, question, [Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))], {})
     sections_made, labelled = [], tables
     tables = named(labelled)
     detailed = _detailed(tables)
@@ -150,7 +163,7 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
         frames |= {name: frame.assign(case=frame.case.map(labels)) for name, frame in of_cases.items()}
     frames |= {"designs": METRICS["designs"](labelled), "models": registered.evidence(labelled)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
-    return Made(title, question, [section for section in sections_made if section.blocks], csv, head(tables))
+    return ReportContent(title, question, [section for section in sections_made if section.blocks], csv, head(tables))
 
 
 def _without_cases(tables: Tables) -> list[Block]:
@@ -166,7 +179,7 @@ def _is_nothing(block: Block) -> bool:
 
 def _flat(blocks: Sequence[Block]) -> list[Block]:
     """Return blocks, followed by the blocks that they show on demand."""
-    return [*blocks, *(inner for block in blocks if isinstance(block, More) for inner in block.blocks)]
+    return [*blocks, *(inner for block in blocks if isinstance(block, Details) for inner in block.blocks)]
 
 
 def _detailed(tables: Tables) -> Tables:
@@ -240,7 +253,7 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
             return [block._replace(rows=block.rows[:_BRIEF_ROWS]), note]
         n_figures -= isinstance(block, Picture)
         is_beyond = isinstance(block, Picture) and n_figures < 0
-        return [] if isinstance(block, More | Grades | Designs) or is_beyond else [block]
+        return [] if isinstance(block, Details | SourceScaling | DesignExplorer) or is_beyond else [block]
 
     return [
         section._replace(blocks=[shortened_block for block in section.blocks for shortened_block in short(block)])

@@ -14,7 +14,7 @@ from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
 from lvnav_trade.report.sentences import say
-from lvnav_trade.results.comparison.comparison import Comparison
+from lvnav_trade.results.comparison.comparison import ResultComparison
 from lvnav_trade.results.tables.contents import DIGESTS, MANIFEST, RESOLVED, damaged, digest, owned
 from lvnav_trade.results.tables.read import Tables, has_table, load, stored_table
 from lvnav_trade.results.tables.versions import RESULTS_VERSION, across_machines
@@ -30,7 +30,7 @@ _KEPT_EVERY = 20
 _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
 
 
-def answer(found: Comparison) -> str:
+def answer(found: ResultComparison) -> str:
     """Return the outcome of a comparison in one sentence."""
     counts = Counter(found.frame.verdict)
     return say(
@@ -42,7 +42,7 @@ def answer(found: Comparison) -> str:
     )
 
 
-def rows(found: Comparison) -> list[tuple[str, ...]]:
+def rows(found: ResultComparison) -> list[tuple[str, ...]]:
     """Return the cells of the comparison table below `HEAD`, deteriorations first."""
     order = found.frame.verdict.map(ORDER.index)
     return [_row(row) for row in found.frame.loc[order.sort_values(kind="stable").index].itertuples(index=False)]
@@ -76,14 +76,14 @@ def _change(value: float, scale: str, form: str = "") -> str:
     return f"{sign}{format(size, form) if form else number(size)} {unit}"
 
 
-def markdown(found: Comparison) -> str:
+def markdown(found: ResultComparison) -> str:
     """Return a comparison as a Markdown page."""
     sides = {"base": found.base, "candidate": found.candidate, "notes": found.notes}
     confidence = percent(found.confidence)
     return render("compare.md.j2", **sides, answer=answer(found), head=HEAD, rows=rows(found), confidence=confidence)
 
 
-def content(found: Comparison) -> dict[str, Any]:
+def content(found: ResultComparison) -> dict[str, Any]:
     """Return a comparison as data for JSON; numbers that are not finite become null."""
     records = [
         {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
@@ -100,7 +100,7 @@ def content(found: Comparison) -> dict[str, Any]:
     }
 
 
-def junit(found: Comparison) -> str:
+def junit(found: ResultComparison) -> str:
     """Return a comparison as JUnit XML: "worse" is a failure, "undecided" is skipped."""
     counts = Counter(found.frame.verdict)
     numbers = {"tests": len(found.frame), "failures": counts["worse"], "skipped": counts["undecided"], "errors": 0}
@@ -147,14 +147,14 @@ def parse_map(assignments: Sequence[str]) -> dict[str, str]:
     return mapping
 
 
-def write(found: Comparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
+def write(found: ResultComparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
     """Write the requested files and return their paths.
 
     In a CI job that offers a summary file, the page is appended to it.
 
     Parameters
     ----------
-    found : Comparison
+    found : ResultComparison
         The comparison.
     md, xml : Path, optional
         Markdown and JUnit files.

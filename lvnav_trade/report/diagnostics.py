@@ -9,8 +9,8 @@ import pandas as pd
 
 from lvnav_trade.report.blocks import (
     Block,
-    Grades,
-    More,
+    Details,
+    SourceScaling,
     Table,
     Text,
     chosen_cases,
@@ -55,7 +55,7 @@ def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             if len(rows) and quantity != "attitude" and (tables.adjoint.case == case).any():
                 further.append(figure(tables, "heatmap", case, quantity, name="when"))
     title = "Budgets at every event, other cases and quantities, and the times at which errors enter"
-    return [*blocks, More(title, further)]
+    return [*blocks, Details(title, further)]
 
 
 def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
@@ -115,7 +115,7 @@ def grades(tables: Tables) -> list[Block]:
         return [Text("The campaign requests no covariance by source at the event (covariance: {adjoint: true}).")]
     absent = "The campaign requests no re-tuned numbers (covariance: {sensitivity: true})."
     text = f"{note('grades')} {note('retuned') if len(tuned) else absent}"
-    return [Text(text), Grades(data_json(data)), *map(_grades_table, data)]
+    return [Text(text), SourceScaling(data_json(data)), *map(_grades_table, data)]
 
 
 def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from lvnav_trade.report.blocks import (
     Block,
-    More,
+    Details,
     Picture,
     Table,
     Text,
@@ -146,8 +146,8 @@ def envelopes(tables: Tables) -> list[Block]:
     frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event)).drop(columns="axis")
     return [
         *blocks,
-        More("Errors of other cases and quantities", folded),
-        More("Numbers", [stated("envelopes", frame)]),
+        Details("Errors of other cases and quantities", folded),
+        Details("Numbers", [stated("envelopes", frame)]),
     ]
 
 

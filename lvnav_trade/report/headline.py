@@ -26,7 +26,7 @@ _NOT_COUNTED = {
 _TABLES = {"repeats": "repeated", "own": "own", "again": "again", "verification": "verification"}
 
 
-class Counted(NamedTuple):
+class VerdictCounts(NamedTuple):
     """Number of rows of one kind by their verdicts.
 
     total : All rows.
@@ -41,7 +41,7 @@ class Counted(NamedTuple):
     undecided: int  # not decided by the runs
 
 
-def counted(rows: pd.DataFrame) -> dict[str, Counted]:
+def counted(rows: pd.DataFrame) -> dict[str, VerdictCounts]:
     """Return the counts of rows by kind: number, order, statement.
 
     Parameters
@@ -54,11 +54,11 @@ def counted(rows: pd.DataFrame) -> dict[str, Counted]:
         words = rows.verdict[rows.counts_as == row_kind]
         if len(words):
             hold, fail = int((words == HOLDS).sum()), int((words == FAILS).sum())
-            counts[row_kind] = Counted(len(words), hold, fail, len(words) - hold - fail)
+            counts[row_kind] = VerdictCounts(len(words), hold, fail, len(words) - hold - fail)
     return counts
 
 
-def said(rows: pd.DataFrame, kinds: Mapping[str, Counted]) -> str:
+def said(rows: pd.DataFrame, kinds: Mapping[str, VerdictCounts]) -> str:
     """Return the counts of numbers and orders as a sentence without its full stop."""
     each = []
     for row_kind, words in _KINDS.items():

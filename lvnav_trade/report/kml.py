@@ -26,7 +26,7 @@ _CORNERS = 36  # points of an ellipse
 _COLOURS = ("1f77ff", "b4771f", "2ca02c", "2827d6")  # KML writes blue, green, red; cases use them in turn
 
 
-class Flight(NamedTuple):
+class KmlFlight(NamedTuple):
     """The flight of a case as it is drawn.
 
     name : Label of the case.
@@ -41,7 +41,7 @@ class Flight(NamedTuple):
     ellipses: Mapping[float, Floats] = MappingProxyType({})
 
 
-def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
+def flights(tables: Tables, ellipses: bool, every: float) -> list[KmlFlight]:
     """Return the flight of every case in a folder of results.
 
     Parameters
@@ -66,12 +66,14 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
         reference, events = (table[table["case"] == case] for table in (tables.reference, tables.events))
         if reference.empty:
             raise damaged(tables.folder / "reference.parquet", f"no rows of the case {label}")
-        drawn.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {}))
+        drawn.append(
+            KmlFlight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {})
+        )
     return drawn
 
 
 def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
-    """Return the covariances of the ellipses by time (see `Flight`)."""
+    """Return the covariances of the ellipses by time (see `KmlFlight`)."""
     axes, covariances = list(_AXES), dict[float, Floats]()
     history, is_full = (
         frame[(frame["case"] == case) & (frame.quantity == "position")]
@@ -90,21 +92,21 @@ def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
     return dict(sorted(covariances.items()))
 
 
-def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> Path:
+def write_kml(file: Path, title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> Path:
     """Write flights as KML 2.2 (see `kml`) and return the file."""
     with writing(file, "cannot be written"):
         file.write_bytes(kml(title, drawn, magnify))
     return file
 
 
-def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
+def kml(title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> bytes:
     """Return flights as KML 2.2.
 
     Parameters
     ----------
     title : str
         Name of the document.
-    drawn : sequence of Flight
+    drawn : sequence of KmlFlight
         The flights.
     magnify : float
         Factor on the size of the 3-sigma ellipses.
@@ -134,11 +136,11 @@ def _coordinates(longitude: ArrayLike, latitude: ArrayLike, height: ArrayLike) -
     return " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lon, lat, h in rows)
 
 
-def _at(flight: Flight, time: float) -> pd.Series[float]:
+def _at(flight: KmlFlight, time: float) -> pd.Series[float]:
     return flight.reference.iloc[int(np.abs(flight.reference["t_s"].to_numpy(dtype=float) - time).argmin())]
 
 
-def _event(flight: Flight, name: str, time: float) -> tuple[str, str, str]:
+def _event(flight: KmlFlight, name: str, time: float) -> tuple[str, str, str]:
     """Return name, description and coordinates of an event or of the start of a fault.
 
     The description gives time, height and ground speed.
@@ -149,7 +151,7 @@ def _event(flight: Flight, name: str, time: float) -> tuple[str, str, str]:
     return name, description, _coordinates(here.longitude_rad, here.latitude_rad, here.altitude_m)
 
 
-def _ellipse(flight: Flight, time: float, covariance: Floats, magnify: float) -> tuple[str, str, str]:
+def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float) -> tuple[str, str, str]:
     """Return name, description and coordinates of an error ellipse at a time (s); covariance (3, 3) in m^2."""
     north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
     sizes = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))[::-1]

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from lvnav_trade.campaign.reading.study import Cell, PrintedTable, Question, Study
+from lvnav_trade.campaign.reading.study import Cell, PrintedTable, StudyCard, StudySection
 from lvnav_trade.quantities.errors import Mistake, quoted
 from lvnav_trade.report.blocks import Block, Table, number
 from lvnav_trade.report.script import StudyScript
@@ -17,7 +17,7 @@ _POOLED = re.compile(r"; \d+ levels of [^<]*? together")
 _UNCLEAR = re.compile(r"[-+\d.]|(none|on|off|yes|no|true|false)$")  # a level that is unclear without its axis
 
 
-def printed_tables(study: Study, rows: pd.DataFrame) -> list[Block]:
+def printed_tables(study: StudyCard, rows: pd.DataFrame) -> list[Block]:
     """Return the published tables laid out in study.yaml.
 
     rows : rows of all campaigns (`results.evaluation.published`)
@@ -67,7 +67,7 @@ def _cells(row: pd.Series | None) -> tuple[str, str, str]:
     )
 
 
-def mistakes(study: Study, questions: Sequence[Question], script: StudyScript) -> Iterator[Mistake]:
+def mistakes(study: StudyCard, questions: Sequence[StudySection], script: StudyScript) -> Iterator[Mistake]:
     """Yield the cells of printed tables for which no statement exists."""
     stated: dict[str, set[str]] = {}
     for question in questions:

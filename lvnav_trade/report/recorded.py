@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.recorded import Processed
+from lvnav_trade.campaign.recorded import FilteredLog
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.figures.vehicle import outages_of_log
@@ -20,7 +20,7 @@ _COLUMNS = (
 )
 
 
-def page(done: Processed, campaign: Campaign) -> tuple[str, str, list[Section]]:
+def page(done: FilteredLog, campaign: Campaign) -> tuple[str, str, list[Section]]:
     """Return title, introduction and sections of the report on a processed log."""
     blocks: list[Block] = [
         Text(done.card.source),
@@ -33,7 +33,7 @@ def page(done: Processed, campaign: Campaign) -> tuple[str, str, list[Section]]:
     return done.card.name, "Outages withheld from a recorded log", [Section("outages", "Outages", blocks)]
 
 
-def _alignment(done: Processed) -> str:
+def _alignment(done: FilteredLog) -> str:
     """Return the description of the initial alignment."""
     alignment = done.alignment
     heading_source = f"from the motion, one sigma {np.degrees(alignment.heading_sigma):.2g} deg"
@@ -44,7 +44,7 @@ def _alignment(done: Processed) -> str:
     )
 
 
-def _wanting(done: Processed) -> Iterator[str]:
+def _wanting(done: FilteredLog) -> Iterator[str]:
     """Yield a sentence on the missing outputs of each row."""
     for row in done.summary.itertuples():
         if reason := _reason(row):

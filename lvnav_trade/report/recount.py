@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import Study
+from lvnav_trade.campaign.reading.study import StudyCard
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.quantities.input_files import read_text
 from lvnav_trade.quantities.limits import DATA_BYTES
 from lvnav_trade.report.blocks import Section
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text
-from lvnav_trade.report.script import Answered, StudyScript, published_rows
+from lvnav_trade.report.script import StudyResult, StudyScript, published_rows
 from lvnav_trade.report.study import (
     APPENDIX,
     agreed,
@@ -52,7 +52,7 @@ class _Page(NamedTuple):
     sections: dict[str, str]
 
 
-def recount(study: Study, campaigns: Sequence[Campaign], folder: Path | str, script: StudyScript) -> Path:
+def recount(study: StudyCard, campaigns: Sequence[Campaign], folder: Path | str, script: StudyScript) -> Path:
     """Update references.csv and the answer of a stored report with the present items and marks of the study.
 
     Numbers, figures and sections of the campaigns are unchanged. Cases in which both engines agree are removed from the
@@ -76,7 +76,11 @@ def recount(study: Study, campaigns: Sequence[Campaign], folder: Path | str, scr
 
 
 def renew(
-    study: Study, campaigns: Sequence[Campaign], folder: Path | str, script: StudyScript, answered: Sequence[Answered]
+    study: StudyCard,
+    campaigns: Sequence[Campaign],
+    folder: Path | str,
+    script: StudyScript,
+    answered: Sequence[StudyResult],
 ) -> Path:
     """Update a stored study report with new results of some campaigns, and recount all of it.
 
@@ -195,7 +199,7 @@ def _in_order(frames: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFr
     return rows.iloc[place.argsort(kind="stable")].reset_index(drop=True)
 
 
-def _agreed(place: Path, answered: Sequence[Answered], names: Sequence[str]) -> pd.DataFrame:
+def _agreed(place: Path, answered: Sequence[StudyResult], names: Sequence[str]) -> pd.DataFrame:
     """Return the rows of agreement.csv, with those of the answered campaigns replaced."""
     texts = (read_text(place / "agreement.csv", DATA_BYTES), csv_text(agreed(answered)))
     before, after = (pd.read_csv(StringIO(text), dtype=str, keep_default_na=False) for text in texts)

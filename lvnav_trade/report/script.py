@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import Figure, Part, Question
+from lvnav_trade.campaign.reading.study import CampaignFigure, StudyCampaign, StudySection
 from lvnav_trade.quantities.errors import Mistake
 from lvnav_trade.report.blocks import Block
 from lvnav_trade.report.figures.figure import Figure as Drawing
@@ -15,7 +15,7 @@ from lvnav_trade.results.evaluation.published import reference_rows
 from lvnav_trade.results.tables.read import Tables
 
 
-class Answered(NamedTuple):
+class StudyResult(NamedTuple):
     """A campaign of a study with its results.
 
     part : Section of study.yaml for the campaign.
@@ -23,7 +23,7 @@ class Answered(NamedTuple):
     tables : Its results, in the units of the study.
     """
 
-    part: Part
+    part: StudyCampaign
     campaign: Campaign
     tables: Tables
 
@@ -37,9 +37,9 @@ class StudyFigure(NamedTuple):
     faults : Yields the input errors of an entry, path below the entry and message, before anything is computed.
     """
 
-    draw: Callable[[Answered, Figure], Drawing | None]
+    draw: Callable[[StudyResult, CampaignFigure], Drawing | None]
     caption: str = ""
-    faults: Callable[[Figure, Question], Iterator[tuple[str, str]]] = lambda figure, question: iter(())
+    faults: Callable[[CampaignFigure, StudySection], Iterator[tuple[str, str]]] = lambda figure, question: iter(())
 
 
 class StudyScript:
@@ -57,7 +57,7 @@ class StudyScript:
         self.folder = Path(folder)
         self.figures = dict(figures or {})
 
-    def mistakes(self, questions: Sequence[Question]) -> Iterator[Mistake]:
+    def mistakes(self, questions: Sequence[StudySection]) -> Iterator[Mistake]:
         """Yield the errors of the script's own input, before anything is computed."""
         for question in questions:
             for place, figure in enumerate(question.part.figures):
@@ -96,7 +96,7 @@ class StudyScript:
         """Return the blocks of the answer on the rows that are statements."""
         return []
 
-    def blocks(self, answered: Answered) -> list[Block]:
+    def blocks(self, answered: StudyResult) -> list[Block]:
         """Return further tables and figures of a campaign, below its table of published numbers."""
         return []
 

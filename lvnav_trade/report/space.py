@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.report.blocks import Block, Designs, More, Text, figure, stated
+from lvnav_trade.report.blocks import Block, DesignExplorer, Details, Text, figure, stated
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
@@ -56,18 +56,18 @@ def space(tables: Tables) -> list[Block]:
             blocks.append(drawn._replace(name=f"swings-{number}"))
     if len(METRICS["regions"](tables)):
         blocks.append(figure(tables, "regions", interval=within))
-    blocks.append(Designs(data_json(_explorer(tables, frame))))
+    blocks.append(DesignExplorer(data_json(_explorer(tables, frame))))
     blocks += _rows(tables, frame)
     if len(effects):
         rows = effects.assign(axis=effects.axis.map(axis_label))
         tables_of_axes = [stated("effects", _without_intervals(tables, rows, "low"))]
         if len(swings):
             tables_of_axes.append(stated("swings", _without_intervals(tables, _ends(tables, swings), "low")))
-        blocks.append(More(note("effects_title"), [Text(note("effects")), *tables_of_axes]))
+        blocks.append(Details(note("effects_title"), [Text(note("effects")), *tables_of_axes]))
     regions = METRICS["regions"](tables)
     if len(regions):
         rows = _without_intervals(tables, _for_people(tables, regions), "share_low")
-        blocks.append(More(note("regions_title"), [stated("regions", rows, interval=_EXACT * tables.is_sampled)]))
+        blocks.append(Details(note("regions_title"), [stated("regions", rows, interval=_EXACT * tables.is_sampled)]))
     return [*blocks, Text(_whole(tables)), *_analysed_whole(tables, frame)]
 
 
@@ -160,13 +160,13 @@ def _rows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         blocks.append(stated("space_best", _shown(tables, best), order=order))
     if len(missed):
         missed_table = stated("space_missed", _shown(tables, missed))
-        blocks.append(More(note("missed_title"), [missed_table]) if len(best) else missed_table)
+        blocks.append(Details(note("missed_title"), [missed_table]) if len(best) else missed_table)
     if cheap and len(compliant):
         values = compliant[[*cheap, "error_ratio"]].to_numpy(dtype=float)
         front = compliant[[dominating(values, k) < 0 for k in range(len(compliant))]].sort_values(
             cheap[0], kind="stable"
         )
-        blocks.append(More(note("front_title"), [stated("space_front", _shown(tables, front.head(_ROWS)))]))
+        blocks.append(Details(note("front_title"), [stated("space_front", _shown(tables, front.head(_ROWS)))]))
     return blocks
 
 

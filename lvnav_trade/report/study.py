@@ -9,7 +9,7 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.published import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import Figure, Study
+from lvnav_trade.campaign.reading.study import CampaignFigure, StudyCard
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, of, percent, stated, table
 from lvnav_trade.report.build import markdown_page, pictures
@@ -18,12 +18,12 @@ from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.figure import Figure as Drawing
-from lvnav_trade.report.figures.published import Published, ratios
+from lvnav_trade.report.figures.published import PublishedValue, ratios
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
 from lvnav_trade.report.headline import headline, not_counted, those_that_miss
 from lvnav_trade.report.kml import flights, kml
 from lvnav_trade.report.printed import printed_tables
-from lvnav_trade.report.script import Answered, StudyScript, published_rows
+from lvnav_trade.report.script import StudyResult, StudyScript, published_rows
 from lvnav_trade.results.evaluation.covariances import agreement, by_case
 from lvnav_trade.results.evaluation.coverage import coverage
 from lvnav_trade.results.evaluation.pooled_cases import cases_of
@@ -40,8 +40,8 @@ _MANY = 12  # cases; with more, the table of coverage has the last event only
 
 
 def build(
-    study: Study,
-    answered: Sequence[Answered],
+    study: StudyCard,
+    answered: Sequence[StudyResult],
     folder: Path | str,
     unflown: Sequence[Campaign] = (),
     script: StudyScript | None = None,
@@ -50,9 +50,9 @@ def build(
 
     Parameters
     ----------
-    study : Study
+    study : StudyCard
         Texts and layout of the report.
-    answered : sequence of Answered
+    answered : sequence of StudyResult
         Campaigns with their results.
     folder : Path or str
         Folder of the report; files of an earlier report are replaced.
@@ -99,13 +99,13 @@ def build(
     return target.folder / "report.md"
 
 
-def assumptions(study: Study) -> list[Section]:
+def assumptions(study: StudyCard) -> list[Section]:
     """Return the section on what the publication does not specify; empty if the study states nothing about it."""
     blocks: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     return [Section("assumptions", "Assumptions", blocks)] if blocks else []
 
 
-def agreed(answered: Sequence[Answered]) -> pd.DataFrame:
+def agreed(answered: Sequence[StudyResult]) -> pd.DataFrame:
     """Return the rows of agreement.csv: runs against linear covariance, by campaign and case."""
     return together(
         answered, [agreement(campaign_results.tables).dropna(subset="monte_carlo") for campaign_results in answered]
@@ -117,30 +117,32 @@ def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def flight_of(one: Answered, case: Case) -> bytes:
+def flight_of(one: StudyResult, case: Case) -> bytes:
     """Return the trajectory of a case as KML."""
     label = one.tables.labels[_cases(one, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
     return kml(f"{one.part.campaign}: {label}", drawn)
 
 
-def together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
+def together(answered: Sequence[StudyResult], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns as one frame, with the campaign's name before each case."""
     labelled = [named(campaign_results, frame) for campaign_results, frame in zip(answered, frames, strict=True)]
     return pd.concat([frame for frame in labelled if len(frame)] or labelled[:1], ignore_index=True)
 
 
-def named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
+def named(one: StudyResult, frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with the campaign's name before each case."""
     return frame.assign(case=[f"{one.part.campaign}: {case}" for case in frame["case"]])
 
 
-def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Sequence[Mapping[str, Any]]) -> Section:
+def answer(
+    study: StudyCard, every: pd.DataFrame, script: StudyScript, campaigns: Sequence[Mapping[str, Any]]
+) -> Section:
     """Return the section with the answer of a study.
 
     Parameters
     ----------
-    study : Study
+    study : StudyCard
         Texts and layout of the report.
     every : pandas.DataFrame
         Rows of all campaigns, as `results.evaluation.published.references`.
@@ -164,7 +166,7 @@ def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Se
     return Section("answer", "Answer", [*blocks, *not_counted(frame)])
 
 
-def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
+def line_of(one: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
     """Return the row of a campaign in the table of campaigns.
 
     frame : rows of published numbers of all campaigns
@@ -183,7 +185,7 @@ def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) -> Section:
+def campaign_section(one: StudyResult, frame: pd.DataFrame, script: StudyScript) -> Section:
     """Return the section of a campaign.
 
     frame : rows of published numbers of this campaign
@@ -198,7 +200,7 @@ def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) ->
     blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired)]
     numbered = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
     if not any(figure.plot == "spread" for figure in part.figures):
-        numbered.append(("spread", Figure(plot="spread")))
+        numbered.append(("spread", CampaignFigure(plot="spread")))
     for name, figure in numbered:
         script_figure = script.figures.get(figure.plot)
         drawn = _draw(one, figure, script) if script_figure is None else script_figure.draw(one, figure)
@@ -222,14 +224,14 @@ def heading(campaign: str) -> str:
     return " ".join([first[:1].upper() + first[1:], *following])
 
 
-def _draw(one: Answered, figure: Figure, script: StudyScript) -> Drawing | None:
+def _draw(one: StudyResult, figure: CampaignFigure, script: StudyScript) -> Drawing | None:
     """Return the drawing of a figure of study.yaml, by the script or by a plot of the report."""
     case, level_sets, quantity = _cases(one, figure.case)[0], figure.cases, figure.quantity
     for level_set in level_sets:
         _cases(one, level_set)
     over = (quantity, level_sets, figure.axis, figure.during)
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
-    published = None if figure.published is None else Published(figure.published, figure.band or (0.5, 2.0))
+    published = None if figure.published is None else PublishedValue(figure.published, figure.band or (0.5, 2.0))
     arguments: dict[str, tuple[Any, ...]] = {
         "spread": ([*one.campaign.model_dump(mode="json")["references"], *script.references(one.campaign.name)],),
         "errors": over,
@@ -245,7 +247,7 @@ def _draw(one: Answered, figure: Figure, script: StudyScript) -> Drawing | None:
     return drawn
 
 
-def _cases(one: Answered, case: Case) -> list[str]:
+def _cases(one: StudyResult, case: Case) -> list[str]:
     """Return the digests of the cases with the levels given in study.yaml; InputError if there is none."""
     digests = cases_of(one.tables, case, ())
     if not digests:
@@ -254,7 +256,7 @@ def _cases(one: Answered, case: Case) -> list[str]:
     return digests
 
 
-def agreements(answered: Sequence[Answered]) -> Section:
+def agreements(answered: Sequence[StudyResult]) -> Section:
     """Return the appendix with the cases in which runs and linear covariance disagree."""
     frame = pd.concat(
         [
@@ -274,7 +276,7 @@ def agreements(answered: Sequence[Answered]) -> Section:
     return Section("agreement", APPENDIX, blocks)
 
 
-def reproduce(study: Study, answered: Sequence[Answered]) -> Section:
+def reproduce(study: StudyCard, answered: Sequence[StudyResult]) -> Section:
     """Return the command, seeds and digests of each campaign."""
     rows = [
         {

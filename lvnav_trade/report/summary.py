@@ -7,7 +7,7 @@ import pandas as pd
 
 from lvnav_trade.report.advice import advice, ways_to_comply
 from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assumptions
-from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, table, words
+from lvnav_trade.report.blocks import Block, Details, Table, Text, figure, listed, number, table, words
 from lvnav_trade.report.document import margin_policy, place_of
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import MARKS, RESTS_ON, filter_cells, mark, overconfidence, short_lived, window_cells
@@ -36,7 +36,7 @@ def summary(tables: Tables) -> list[Block]:
     blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
     for lead in ("Warning:", "Note:"):
         lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
-        blocks += lines if len(lines) <= _FEW else [More(f"{len(lines)} {lead[:-1].lower()}s", lines)]
+        blocks += lines if len(lines) <= _FEW else [Details(f"{len(lines)} {lead[:-1].lower()}s", lines)]
     blocks += [*placed_by_assumptions(tables), *ranked_by_assumptions(tables)]
     if len(frame):
         blocks.append(_matrix(tables, frame))
@@ -45,7 +45,7 @@ def summary(tables: Tables) -> list[Block]:
     at = words(METRICS["ranking"](tables).event.iloc[0])
     drawn = figure(tables, "rank", name="ranking", event=at)
     ranking = _ranking(tables)
-    return [*blocks, drawn, More("Ranking with intervals", [ranking]) if len(frame) else ranking]
+    return [*blocks, drawn, Details("Ranking with intervals", [ranking]) if len(frame) else ranking]
 
 
 def _verdict(frame: pd.DataFrame) -> list[Block]:

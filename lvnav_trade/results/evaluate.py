@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results.metric import Metric, MetricValue, SingleValue, event_of, no_fit, scale_of
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.case import Errors
+from lvnav_trade.results.statistics.case import RunErrors
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import errors_by_axis, pick
 from lvnav_trade.results.tables.read import Tables
@@ -49,7 +49,7 @@ def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: 
     return metric_in(stated).single(tables, case, stated, unit)
 
 
-def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | None:
+def errors_at(tables: Tables, case: str, event: str, metric: str) -> RunErrors | None:
     """Return the magnitude of an error at an event in every run, in the order of the runs; None if not available."""
     return metric_of(metric).errors(CaseTables(tables, case), {"metric": metric, "at": event})
 

@@ -16,7 +16,7 @@ from lvnav_trade.quantities import units
 from lvnav_trade.quantities.records import Floats
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.statistics.case import CaseResults, Distribution, Errors
+    from lvnav_trade.results.statistics.case import CaseResults, Distribution, RunErrors
     from lvnav_trade.results.tables.read import Tables
 
 # Blocks of a campaign that can name a metric
@@ -136,7 +136,7 @@ class Metric:
     def faults(self, stated: Any) -> Iterator[str]:
         """Yield an error message for each setting of a statement that is missing or has no effect for this metric.
 
-        stated: `published.Measured`, whose type is above this package.
+        stated: `published.MeasuredMetric`, whose type is above this package.
         """
         return iter(())
 
@@ -179,7 +179,7 @@ class Metric:
         number = value.true if np.isnan(value.monte_carlo) else value.monte_carlo
         return SingleValue(number, value.remark, np.sort(np.sqrt(value.runs) if value.is_root else value.runs))
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the quantity bounded by a requirement in each run, infinite in a failed run; None if not available."""
         return None
 

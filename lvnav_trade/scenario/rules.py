@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lvnav_trade.scenario.scenario import Scenario
 
 
-class Breach(NamedTuple):
+class RuleBreach(NamedTuple):
     """A rule that a scenario breaks: path of the field to change, and the reason."""
 
     path: str
@@ -43,43 +43,43 @@ class Refusal(NamedTuple):
 # --- settings that contradict each other ------------------------------------------------------------------------------
 
 
-def _of_control(scenario: Scenario) -> Iterator[Breach]:
+def _of_control(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of a vehicle under control."""
     control, card = scenario.control, scenario.trajectory
     if control is None:
         return
     if card.kind != "vehicle":
-        yield Breach("control", f"the ascent of a vehicle is steered, not a trajectory of kind {card.kind}")
+        yield RuleBreach("control", f"the ascent of a vehicle is steered, not a trajectory of kind {card.kind}")
         return
     if not sensors_measuring(scenario, "attitude"):
-        yield Breach("control", "a vehicle under control needs a sensor that measures attitude")
+        yield RuleBreach("control", "a vehicle under control needs a sensor that measures attitude")
     if card.control is not None:
-        yield Breach(
+        yield RuleBreach(
             "control", "steers the ascent anew, which flies under trajectory.control already; state one of them"
         )
     for misfit in control.misfits(len(card.vehicle.stages)):
         path, _, reason = misfit.partition(": ")
-        yield Breach(path, reason)
+        yield RuleBreach(path, reason)
 
 
-def _twice(scenario: Scenario) -> Iterator[Breach]:
+def _twice(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the first fault that is listed twice."""
     faults = scenario.faults
     second = next((k for k, fault in enumerate(faults) if fault in faults[:k]), None)
     if second is not None:
         first = faults.index(faults[second])
-        yield Breach(f"faults.{second}", f"is the same as faults.{first}; leave one of them out")
+        yield RuleBreach(f"faults.{second}", f"is the same as faults.{first}; leave one of them out")
 
 
-def _unmeasured(scenario: Scenario) -> Iterator[Breach]:
+def _unmeasured(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the measurements that no sensor provides; a sensor set to null removes its measurement without an error."""
     for name in scenario.filter.measurements:
         provided = None in scenario.sensors.values() or sensors_measuring(scenario, name)
         if name in SENSOR_MEASUREMENTS and not provided:
-            yield Breach("filter.measurements", f"no sensor of the scenario measures {name}")
+            yield RuleBreach("filter.measurements", f"no sensor of the scenario measures {name}")
 
 
-SETTINGS: tuple[Callable[[Scenario], Iterator[Breach]], ...] = (_of_control, _twice, _unmeasured)
+SETTINGS: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_of_control, _twice, _unmeasured)
 
 
 # --- what physics refuses ---------------------------------------------------------------------------------------------
@@ -248,7 +248,7 @@ _RATES = {
 }
 
 
-def _rates(scenario: Scenario) -> Iterator[Breach]:
+def _rates(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the rates that do not divide the next faster rate."""
     pairs = [
         ("imu.rate", "imu.process_rate"),
@@ -266,18 +266,18 @@ def _rates(scenario: Scenario) -> Iterator[Breach]:
         fast = attrgetter(name)(scenario)
         ratio = fast / slow
         if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
-            yield Breach(path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz")
+            yield RuleBreach(path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz")
 
 
-def _strapdown(scenario: Scenario) -> Iterator[Breach]:
+def _strapdown(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breach of a strapdown step longer than a covariance step."""
     most = round(scenario.imu.rate / scenario.filter.covariance_rate)
     if scenario.filter.strapdown.ratio > max(1, most):
         reason = f"a step longer than a covariance step of {most} increments; at most {most} fit"
-        yield Breach("filter.strapdown.ratio", reason)
+        yield RuleBreach("filter.strapdown.ratio", reason)
 
 
-def _noiseless(scenario: Scenario) -> Iterator[Breach]:
+def _noiseless(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the measurements that the filter models without noise, which makes its covariance singular."""
     card = scenario.filter
     matched = isinstance(card.receiver, str)
@@ -289,21 +289,21 @@ def _noiseless(scenario: Scenario) -> Iterator[Breach]:
         name = f"{measurement}_sigma"
         if getattr(receiver, name, 1.0) <= 0.0:
             reason = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
-            yield Breach(f"{truth if matched else 'filter.receiver'}.{name}", reason)
+            yield RuleBreach(f"{truth if matched else 'filter.receiver'}.{name}", reason)
 
 
-CASES: tuple[Callable[[Scenario], Iterator[Breach]], ...] = (_rates, _strapdown, _noiseless)
+CASES: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_rates, _strapdown, _noiseless)
 
 
-def breaches(scenario: Scenario) -> Iterator[Breach]:
+def breaches(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of the rules for every scenario, and the first refused combination."""
     for rule in SETTINGS:
         yield from rule(scenario)
     if (refusal := refused(scenario)) is not None:
-        yield Breach(refusal.path, refusal.reason)
+        yield RuleBreach(refusal.path, refusal.reason)
 
 
-def breaches_of_case(scenario: Scenario) -> Iterator[Breach]:
+def breaches_of_case(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of the rules for the cases of a campaign."""
     for rule in CASES:
         yield from rule(scenario)

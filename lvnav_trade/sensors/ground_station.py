@@ -64,7 +64,7 @@ class StationModel(SensorModel):
         return np.square([[self.range_sigma, self.angle_sigma, self.angle_sigma]])
 
 
-class Look(NamedTuple):
+class StationSight(NamedTuple):
     """Lines of sight from a station, frame i.
 
     values : (n, 3) m, rad, rad. Range, azimuth, elevation.
@@ -140,7 +140,7 @@ class StationCard(SensorCard, SightConditions):
     def _own(self) -> list[int]:
         return [SCALARS.index(name) for name in self.scalars]
 
-    def look(self, flight: FlightView) -> Look:
+    def look(self, flight: FlightView) -> StationSight:
         """Return the lines of sight to the vehicle at the epochs."""
         shape, C_e_n = (flight.t.size, 3), rotation_e_n(self.latitude, self.longitude)
         site = ecef_from_geodetic(self.latitude, self.longitude, self.height)
@@ -155,7 +155,7 @@ class StationCard(SensorCard, SightConditions):
         rising = (level[:, None] * up - u[:, None] * ahead) / distance[:, None] ** 2
         values = np.stack([distance, np.mod(np.arctan2(e, n), 2.0 * np.pi), np.arctan2(u, level)], axis=1)
         partials = np.stack([line / distance[:, None], across, rising], axis=1)
-        return Look(values, partials, place, north, east, up)
+        return StationSight(values, partials, place, north, east, up)
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the measured scalars among range (m), azimuth and elevation (rad), (n_epoch, n_scalar)."""

@@ -133,7 +133,7 @@ class Channels(NamedTuple):
         return tuple(labels)
 
 
-class Geometry(NamedTuple):
+class MeasurementGeometry(NamedTuple):
     """Geometry at the epochs from which the partial derivatives of measurements are computed, SI, frame i.
 
     rate : (n_epoch, n_sat) m/s. Range rate.
@@ -232,14 +232,14 @@ def _is_in(kind: str, observable: str) -> bool:
     return is_rate if kind in RATE_ONLY else not (is_rate and kind in RANGE_ONLY)
 
 
-def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
+def partial(kind: str, geometry: MeasurementGeometry, channels: Channels) -> Floats:
     """Return the derivative (n_epoch, n_channel) of the measurements with respect to an error of a kind.
 
     Parameters
     ----------
     kind : str
         Kind of the error, as in `members`.
-    geometry : Geometry
+    geometry : MeasurementGeometry
     channels : Channels
 
     Returns
@@ -264,7 +264,7 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     return derivative
 
 
-def _of_range(kind: str, geometry: Geometry, observable: str) -> Any:
+def _of_range(kind: str, geometry: MeasurementGeometry, observable: str) -> Any:
     """Return the derivative (n_epoch, n_sat), or a single number, of an observable of the satellites, see `partial`.
 
     For a difference of two epochs it is the derivative with respect to the error at the later epoch.

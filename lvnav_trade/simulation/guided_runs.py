@@ -11,9 +11,9 @@ from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import NO_INJECTIONS, NO_LOST, OUTCOMES, Floats
 from lvnav_trade.simulation.preparation.prepared_case import Prepared
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
-from lvnav_trade.trajectory.guided.autopilot import Draws
+from lvnav_trade.trajectory.guided.autopilot import DrawKeys
 from lvnav_trade.trajectory.guided.draws import draw
-from lvnav_trade.trajectory.guided.dynamics import Navigation
+from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
 from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of
 from lvnav_trade.trajectory.guided.pilots import INJECTED
 from lvnav_trade.trajectory.guided.reference import steering_times
@@ -47,11 +47,13 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     if plan is None:
         return NO_INJECTIONS, NO_LOST
     steered = steering_times(plan, prepared.record.t)
-    navigated = [Navigation(prepared.record.t[steered], error[steered]) for error in in_inertial_axes(prepared, errors)]
+    navigated = [
+        NavigationErrors(prepared.record.t[steered], error[steered]) for error in in_inertial_axes(prepared, errors)
+    ]
     drawn = [draw(plan.card, seed, first_run + k) for k in range(len(navigated))]
     words = seed_words(seed)
     results = [
-        inject(plan, *pair, Draws(*words, np.uint64(first_run + k)))
+        inject(plan, *pair, DrawKeys(*words, np.uint64(first_run + k)))
         for k, pair in enumerate(zip(drawn, navigated, strict=True))
     ]
     lost = [

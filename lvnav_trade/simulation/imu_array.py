@@ -18,7 +18,7 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.simulation.imu_redundancy import begin_redundant, check, combine, entering, new_redundant, note
 
 
-class UnitWork(NamedTuple):
+class ImuArrayWork(NamedTuple):
     """Arrays of an IMU array in a run, updated in place.
 
     tables : (2 n_triad, N_TABLE). Error tables of gyro and accelerometer of each triad.
@@ -26,7 +26,7 @@ class UnitWork(NamedTuple):
     remainder : (n_triad, 6) rad, m/s. Remainder of quantisation.
     before : (4,). Combined angle increment of the previous tick (rad), and 1 if there is one.
     difference : (n_pair, 3) rad, m/s. Difference of two IMUs, summed since its last measurement.
-    redundant : RedundantWork, if the IMUs are tested or selected; otherwise None.
+    redundant : RedundancyWork, if the IMUs are tested or selected; otherwise None.
     """
 
     tables: Floats
@@ -37,7 +37,7 @@ class UnitWork(NamedTuple):
     redundant: Any = None
 
 
-def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
+def new_units(units: Any, n_tick: int, lanes: int = 0) -> ImuArrayWork:
     """Return the arrays of an IMU array (Units): one run, or `lanes` runs on the last axis."""
     n_triad, n_pair, vote = units.n_axis.size, units.pair_sensor.size, units.redundant
     shapes = {
@@ -48,12 +48,12 @@ def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
         "difference": (max(1, n_pair), 3),
     }
     redundant = None if vote is None else new_redundant(int(vote.owner.max()) + 1, n_triad, lanes)
-    return UnitWork(**zeros_of(shapes, lanes), redundant=redundant)
+    return ImuArrayWork(**zeros_of(shapes, lanes), redundant=redundant)
 
 
 @jit
 def begin_units(own, units):
-    """Reset the arrays of an IMU array (Units, or None) at the start of a run."""
+    """Reset the arrays of an IMU array (ImuArray, or None) at the start of a run."""
     if units is not None:
         for i in range(4):
             own.before[i] = like(own.before[i], 0.0)
@@ -79,7 +79,7 @@ def take_difference(work, own, units, k):
 
 @jit
 def add_relative_biases(work, own, units):
-    """Add the true relative biases to the errors of the states that model them (Units, or None)."""
+    """Add the true relative biases to the errors of the states that model them (ImuArray, or None)."""
     if units is not None:
         for p in range(units.pair_sensor.shape[0]):
             at = units.pair_state[p]

@@ -20,7 +20,7 @@ from lvnav_trade.quantities.records import Floats
 FAR = 1e300
 
 
-class RedundantWork(NamedTuple):
+class RedundancyWork(NamedTuple):
     """Work arrays of redundant IMUs in a run.
 
     out : (n_unit,). 1 for an excluded IMU.
@@ -57,7 +57,7 @@ class RedundantWork(NamedTuple):
     over: Floats
 
 
-def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
+def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
     """Return the arrays of redundant IMUs: one run, or `lanes` runs on the last axis."""
     shapes = {
         "out": (n_unit,),
@@ -76,12 +76,12 @@ def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
         "fit": (3,),
         "over": (1,),
     }
-    return RedundantWork(**zeros_of(shapes, lanes))
+    return RedundancyWork(**zeros_of(shapes, lanes))
 
 
 @jit
 def begin_redundant(own, units):
-    """Reset the arrays at the start of a run: every IMU is in use (RedundantWork, or None)."""
+    """Reset the arrays at the start of a run: every IMU is in use (RedundancyWork, or None)."""
     if own is not None:
         zero = like(own.over[0], 0.0)
         own.reduced[0], own.alarm[0] = zero, zero
@@ -105,7 +105,7 @@ def _clear(own):
 
 
 def entering(own: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
-    """Return the weight of axis c of a triad in axis i of the combined triad at a tick (RedundantWork, or None)."""
+    """Return the weight of axis c of a triad in axis i of the combined triad at a tick (RedundancyWork, or None)."""
     whole = units.solved[units.flown[tick], k, sensor, i, c]
     return whole if own is None else where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], whole)
 
@@ -322,7 +322,7 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
     P : (n, n) covariance, updated in place
     solved, before : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
     wanted : 1 in the runs with excluded IMUs
-    n_axis, vote, model : number of axes of each triad, Redundant, FilterModel
+    n_axis, vote, model : number of axes of each triad, ImuRedundancy, FilterModel
     seconds : s, length of the window
     """
     for sensor in range(2):

@@ -13,7 +13,7 @@ from lvnav_trade.filter.policies.epoch_differences import new_earlier
 from lvnav_trade.filter.policies.imu_samples import new_motion
 from lvnav_trade.filter.policies.integrity.state import decisions_of, new_monitor
 from lvnav_trade.filter.policies.iterated import new_again
-from lvnav_trade.filter.policies.mode_logic import DATA_LOST, Watch, new_watch
+from lvnav_trade.filter.policies.mode_logic import DATA_LOST, ModeState, new_watch
 from lvnav_trade.filter.policies.open_loop import new_open_loop
 from lvnav_trade.filter.policies.unscented import new_points
 from lvnav_trade.filter.receivers.receiver import N_STATE as N_RECEIVER
@@ -38,15 +38,15 @@ from lvnav_trade.simulation.epoch.case import Parts, case_of
 from lvnav_trade.simulation.flight_loop import fly
 from lvnav_trade.simulation.guided_runs import injections
 from lvnav_trade.simulation.imu_array import new_units
-from lvnav_trade.simulation.imu_redundancy import RedundantWork
-from lvnav_trade.simulation.preparation.imu_inputs import Unit
-from lvnav_trade.simulation.preparation.inputs import Record, Schedule, Start
+from lvnav_trade.simulation.imu_redundancy import RedundancyWork
+from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
+from lvnav_trade.simulation.preparation.inputs import HistoryTruth, InitialState, Schedule
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 from lvnav_trade.simulation.preparation.signals.recorded_errors import values_of
 from lvnav_trade.simulation.tape import Tape, new_tape
 
 
-class Held(NamedTuple):
+class LastSolutionError(NamedTuple):
     """Error of the receiver's last solution, stored until the next.
 
     error : (11,). Truth minus estimate, frame i.
@@ -57,7 +57,7 @@ class Held(NamedTuple):
     covariance: Floats
 
 
-class Misses(NamedTuple):
+class TransitionErrors(NamedTuple):
     """Error of the filter's transition, for an inertial system without measurements.
 
     error : (n_hist, n_state). True error at the history times, frame i.
@@ -124,9 +124,9 @@ class Truth(NamedTuple):
     record : True state at the ticks of the history times.
     """
 
-    unit: Unit
-    start: Start
-    record: Record
+    unit: ImuTruth
+    start: InitialState
+    record: HistoryTruth
 
 
 @jit
@@ -176,7 +176,9 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
         parts["motion"] = new_motion(n, n_entry, n_lane)
     if options.report is not None:
-        parts["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
+        parts["held"] = LastSolutionError(
+            **zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane)
+        )
     if options.units is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
         parts["units"] = new_units(options.units, n_tick, n_lane)
@@ -186,7 +188,9 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         shape = (len(prepared.sky.names), prepared.model.n_kind)
         parts["last"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
     if options.misses is not None:
-        parts["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
+        parts["missed"] = TransitionErrors(
+            **zeros_of(dict.fromkeys(TransitionErrors._fields, (prepared.t_hist.size, n)), n_lane)
+        )
     if options.backup is not None:
         parts["backup"] = new_backup(n, n_lane)
     if options.unscented is not None:
@@ -251,12 +255,12 @@ def _by_run(array: Floats, lanes: bool) -> Floats:
     return np.moveaxis(array, -1, 0) if lanes else array[None]
 
 
-def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
+def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[TransitionErrors]:
     """Yield the transition errors of runs 0 to n_run - 1, some runs at a time, with the run on the first axis."""
     lanes = not config.DISABLE_JIT
     for first in range(0, n_run, WIDTH if lanes else 1):
         misses = _fly(prepared, seed, first, lanes)[1].missed
-        yield Misses(*(_by_run(array, lanes)[: n_run - first] for array in misses))
+        yield TransitionErrors(*(_by_run(array, lanes)[: n_run - first] for array in misses))
 
 
 def end_of_run(prepared: Prepared, at: int) -> tuple[Floats, Floats, bool]:
@@ -336,7 +340,7 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     )
 
 
-def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes: bool) -> Floats:
+def _changes(prepared: Prepared, watch: ModeState, first_run: int, n_run: int, lanes: bool) -> Floats:
     """Return the mode transitions (n, 5) of some runs: run, t (s), mode before, mode after, reason."""
     mode, reason = (_by_run(array, lanes)[:n_run] for array in (watch.mode, watch.reason))
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
@@ -346,7 +350,7 @@ def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes
     return np.stack([first_run + run, prepared.t_epoch[at], before[run, at], mode[run, at], reason[run, at]], axis=1)
 
 
-def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_run: int, lanes: bool) -> Floats:
+def _excluded(prepared: Prepared, redundant: RedundancyWork, first_run: int, n_run: int, lanes: bool) -> Floats:
     """Return the decisions (n, 4) on redundant IMUs in some runs: exclusion of an IMU, or an alarm without exclusion.
 
     The columns are those of `filter.policies.integrity.state.decisions_of`.

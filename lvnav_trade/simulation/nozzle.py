@@ -15,7 +15,7 @@ from lvnav_trade.simulation.preparation.vehicle import burns
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.control_cards import FeedbackCard
 from lvnav_trade.trajectory.guided import autopilot
-from lvnav_trade.trajectory.guided.course import Ascent, ascend
+from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
 from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 
 # Rates that the controller is fed, a mission each.
@@ -27,7 +27,7 @@ SHOWN = 100.0
 _BIN = 0.05
 
 
-class Controlled(NamedTuple):
+class NozzleStatistics(NamedTuple):
     """Missions of a case; axes are pitch and yaw.
 
     t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
@@ -49,7 +49,7 @@ class Controlled(NamedTuple):
 
 
 @lru_cache(maxsize=2)
-def _ascended(text: str) -> Ascent:
+def _ascended(text: str) -> SolvedAscent:
     return ascend(VehicleAscent.model_validate_json(text))
 
 
@@ -69,7 +69,7 @@ def launch_of(scenario: Scenario) -> Launch:
     return with_rate_gain(launch, card.rate_gain)
 
 
-def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
+def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | None:
     """Return the missions of a case on the campaign's draws; None where it has no vehicle under control."""
     if scenario.control is None:
         return None
@@ -77,7 +77,7 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
     moved = np.stack([flown.history[..., autopilot.MOVED] for flown in missions])
     shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
-    return Controlled(
+    return NozzleStatistics(
         t=missions[0].t,
         total=_totals(missions, np.array(_burns_of(scenario))),
         mean=moved.mean(axis=1),
@@ -119,7 +119,7 @@ def _totals(missions: list[Missions], spans: Floats) -> Floats:
 
 
 def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
-    """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see Controlled."""
+    """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see NozzleStatistics."""
     sums = flown.sums.sum(axis=0)
     furthest = flown.sums.max(axis=0)
     ticks = np.where(sums[..., autopilot.TICKS] > 0.0, sums[..., autopilot.TICKS], np.nan)

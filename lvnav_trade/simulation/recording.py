@@ -133,7 +133,7 @@ def _motion_errors(work, motion, vehicle, tick):
 
 @jit
 def _record_samples(work, motion, samples, model, tick, hist):
-    """Write the errors of the last IMU sample: raw, and corrected by the estimated bias (Samples, or None)."""
+    """Write the errors of the last IMU sample: raw, and corrected by the estimated bias (ReportedSamples, or None)."""
     if samples is not None:
         n = model.reported.shape[0]
         for i in range(N_SAMPLE):
@@ -201,8 +201,8 @@ def record(work, parts, case, missed, history, tick, hist):
     Parameters
     ----------
     work, parts, case : Work, Parts, FilterCase
-    missed : Misses, which gets the errors of the transition; None to record estimation errors
-    history : Record, true motion at the history times
+    missed : TransitionErrors, which gets the errors of the transition; None to record estimation errors
+    history : HistoryTruth, true motion at the history times
     tick : last tick before the history time
     hist : history time
     """

@@ -177,7 +177,7 @@ def sense(work, own, unit, units, first, n_tick, key):
     ----------
     work : Work, updated in place
     own : UnitWork of an IMU array; None for one IMU
-    unit : Unit
+    unit : ImuTruth
     units : Units of an IMU array, whose combined triad is the output; None for one IMU
     first, n_tick : first tick, number of ticks
     key : (2,) key words of the seed
@@ -358,7 +358,7 @@ def measure_sensors(work, own, sensors, units, signals, key, epoch):
 
 @jit
 def _observe_further(work, last, case, further, key, epoch):
-    """Set the further observables of satellites (Further, or None)."""
+    """Set the further observables of satellites (FurtherObservables, or None)."""
     if further is not None:
         _measure_further(work, last, further, case.signals, np.uint64(epoch + 1), epoch, key)
 

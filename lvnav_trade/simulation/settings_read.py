@@ -11,7 +11,7 @@ from lvnav_trade.gnss.fault_cards import (
     CycleSlip,
     DegradedNoise,
     Jamming,
-    Jump,
+    JumpFault,
     RangeBias,
     SatelliteOutage,
     Spoofing,
@@ -33,7 +33,7 @@ _FLIGHT_LOOP = ("filter.feedback",)
 _CONTROL = ("control", "filter.envelope", "trajectory")
 
 
-class Used(NamedTuple):
+class EffectiveSettings(NamedTuple):
     """Settings with an effect on a case, by dotted path in the scenario.
 
     read : Fields that were read during preparation.
@@ -48,7 +48,7 @@ class Used(NamedTuple):
     exact: frozenset[str] = frozenset()
 
 
-def used(prepared: Prepared, read: Collection[str]) -> Used:
+def used(prepared: Prepared, read: Collection[str]) -> EffectiveSettings:
     """Return the settings with an effect on a case; read: paths of the fields that its preparation read.
 
     The simulation and the vehicle under control read further cards later. These are listed here, and a test simulates a
@@ -75,7 +75,7 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
             *_of_tests(scenario),
         ]
     )
-    return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
+    return EffectiveSettings(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
 
 def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -183,7 +183,7 @@ def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
 def _of_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield faults of zero duration; as a level of an axis, a zero duration is the case without the fault."""
     for number, fault in enumerate(scenario.faults):
-        if not isinstance(fault, Jump) and fault.duration == 0.0:
+        if not isinstance(fault, JumpFault) and fault.duration == 0.0:
             yield f"faults.{number}", "no effect: it lasts no time"
 
 

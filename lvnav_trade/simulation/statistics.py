@@ -17,7 +17,7 @@ from lvnav_trade.quantities.records import (
     Output,
     RunBlock,
 )
-from lvnav_trade.simulation.sums import ErrorBins, ErrorSums, LagSums, Spans, add_errors, add_lags, count_bins
+from lvnav_trade.simulation.sums import ErrorBins, ErrorSpans, ErrorSums, LagSums, add_errors, add_lags, count_bins
 
 # Axis name of the norm of a three-axis quantity.
 NORM = "3d"
@@ -262,7 +262,7 @@ def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tup
     error, sigma = np.ascontiguousarray(block.err), np.ascontiguousarray(block.sigma)
     counted = np.searchsorted(block.t, until)
     size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
-    add_errors(error, sigma, groups, counted, size, Spans(block.t, at), sums, np.empty((n_hist, n_column)))
+    add_errors(error, sigma, groups, counted, size, ErrorSpans(block.t, at), sums, np.empty((n_hist, n_column)))
     mean_square /= np.diff(block.t[at])[:, None]
     return {
         "total": total,

@@ -26,7 +26,7 @@ class ErrorBins(NamedTuple):
     number: int
 
 
-class Spans(NamedTuple):
+class ErrorSpans(NamedTuple):
     """Spans of the history over which errors are bounded.
 
     t : (n,) s. Times of the history.
@@ -62,7 +62,7 @@ def add_errors(
     groups: Ints,
     counted: Ints,
     size: ErrorBins,
-    spans: Spans,
+    spans: ErrorSpans,
     sums: ErrorSums,
     row: Floats,
 ) -> None:

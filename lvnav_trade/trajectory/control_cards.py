@@ -91,7 +91,7 @@ class RotationCard(units.NamedCard):
         return np.asarray(mass * (stack.gyration * stack.length) ** 2)
 
 
-class Gains(units.Card):
+class ControlGains(units.Card):
     """Nozzle angle commanded per attitude error (rad per rad), per rate error, and per integral of attitude error."""
 
     attitude: float = Field(ge=0.0)
@@ -136,7 +136,7 @@ class ControllerCard(units.NamedCard):
     the command begins where the vehicle points and goes over to the ascent's attitude by the lag of `command_time`.
     """
 
-    gains: tuple[Gains, ...] = Field(min_length=1, description="one entry for each stage, from the first")
+    gains: tuple[ControlGains, ...] = Field(min_length=1, description="one entry for each stage, from the first")
     command_time: units.TimeConstant = Field(
         2.0, description="time constant of the critically damped lag that smooths steps of the command"
     )

@@ -12,7 +12,7 @@ from lvnav_trade.quantities.records import Floats
 _MANY = 6.0  # times the longer neighbouring interval: above it an interval is a gap, below it a change of rate
 
 
-class Hole(NamedTuple):
+class RowGap(NamedTuple):
     """A gap between two rows of a file.
 
     row : Index of the last row before the gap.
@@ -31,17 +31,17 @@ class Hole(NamedTuple):
         return self.end - self.start
 
 
-def holes(t: Floats) -> list[Hole]:
+def holes(t: Floats) -> list[RowGap]:
     """Return the gaps between rising times t (n,) in s."""
     interval = np.diff(t)
     neighbour = np.maximum(np.append(interval[1:], 0.0), np.append(0.0, interval[:-1]))
     gaps = np.flatnonzero((interval > _MANY * neighbour) & (neighbour > 0.0)).tolist()
-    return [Hole(k, float(t[k]), float(t[k + 1]), float(neighbour[k])) for k in gaps]
+    return [RowGap(k, float(t[k]), float(t[k + 1]), float(neighbour[k])) for k in gaps]
 
 
 def bridged(
     t: Floats, needed: float, longest: float, file: str, places: Sequence[str] = ()
-) -> tuple[list[Hole], Hole | None]:
+) -> tuple[list[RowGap], RowGap | None]:
     """Return the gaps that a spline bridges, and the gap at which the data end.
 
     Parameters
@@ -62,7 +62,7 @@ def bridged(
     InputError
         A gap longer than `longest` begins before `needed`.
     """
-    short: list[Hole] = []
+    short: list[RowGap] = []
     for hole in holes(t):
         if hole.length <= longest:
             short.append(hole)
@@ -77,7 +77,7 @@ def bridged(
     return short, None
 
 
-def described(short: Sequence[Hole]) -> list[str]:
+def described(short: Sequence[RowGap]) -> list[str]:
     """Return the remark on the gaps that a spline bridges; an empty list without gaps."""
     if not short:
         return []
@@ -98,7 +98,7 @@ _COAST = 0.25  # of the force on the other side of a jump: below it the engine c
 _NEAR = 0.5  # s, plus two intervals: a declared event so close to a jump explains it
 
 
-class Jump(NamedTuple):
+class ForceJump(NamedTuple):
     """A jump of the specific force.
 
     time : s. Estimated time within the interval.
@@ -112,7 +112,7 @@ class Jump(NamedTuple):
     width: float
 
 
-def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float = 0.0) -> list[Jump]:
+def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float = 0.0) -> list[ForceJump]:
     """Return the jumps of a specific force in order of time.
 
     Jumps that noise may explain are not returned. Intervals are joined in pairs, again and again, to find the jumps
@@ -129,7 +129,7 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
     noise : float or (n + 1,)
         One sigma (m/s) of the velocities from which the force is computed; 0 if unknown.
     """
-    jumps: list[Jump] = []
+    jumps: list[ForceJump] = []
     stated, hidden = np.broadcast_to(noise, t.shape), np.full(force.shape, np.inf)
     while force.size > 2 * _SIDE:
         width = np.diff(t)
@@ -159,7 +159,7 @@ def _noise(force: Floats) -> float:
     return float(np.median(np.abs(np.diff(force, 2)))) / (0.6745 * math.sqrt(6.0))
 
 
-def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[Jump]:
+def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[ForceJump]:
     """Yield the jumps whose size is between `limit` and `hidden` (n,) m/s^2, the clearest first.
 
     None lies within the fitted lines of another.
@@ -181,7 +181,7 @@ def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterat
         j = int(np.argmax(score))
         begin, end = t[k[j]], t[k[j] + 1]
         time = begin + min(max(float(part[j]), 0.0), 1.0) * (end - begin)
-        yield Jump(float(time), float(before[0, j]), float(after[1, j]), float(end - begin))
+        yield ForceJump(float(time), float(before[0, j]), float(after[1, j]), float(end - begin))
         score[max(j - _SIDE, 0) : j + _SIDE + 1] = 0.0
 
 

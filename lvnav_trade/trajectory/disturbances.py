@@ -72,7 +72,7 @@ class Noise(Card):
         require_rising("frequency", self.frequency)
 
 
-class Mode(Card):
+class SwayMode(Card):
     """Sway of a vehicle on its pad: rocking or bending about a body axis, or torsion, excited by wind.
 
     The IMU is rotated by an angle and displaced by that angle times the lever arm. With a damping ratio the motion is
@@ -106,7 +106,7 @@ class OscillationCard(Card):
     coning: tuple[Coning, ...] = ()
     tones: tuple[Tone, ...] = ()
     noise: tuple[Noise, ...] = ()
-    modes: tuple[Mode, ...] = ()
+    modes: tuple[SwayMode, ...] = ()
 
     def _faults(self) -> Iterator[str]:
         if not (self.coning or self.tones or self.noise or self.modes):
@@ -131,7 +131,7 @@ class Oscillation(NamedTuple):
     shift: Complex
 
 
-class Small(NamedTuple):
+class SmallMotion(NamedTuple):
     """Small motion of the body relative to its mean motion at n times, body axes.
 
     turn, turn_rate : (n, 3) rad, rad/s. Rotation vector and its derivative.
@@ -145,9 +145,9 @@ class Small(NamedTuple):
     shift_acceleration: Floats
 
 
-def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> Small:
+def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
     """Return the sum of oscillations at times t (n,), body axes; zero outside their windows."""
-    total = Small(*(np.zeros((t.size, 3)) for _ in Small._fields))
+    total = SmallMotion(*(np.zeros((t.size, 3)) for _ in SmallMotion._fields))
     for oscillation in oscillations:
         within = (oscillation.start < t) & (t < oscillation.end)
         for whole, part in zip(total, _motion_of(oscillation, t[within]), strict=True):
@@ -155,12 +155,12 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> Small:
     return total
 
 
-def _motion_of(oscillation: Oscillation, t: Floats) -> Small:
+def _motion_of(oscillation: Oscillation, t: Floats) -> SmallMotion:
     w, dw, ddw = (column[:, None] for column in _window(oscillation, t))
     parts = (np.hstack([amplitude.real, amplitude.imag]) for amplitude in (oscillation.turn, oscillation.shift))
     waves = sum_of_waves(t - oscillation.start, oscillation.omega, *parts)
     turn, turn_rate, shift, rate, acceleration = np.split(waves, 5, axis=1)
-    return Small(
+    return SmallMotion(
         w * turn,
         dw * turn + w * turn_rate,
         w * shift,
@@ -260,7 +260,7 @@ def _lines(card: Noise) -> Iterable[Row]:
 _SLOWEST, _FASTEST = 0.02, 20.0  # times the frequency of a mode: less than 1e-4 of the power lies outside
 
 
-def _sway(card: Mode) -> Iterator[Row]:
+def _sway(card: SwayMode) -> Iterator[Row]:
     """Yield the lines of a mode: of equal power, with fixed frequencies within equal parts of the density."""
     if card.damping is None:
         yield _swaying(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
@@ -276,7 +276,7 @@ def _sway(card: Mode) -> Iterator[Row]:
         yield _swaying(card, factor * card.frequency, peak, 2.0 * math.pi * turns)
 
 
-def _swaying(card: Mode, frequency: float, peak: float, phase: float) -> Row:
+def _swaying(card: SwayMode, frequency: float, peak: float, phase: float) -> Row:
     """Return a sinusoid of a mode: its rotation vector, and the displacement of the IMU at the lever arm."""
     turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
     return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)

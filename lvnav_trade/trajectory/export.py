@@ -9,7 +9,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_i_n
 from lvnav_trade.quantities.limits import DATA_ROWS
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.plausibility import OutsideFlight, peaks
+from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, peaks
 from lvnav_trade.trajectory.files.columns import OWN_EVENTS, TableTrajectory
 from lvnav_trade.trajectory.flight import TrajectoryCard, build
 from lvnav_trade.trajectory.truth import Trajectory, motion
@@ -32,7 +32,7 @@ _SPARE = 1.02  # limit of an exported peak over the peak of the trajectory
 _STEP = 0.0317  # s between the times at which two trajectories are compared; no multiple of a usual step
 
 
-class Exported(NamedTuple):
+class ExportedFlight(NamedTuple):
     """An exported trajectory.
 
     text : Text of the CSV file.
@@ -45,7 +45,7 @@ class Exported(NamedTuple):
     flight: Trajectory
 
 
-def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exported:
+def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> ExportedFlight:
     """Return the trajectory of a card as CSV rows and a card.
 
     Rows have geodetic position, velocity relative to the Earth (ned) and the quaternion from body to frame i, with all
@@ -83,7 +83,7 @@ def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exporte
     }
     if hold > 0.0:
         fields["pad_hold"] = f"{hold!r} s"
-    return Exported(_text(card, flight, t), fields, flight)
+    return ExportedFlight(_text(card, flight, t), fields, flight)
 
 
 def _layout() -> dict[str, Any]:
@@ -145,7 +145,7 @@ def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
     for field, unit in (("highest_load", "m/s^2"), ("highest_rate", "rad/s"), ("highest_spin", "rad/s")):
         usual = float(TableTrajectory.model_fields[field].default)
         size = next(peak.size for peak in peaks(flight) if peak.field == field) * _SPARE
-        limit = getattr(card, field) if isinstance(card, OutsideFlight) else usual
+        limit = getattr(card, field) if isinstance(card, FileFlightCard) else usual
         if max(size, limit) > usual:
             limits[field] = f"{max(size, limit)!r} {unit}"
     return limits

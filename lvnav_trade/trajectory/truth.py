@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline, PPoly, make_interp_spline
 from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.records import Floats, Motion, Reference
 from lvnav_trade.trajectory.disturbances import Oscillation, small_motion
 
@@ -121,9 +121,9 @@ class Trajectory:
         return replace(self, remarks=(*self.remarks, *(Remark(kind, text) for text in texts)))
 
     @cached_property
-    def course(self) -> Course:
+    def course(self) -> FlightProfile:
         """The flight as `Conditions` evaluate it: events, altitude, speed, dynamic pressure."""
-        return Course(self.instants, self._reached)
+        return FlightProfile(self.instants, self._reached)
 
     def _reached(self, t: Floats) -> Floats:
         """Return altitude (m), speed (m/s, relative to the Earth) and dynamic pressure (Pa) at t (n,) s, (3, n)."""

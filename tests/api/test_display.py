@@ -5,12 +5,12 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_trade.api.display import MOST_ROWS, Displayed, Shown, html_of, text_of
+from lvnav_trade.api.display import MOST_ROWS, DisplayContent, Displayed, html_of, text_of
 
 
 def test_html_has_title_lines_and_tables_as_text():
     frame = pd.DataFrame({"case": ["<b>x</b>"], "error_m": [0.123456789]})
-    page = html_of(Shown("<script>", ("a < b",), {"Errors": frame}))
+    page = html_of(DisplayContent("<script>", ("a < b",), {"Errors": frame}))
     assert "<script>" not in page
     assert "&lt;script&gt;" in page
     assert "<p>a &lt; b</p>" in page
@@ -19,7 +19,7 @@ def test_html_has_title_lines_and_tables_as_text():
 
 
 def test_text_has_the_same():
-    assert text_of(Shown("Title", ("line",), {"": pd.DataFrame({"n": [1]})})).splitlines() == [
+    assert text_of(DisplayContent("Title", ("line",), {"": pd.DataFrame({"n": [1]})})).splitlines() == [
         "Title",
         "line",
         " n",
@@ -30,14 +30,14 @@ def test_text_has_the_same():
 @pytest.mark.parametrize("form", [html_of, text_of])
 def test_a_long_table_is_cut_and_counted(form):
     frame = pd.DataFrame({"n": range(MOST_ROWS + 3)})
-    assert "3 more rows" in form(Shown("", (), {"": frame}))
-    assert "more rows" not in form(Shown("", (), {"": frame[:MOST_ROWS]}))
+    assert "3 more rows" in form(DisplayContent("", (), {"": frame}))
+    assert "more rows" not in form(DisplayContent("", (), {"": frame[:MOST_ROWS]}))
 
 
 def test_a_result_says_what_it_shows():
     class One(Displayed):
         def _shown(self):
-            return Shown("One")
+            return DisplayContent("One")
 
     assert One()._repr_html_() == "<h4>One</h4>"
     assert str(One()) == "One"

@@ -7,8 +7,8 @@ from pathlib import Path
 import pandas as pd
 
 from lvnav_trade import api
-from lvnav_trade.campaign.running.selfcheck import Checked
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.campaign.running.selfcheck import CombinedCheck
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 
 
 def test_a_checked_campaign_has_its_cases_and_remarks():
@@ -29,8 +29,8 @@ def test_a_plan_is_a_table_with_its_cost(tmp_path):
 
 
 def test_a_selfcheck_counts_its_verdicts():
-    checks = [Check("gate", "innovations", 0.5, 0.0, 1.0), Check("gate", "innovations", 2.0, 0.0, 1.0)]
-    found = api.SelfCheck(tuple(Checked(one, ("a", "b")) for one in checks))
+    checks = [CheckResult("gate", "innovations", 0.5, 0.0, 1.0), CheckResult("gate", "innovations", 2.0, 0.0, 1.0)]
+    found = api.SelfCheck(tuple(CombinedCheck(one, ("a", "b")) for one in checks))
     assert (found.passed, found.count("passed"), found.count("failed")) == (False, 1, 1)
     assert list(found.frame.case) == ["all", "all"]
     assert "1 passed, 1 failed" in str(found)

@@ -21,7 +21,7 @@ from lvnav_studies.checks import faults
 from lvnav_studies.claims import Claims
 from lvnav_trade.api import check
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import Study
+from lvnav_trade.campaign.reading.study import StudyCard
 from lvnav_trade.cli import app
 from lvnav_trade.quantities.errors import InputError
 
@@ -197,7 +197,7 @@ def test_the_settings_of_a_page_are_accepted(root, desk, monkeypatch, page):
             assert list(faults(Claims.model_validate(settings), check(campaign).campaign)) == []
             continue
         if set(settings) == {"printed"}:  # of study.yaml
-            assert Study.model_validate({"title": "A paper", "description": "", **settings}).printed
+            assert StudyCard.model_validate({"title": "A paper", "description": "", **settings}).printed
             continue
         base = yaml.load(start) if page in AFRESH else base
         _laid_over(base, settings)

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
 from lvnav_trade.covariance.history import covariance, forward_tape
-from lvnav_trade.filter.policies.stored_gains import FlownGains, schedule_of
+from lvnav_trade.filter.policies.stored_gains import GainHistory, schedule_of
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import state_names
 from lvnav_trade.scenario.scenario import Scenario
@@ -188,7 +188,7 @@ def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
     taken = np.unique(tape.channel[:used])
     if not taken.size:
         raise InputError("filter.gains: the filter has no measurement that a gain could be for")
-    flown = FlownGains(
+    flown = GainHistory(
         states=state_names(prepared.layout),
         measurements=[names[k] for k in taken],
         t=prepared.t_epoch,

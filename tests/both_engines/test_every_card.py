@@ -25,7 +25,7 @@ from lvnav_trade.trajectory.disturbances import GravityCard
 from lvnav_trade.trajectory.flight import Trajectory, TrajectoryCard, build, reference
 from lvnav_trade.trajectory.flights.orbital import OrbitalFlight
 from lvnav_trade.trajectory.flights.sounding import SoundingFlight
-from lvnav_trade.trajectory.guided.course import Ascent, ascend
+from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
 from lvnav_trade.trajectory.guided.missions import fly_missions, prepare_launch
 from tests.building import SITE_R, flight, loaded, prepare_hop, turning, with_fields
 from tests.trajectory import flight_cases
@@ -115,7 +115,7 @@ def test_every_field_of_a_gravity_disturbance_changes_what_is_computed() -> None
 
 
 @lru_cache(maxsize=1)
-def ascent() -> Ascent:
+def ascent() -> SolvedAscent:
     return ascend(VehicleAscent.model_validate(flight_cases.launcher_settings("churchill_sso")))
 
 

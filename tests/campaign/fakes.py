@@ -14,7 +14,7 @@ import numpy as np
 
 from lvnav_trade.campaign.running.execute import Store
 from lvnav_trade.campaign.running.work import Engine
-from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
+from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import CovHistory, Output
 
@@ -87,7 +87,7 @@ class Fake:
 
     def explain(self, scenario: Any, prepared: Any, covariance: CovHistory, asked: Any) -> Any:
         self.calls.append(Call("explain", prepared.name))
-        return Explanation("explained", unbounded=prepared.name)
+        return CaseDiagnostics("explained", unbounded=prepared.name)
 
     def run_block(self, prepared: Any, seed: int, first: int, n: int) -> Any:
         self.calls.append(Call("block", prepared.name, first, n))

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded import Asked, process, read_card, summarised
+from lvnav_trade.campaign.recorded import OutagePlan, process, read_card, summarised
 from lvnav_trade.quantities.errors import InputError
 from tests import recorded_log, recorded_sets
 
@@ -21,7 +21,7 @@ def test_outages_of_a_filter_that_knows_its_errors(tmp_path):
         folder = tmp_path / str(seed)
         folder.mkdir()
         card, _ = recorded_log.write(folder, seed)
-        done = process(load(folder / "drive.yaml"), card, Asked((15.0, 60.0), 20.0, 10.0))
+        done = process(load(folder / "drive.yaml"), card, OutagePlan((15.0, 60.0), 20.0, 10.0))
         squares.append(done.summary.nees_ratio.to_numpy())
         inside.append(done.outages.inside.mean())
         assert list(done.summary.outages) == [9, 4]
@@ -60,15 +60,15 @@ def test_the_card_of_the_manual_is_one(tmp_path):
 def test_outages_that_do_not_fit_are_refused(tmp_path):
     card, _ = recorded_log.write(tmp_path)
     with pytest.raises(InputError, match="no outage of 300 s fits"):
-        process(load(tmp_path / "drive.yaml"), card, Asked((300.0,)))
+        process(load(tmp_path / "drive.yaml"), card, OutagePlan((300.0,)))
 
 
 @pytest.mark.skipif(not recorded_sets.SHARED.is_dir(), reason="no recorded sets on this machine")
 @pytest.mark.parametrize(
     ("name", "asked", "enough", "short"),
     [
-        ("walk", Asked(), "filter=walking", "filter=datasheet"),
-        ("drive", Asked((15.0, 30.0), 10.0, 1.0), "filter=as in a street", "filter=as at rest"),
+        ("walk", OutagePlan(), "filter=walking", "filter=datasheet"),
+        ("drive", OutagePlan((15.0, 30.0), 10.0, 1.0), "filter=as in a street", "filter=as at rest"),
     ],
 )
 def test_recorded_outages_end_inside_three_sigma_of_a_filter_with_enough_noise(tmp_path, name, asked, enough, short):
@@ -84,6 +84,6 @@ def test_recorded_outages_end_inside_three_sigma_of_a_filter_with_enough_noise(t
 def test_a_recorded_drive_by_ranges_and_broadcast_ephemerides(tmp_path):
     card = recorded_sets.drive(tmp_path)
     above = f"base.constellation={{kind: rinex, rinex: {tmp_path / 'drive.nav'}}}"
-    done = process(load("campaigns/recorded/drive_tight.yaml", [above]), card, Asked((15.0, 30.0), 10.0, 1.0))
+    done = process(load("campaigns/recorded/drive_tight.yaml", [above]), card, OutagePlan((15.0, 30.0), 10.0, 1.0))
     assert (done.summary.inside_percent >= 95.0).all()
     assert done.summary.nees_ratio.between(0.3, 1.5).all()

@@ -40,7 +40,7 @@ def test_options_that_do_not_go_together_are_refused(options: list[str], said: s
 
 
 def test_a_shard_says_what_is_stored_and_what_comes_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = clusters.Shared(tmp_path / "shard-2-of-8", 480, 3, ("a, run 3 diverged",))
+    done = clusters.ShardOutcome(tmp_path / "shard-2-of-8", 480, 3, ("a, run 3 diverged",))
     asked: list[object] = []
     monkeypatch.setattr(api, "run_shard", lambda *given: (asked.append(given[1]), done)[1])
     result = call("run", SMOKE, "--shard", "2/8", "--out", str(tmp_path))

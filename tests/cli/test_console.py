@@ -260,7 +260,7 @@ def test_durations_are_read_at_a_glance(seconds: float, words: str) -> None:
 
 
 def test_a_verb_with_progress_says_how_long_it_took(monkeypatch: pytest.MonkeyPatch) -> None:
-    done = clusters.Shared(Path("shard-1-of-2"), 40, 1, ())
+    done = clusters.ShardOutcome(Path("shard-1-of-2"), 40, 1, ())
     monkeypatch.setattr(api, "run_shard", lambda *_: done)
     result = call("run", SMOKE, "--shard", "1/2")
     assert re.fullmatch(r"[0-9:]{8} run: [0-9.]+ s in total\n", result.stderr)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.running import selfcheck
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"
@@ -36,8 +36,8 @@ def test_a_self_check_prints_a_line_a_check_and_fails_with_one(
     events: dict[str, float], monkeypatch: pytest.MonkeyPatch, figure: float, code: int
 ) -> None:
     checks = [
-        Check("Jacobian", "pseudorange", figure, high=0.3, where="position x"),
-        Check("draws", "x", reason="none"),
+        CheckResult("Jacobian", "pseudorange", figure, high=0.3, where="position x"),
+        CheckResult("draws", "x", reason="none"),
     ]
     monkeypatch.setattr(selfcheck, "check_scenario", lambda *given: checks)
     result = call("selfcheck", SMOKE, "-j", "1", "-q")

@@ -15,7 +15,7 @@ import os, sys
 from lvnav_trade.cli import console
 
 @console.verb("", with_json=False)
-def probe(code: int) -> console.Answer:
+def probe(code: int) -> console.VerbResult:
     sys.stderr.write("progress\\n")
     for _ in range(2000):
         print("a line of the answer, long enough to fill the buffer of a pipe sooner or later")
@@ -25,7 +25,7 @@ def probe(code: int) -> console.Answer:
         os.system("echo of a worker; echo of a worker >&2")
     if code < 0:
         raise {-1: EOFError, -2: BrokenPipeError(32, "Broken pipe"), -3: KeyboardInterrupt}[code]
-    return console.Answer("the last line", code=code)
+    return console.VerbResult("the last line", code=code)
 
 console.main()
 """

@@ -14,7 +14,7 @@ from lvnav_trade.quantities.records import INJECTION, NO_INJECTIONS, ORBIT
 from lvnav_trade.simulation.guided_runs import in_inertial_axes
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import prepare
-from lvnav_trade.trajectory.guided.dynamics import Navigation
+from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
 from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of
 from lvnav_trade.trajectory.guided.reference import steering_times
 from lvnav_trade.trajectory.guided.runs import inject
@@ -60,7 +60,7 @@ def by_navigation(prepared, block):
     """Return the error (n_run, n_orbit) of vehicles of which nothing is drawn, with the navigation errors of runs."""
     plan, errors = prepared.plan, in_inertial_axes(prepared, block.err)
     known = steering_times(plan, prepared.record.t)
-    flown = [inject(plan, {}, Navigation(prepared.record.t[known], one[known])).y for one in errors]
+    flown = [inject(plan, {}, NavigationErrors(prepared.record.t[known], one[known])).y for one in errors]
     return orbit_difference(orbit_of(np.stack(flown)), orbit_of(plan.nominal[None])[0])
 
 

@@ -21,7 +21,7 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import GROUP, grouped_zeros
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.simulation.epoch.joint import N_CLONE, N_NAV
-from lvnav_trade.simulation.preparation.signals.solution import Chain
+from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 from tests.covariance.small import of_lanes
 from tests.filter.policies.test_delay import late as a_late
@@ -88,7 +88,7 @@ def setting():
     rng = np.random.default_rng(4)
     root = rng.standard_normal((N_ALL + 2, 20))
     full = root @ root.T
-    chain = Chain(
+    chain = SolutionErrorModel(
         rng.standard_normal((1, M, M)), rng.standard_normal((1, M, 2)), np.array([[0.5, 2.0]]), np.array([0, 1]),
         rng.standard_normal((1, M, 2)), rng.standard_normal((1, M)), np.arange(6), np.zeros((1, 6, 6)),
         np.ones(1, dtype=bool), np.zeros((1, 6)),

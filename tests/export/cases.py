@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from lvnav_trade.export.code import Exported, exported
+from lvnav_trade.export.code import FilterProgram, exported
 from lvnav_trade.export.filter_code import FLAGS
 from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
 from lvnav_trade.simulation.preparation.prepare import Prepared
@@ -27,7 +27,7 @@ def prepared_of(levels: Mapping[str, str]) -> Prepared:
     return prepare_hop(with_stored_gains(case, scenario) if stored else scenario, flight(kind))
 
 
-def write(folder: Path, prepared: Prepared, made: Exported, runs: int) -> None:
+def write(folder: Path, prepared: Prepared, made: FilterProgram, runs: int) -> None:
     """Write header, source and replay of a filter, and runs."""
     (folder / "nav_filter.h").write_text(made.header)
     (folder / "nav_filter.c").write_text(made.source)

@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.export.storage import Storage
 from lvnav_trade.export.translation.program import Program
-from lvnav_trade.export.translation.values import ONLY, SAME, Fields, Known
+from lvnav_trade.export.translation.values import ONLY, SAME, Constant, RecordValue
 from tests.export.cases import prepared_of
 
 
@@ -38,6 +38,6 @@ def test_what_differs_between_epochs_is_an_input(prepared):
 def test_what_is_true_of_the_flight_is_not_there(prepared):
     storage = Storage(prepared, Program("f"), 2)
     assert not {"range", "rate", "position", "sigma", "shared"} & set(storage.signals.fields)
-    assert storage.options.fields["report"] == Known(None)
-    assert isinstance(storage.parts, Fields)
+    assert storage.options.fields["report"] == Constant(None)
+    assert isinstance(storage.parts, RecordValue)
     assert storage.state["innovation"].rings[0] == 2

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.model import build_filter_model, initial_covariance, window_tables
-from lvnav_trade.filter.states import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, Taken, state_layout
+from lvnav_trade.filter.states import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, FilterMeasurements, state_layout
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.transition import ATT, POS, SQUARE, VEL
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
@@ -49,7 +49,7 @@ def accepted(lever=(0.0, 0.0, 0.0), **fields):
 
 
 def built(states, imu, lever=(0.0, 0.0, 0.0), listed=RANGES):
-    taken = Taken(imu, RECEIVER, channels(listed), lever_arms=np.array([lever]))
+    taken = FilterMeasurements(imu, RECEIVER, channels(listed), lever_arms=np.array([lever]))
     layout = state_layout(states, taken)
     return layout, build_filter_model(states, layout, taken, SECONDS)
 

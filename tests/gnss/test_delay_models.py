@@ -25,7 +25,7 @@ from lvnav_trade.gnss.delay_cards import (
 )
 from lvnav_trade.gnss.delay_models import (
     TOP,
-    Geometry,
+    DelayGeometry,
     interpolated,
     ionosphere_delay,
     profile,
@@ -53,7 +53,7 @@ def seen(height, degrees, azimuth=0.5, latitude=-0.674):
     height = np.atleast_1d(np.asarray(height, dtype=float))
     elevation = np.broadcast_to(np.radians(degrees), (height.size, np.size(degrees)))
     place = np.full(height.size, latitude), np.full(height.size, -1.08)
-    return Geometry(213.0, 54000.0, *place, height, np.full(elevation.shape, azimuth), elevation)
+    return DelayGeometry(213.0, 54000.0, *place, height, np.full(elevation.shape, azimuth), elevation)
 
 
 @pytest.mark.parametrize("model", TROPOSPHERES, ids=lambda m: m.kind)

@@ -14,11 +14,11 @@ from lvnav_trade.gnss.fault_cards import (
     WildSamples,
 )
 from lvnav_trade.gnss.faults import antennas_alive, delay, failures, highest, lost
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.errors import InputError
 
 T = np.arange(0.0, 20.0)
-COURSE = Course({"lift_off": 0.0, "stage1_cutoff": 8.0})
+COURSE = FlightProfile({"lift_off": 0.0, "stage1_cutoff": 8.0})
 # Four satellites at constant rates; the second is the highest at first, and the third from 7.5 s on.
 ELEVATION = np.stack([0.3 + 0.0 * T, 0.9 - 0.02 * T, 0.6 + 0.02 * T, 0.1 + 0.0 * T], axis=1)
 VISIBLE = np.ones((20, 4), dtype=bool)

@@ -8,7 +8,7 @@ from lvnav_trade.gnss.interference import effective, feigned, jamming_density
 from lvnav_trade.gnss.link import LinkCard
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n
 from lvnav_trade.quantities.line_of_sight import sight
 from lvnav_trade.trajectory.flight import motion
@@ -87,7 +87,7 @@ def test_the_link_budget_feels_it_and_the_receiver_loses_what_is_too_weak():
 
 def test_ranges_of_a_spoofer_are_those_of_the_place_that_moves_away():
     class Flight:
-        theta0, course = 0.0, Course({"lift_off": 0.0})
+        theta0, course = 0.0, FlightProfile({"lift_off": 0.0})
 
     card = Spoofing(start="4 s", duration="60 s", velocity=["3 m/s", "-2 m/s", "1 m/s"])
     place = ecef_from_geodetic(0.6, 0.3, 5e4)

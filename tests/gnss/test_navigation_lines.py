@@ -2,27 +2,27 @@ import gzip
 
 import pytest
 
-from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
+from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import whole
 
 
 @pytest.mark.parametrize(("text", "value"), [("1.5", 1.5), (" -0.25D-01", -0.025), ("3E2 ", 300.0), ("2d0", 2.0)])
 def test_numbers_are_read_with_fortran_exponents(text, value):
-    assert number("here", text, Bounds(-1.0, 1e3)) == value
+    assert number("here", text, NumberBounds(-1.0, 1e3)) == value
 
 
 @pytest.mark.parametrize(
     ("text", "bounds", "what"),
     [
-        ("x", Bounds(0.0, 1.0), "'x' is not a number"),
-        ("1.5", Bounds(0, 9, whole), "'1.5' is not a whole number"),
-        ("1_0", Bounds(0, 99, whole), "'1_0' is not a whole number"),
-        ("1_0.5", Bounds(0.0, 99.0), "'1_0.5' is not a number"),
-        ("\u0661", Bounds(0.0, 9.0), "'\u0661' is not a number"),
-        ("2", Bounds(0.0, 1.0), "2 is outside 0 to 1"),
-        ("nan", Bounds(0.0, 1.0), "nan is outside 0 to 1"),
-        ("inf", Bounds(0.0, 1.0), "inf is outside 0 to 1"),
+        ("x", NumberBounds(0.0, 1.0), "'x' is not a number"),
+        ("1.5", NumberBounds(0, 9, whole), "'1.5' is not a whole number"),
+        ("1_0", NumberBounds(0, 99, whole), "'1_0' is not a whole number"),
+        ("1_0.5", NumberBounds(0.0, 99.0), "'1_0.5' is not a number"),
+        ("\u0661", NumberBounds(0.0, 9.0), "'\u0661' is not a number"),
+        ("2", NumberBounds(0.0, 1.0), "2 is outside 0 to 1"),
+        ("nan", NumberBounds(0.0, 1.0), "nan is outside 0 to 1"),
+        ("inf", NumberBounds(0.0, 1.0), "inf is outside 0 to 1"),
     ],
 )
 def test_what_is_no_number_or_out_of_bounds_is_refused_where_it_stands(text, bounds, what):

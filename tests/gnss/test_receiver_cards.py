@@ -12,10 +12,10 @@ from lvnav_trade.campaign.syntax.cards import Shelf, shipped
 from lvnav_trade.filter.receivers.receiver import FilterSettings, ReportedCovariance, point_model, receiver_filter
 from lvnav_trade.gnss.receiver_cards import (
     BancroftSolution,
+    ComputedCovariance,
     ConstantCovariance,
     DirectSolution,
     FilteredSolution,
-    OwnCovariance,
     ReceiverCard,
     SolutionCard,
 )
@@ -70,11 +70,11 @@ def test_a_point_solution_becomes_the_solvers_numbers_and_starts_the_filter():
 
 
 def test_what_is_reported_is_chosen_by_kind():
-    assert READ.validate_python(PUBLISHED).reported_covariance == OwnCovariance(factor=10.0)
+    assert READ.validate_python(PUBLISHED).reported_covariance == ComputedCovariance(factor=10.0)
     assert READ.validate_python(SECOND).reported_covariance == ConstantCovariance(
         kind="constant", position_sigma="2.2 m", velocity_sigma="0.11 m/s"
     )
-    assert READ.validate_python(POINT).reported_covariance == OwnCovariance()
+    assert READ.validate_python(POINT).reported_covariance == ComputedCovariance()
 
 
 def test_a_simulated_solution_is_one_of_the_kinds():

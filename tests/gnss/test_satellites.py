@@ -16,7 +16,7 @@ from lvnav_trade.gnss.constellation import (
     orbits,
 )
 from lvnav_trade.gnss.rinex import read_navigation
-from lvnav_trade.gnss.satellites import Combined, left_out, nearest, satellites, time_offsets
+from lvnav_trade.gnss.satellites import CombinedSatellites, left_out, nearest, satellites, time_offsets
 from lvnav_trade.gnss.visibility import transmission
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
@@ -291,7 +291,7 @@ def test_a_combined_constellation_is_its_parts_one_after_the_other(card):
         satellites(card("gps_galileo_glonass"), EPOCH),
         np.linspace(0.0, 600.0, 5)[:, None] - np.arange(72) * 1e-3,
     )
-    assert isinstance(whole, Combined)
+    assert isinstance(whole, CombinedSatellites)
     assert len(set(whole.names)) == 72
     assert whole.systems == ("G",) * 24 + ("E",) * 24 + ("R",) * 24
     alone = satellites(card("galileo_24"), EPOCH)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.gnss.tracking import DEAF, DYNAMICS, HELD, HIDDEN, WEAK, Signals, TrackingCard, share, track
+from lvnav_trade.gnss.tracking import DEAF, DYNAMICS, HELD, HIDDEN, WEAK, ChannelSignals, TrackingCard, share, track
 from lvnav_trade.quantities.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK
 
 STEP = 0.1
@@ -20,7 +20,7 @@ def signals(duration, n_sat=4, start=0.0):
     t = start + STEP * np.arange(round(duration / STEP) + 1)
     shape = (t.size, n_sat)
     height = np.tile(np.linspace(1.2, 0.2, n_sat), (t.size, 1))
-    return Signals(t, np.ones(shape, bool), np.zeros(shape, np.int8), np.ones(shape, bool), height)
+    return ChannelSignals(t, np.ones(shape, bool), np.zeros(shape, np.int8), np.ones(shape, bool), height)
 
 
 def take(given, sat, start, end, cause=WEAK):
@@ -188,7 +188,7 @@ def test_another_satellite_leaves_the_draws_of_the_rest_alone():
     given = signals(30.0, n_sat=3)
     settings = card(start="searching", searchers=3, aiding="none")
     _, three = track(settings, 16, NAMES[:3], given)
-    _, two = track(settings, 16, (NAMES[0], NAMES[2]), Signals(given.t, *(a[:, [0, 2]] for a in given[1:])))
+    _, two = track(settings, 16, (NAMES[0], NAMES[2]), ChannelSignals(given.t, *(a[:, [0, 2]] for a in given[1:])))
     assert of(three, "G03") == of(two, "G03")
     _, other = track(settings.model_copy(update={"realisation": 1}), 16, NAMES[:3], given)
     assert of(other, "G03") != of(three, "G03")

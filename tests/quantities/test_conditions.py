@@ -17,7 +17,7 @@ from lvnav_trade.gnss.fault_cards import (
     SatelliteOutage,
 )
 from lvnav_trade.gnss.faults import failures, lost, periods
-from lvnav_trade.quantities.conditions import Conditions, Course, SightConditions, both, inside, never
+from lvnav_trade.quantities.conditions import Conditions, FlightProfile, SightConditions, both, inside, never
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.simulation.preparation.imu import profiles_of
@@ -33,7 +33,7 @@ def thrown(t):
     return np.stack([400.0 * t - 2.0 * t**2, np.abs(400.0 - 4.0 * t) * (t > 0.0), 1e5 * np.exp(-t / 20.0)])
 
 
-STONE = Course(INSTANTS, thrown)
+STONE = FlightProfile(INSTANTS, thrown)
 T = np.arange(-10.0, 191.0)
 
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.quantities.reads import Reads, remembered, remembered_by_reads
+from lvnav_trade.quantities.reads import FieldReads, remembered, remembered_by_reads
 from lvnav_trade.quantities.units import Card, Length
 
 
@@ -34,7 +34,7 @@ def outer() -> Outer:
 
 
 def test_fields_are_recorded_where_they_stand_as_a_user_writes_them():
-    reads = Reads(outer())
+    reads = FieldReads(outer())
     card = reads.card
     assert card.many[1].size == 3.0
     assert card.named["a"].start == "a"
@@ -44,20 +44,20 @@ def test_fields_are_recorded_where_they_stand_as_a_user_writes_them():
 
 
 def test_writing_out_comparing_hashing_copying_and_validating_read_nothing():
-    reads = Reads(outer())
+    reads = FieldReads(outer())
     card = reads.card
     assert Outer.model_validate(card.model_dump(by_alias=True, mode="json")) == card
     assert Outer.model_validate(card) is card
     assert card.model_copy(update={"number": 4}) != card
     assert card.model_dump_json() == outer().model_dump_json()
-    assert hash(Reads(Inner(size="1 m")).card) == hash(Inner(size="1 m"))
+    assert hash(FieldReads(Inner(size="1 m")).card) == hash(Inner(size="1 m"))
     assert reads.paths == set()
 
 
 def test_a_copy_is_equal_to_its_card_and_of_its_class():
-    card, copy = outer(), Reads(outer()).card
+    card, copy = outer(), FieldReads(outer()).card
     assert card == copy == card
-    assert copy == Reads(card).card
+    assert copy == FieldReads(card).card
     assert card.model_copy(update={"number": 4}) != copy
     assert isinstance(copy, Outer)
     assert isinstance(copy.one, Inner)
@@ -66,7 +66,7 @@ def test_a_copy_is_equal_to_its_card_and_of_its_class():
 
 def test_the_card_itself_records_nothing():
     card = outer()
-    reads = Reads(card)
+    reads = FieldReads(card)
     assert card.one.size == 1.0
     assert reads.paths == set()
     assert "__getattribute__" not in vars(Card)
@@ -74,8 +74,8 @@ def test_the_card_itself_records_nothing():
 
 
 def test_within_a_record_another_one_may_be_kept():
-    reads = Reads(outer())
-    within = Reads(reads.card.one)
+    reads = FieldReads(outer())
+    within = FieldReads(reads.card.one)
     assert within.card.size == 1.0
     assert reads.card.number == 3
     assert (reads.paths, within.paths) == ({"one", "number"}, {"size"})
@@ -83,7 +83,7 @@ def test_within_a_record_another_one_may_be_kept():
 
 def test_what_goes_to_another_process_is_the_card_itself():
     card = outer()
-    again = pickle.loads(pickle.dumps(Reads(card).card))
+    again = pickle.loads(pickle.dumps(FieldReads(card).card))
     assert again == card
     assert type(again) is Outer
     assert type(again.many[0]) is Inner
@@ -97,7 +97,7 @@ def test_a_result_that_was_kept_counts_as_having_read_what_it_was_made_of():
         calls.append(key)
         return factor * card.size
 
-    first, reads = outer(), Reads(outer())
+    first, reads = outer(), FieldReads(outer())
     assert larger("a", first.one, 2.0) == 2.0
     assert larger("a", reads.card.one, 2.0) == 2.0
     assert calls == ["a"]
@@ -139,7 +139,7 @@ def test_what_a_kept_result_was_computed_from_counts_as_read() -> None:
         return float(card.initial.tilt)
 
     tilt("a", demo())
-    reads = Reads(demo())
+    reads = FieldReads(demo())
     tilt("a", reads.card)
     assert {"initial", "initial.tilt"} <= reads.paths
     assert "initial.heading" not in reads.paths

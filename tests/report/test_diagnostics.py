@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.report import build
 from lvnav_trade.report import diagnostics as explained
-from lvnav_trade.report.blocks import Grades
+from lvnav_trade.report.blocks import SourceScaling
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -44,7 +44,7 @@ def test_a_mean_error_that_counts_stands_below_the_sources_and_in_the_root_mean_
 
 def test_frozen_and_retuned_numbers_stand_beside_each_other(tables):
     blocks = explained.grades(tables)
-    assert sum(isinstance(block, Grades) for block in blocks) == 1
+    assert sum(isinstance(block, SourceScaling) for block in blocks) == 1
     table = next(block for block in blocks if block.kind == "table")
     assert table.head[2:] == ("x 0.1", "x 0.3", "x 1", "x 3", "x 10")
     frozen, retuned = map(float, table.rows[0][6].split(" / "))

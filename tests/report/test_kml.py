@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.report.kml import Flight, flights, write_kml
+from lvnav_trade.report.kml import KmlFlight, flights, write_kml
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -43,7 +43,7 @@ def flight(ellipses=None):
             "ground_speed_m_per_s": 100.0 * t,
         }
     )
-    return Flight("a & b", reference, pd.DataFrame({"event": ["cutoff"], "t_s": [7.2]}), ellipses or {})
+    return KmlFlight("a & b", reference, pd.DataFrame({"event": ["cutoff"], "t_s": [7.2]}), ellipses or {})
 
 
 def test_path_and_events_stand_where_the_flight_is(tmp_path):

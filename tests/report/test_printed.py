@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.reading.study import Study
+from lvnav_trade.campaign.reading.study import StudyCard
 from lvnav_trade.report.printed import printed_tables, short_cases
 from lvnav_trade.results.evaluation.published import COLUMNS, marks
 
@@ -44,21 +44,21 @@ ROWS = pd.DataFrame(
 
 
 def test_each_cell_has_what_is_printed_ours_and_the_ratio() -> None:
-    (table,) = printed_tables(Study.model_validate(STUDY), ROWS)
+    (table,) = printed_tables(StudyCard.model_validate(STUDY), ROWS)
     assert table.head == ("RMS error", "estimated (m)", "ours", "ratio", "not estimated (m)", "ours", "ratio")
     assert table.rows[0] == ("position", "2317", "2300", "0.993", "64", "20.0", "0.312 out")
     assert table.rows[1] == ("white", "yes", "0.500", "out", "", "", "")
 
 
 def test_a_campaign_without_results_leaves_its_cells_empty() -> None:
-    (table,) = printed_tables(Study.model_validate(STUDY), ROWS[:0])
+    (table,) = printed_tables(StudyCard.model_validate(STUDY), ROWS[:0])
     assert table.rows[0] == ("position", *[""] * 6)
 
 
 def test_cells_and_columns_are_as_many() -> None:
     wrong = LAYOUT | {"rows": {"position": ["position"]}}
     with pytest.raises(ValidationError, match=r"rows\.position: 1 cells for 2 columns"):
-        Study.model_validate(STUDY | {"printed": [wrong]})
+        StudyCard.model_validate(STUDY | {"printed": [wrong]})
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded import Processed, failures, summarised
+from lvnav_trade.campaign.recorded import FilteredLog, failures, summarised
 from lvnav_trade.report.build import html_page, markdown_page
 from lvnav_trade.report.recorded import page
 from lvnav_trade.simulation.recorded.alignment import Alignment
 from lvnav_trade.simulation.recorded.navigation_log import NavigationLog
 
 
-def processed(inside: bool = True, square: float = 1.0, heading: str | None = None) -> Processed:
+def processed(inside: bool = True, square: float = 1.0, heading: str | None = None) -> FilteredLog:
     card = NavigationLog.model_validate(
         {"name": "a drive", "source": "simulated", "epoch": "2026-01-01T00:00:00Z", "imu": {"file": "i"},
          "gnss": {"file": "g"}, "still": ["0 s", "9 s"], "heading": heading}
@@ -24,10 +24,10 @@ def processed(inside: bool = True, square: float = 1.0, heading: str | None = No
          "inside": inside, "failed": False}
     )  # fmt: skip
     aligned = Alignment(9.0, np.eye(3), np.radians([0.1, 0.0, -0.2]), np.radians(-90.0), np.radians(0.5))
-    return Processed(card, aligned, pd.DataFrame(), rows, summarised(rows), ("2 of 9 solutions are left out",))
+    return FilteredLog(card, aligned, pd.DataFrame(), rows, summarised(rows), ("2 of 9 solutions are left out",))
 
 
-def said(done: Processed) -> str:
+def said(done: FilteredLog) -> str:
     return " ".join(markdown_page(*page(done, load("campaigns/smoke.yaml"))).split())
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.campaign.reading.study import Figure, Part, Question
+from lvnav_trade.campaign.reading.study import CampaignFigure, StudyCampaign, StudySection
 from lvnav_trade.report.script import StudyFigure, StudyScript, published_rows
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
@@ -40,6 +40,6 @@ def test_a_figure_of_a_script_says_what_is_wrong_with_its_entry():
         yield "settings", f"{figure.plot} needs settings"
 
     script = StudyScript("nowhere", {"mine": StudyFigure(lambda one, figure: None, faults=faults)})
-    part = Part(campaign="a", figures=(Figure(plot="errors"), Figure(plot="mine")))
-    (wrong,) = script.mistakes([Question(part, None, path="campaigns.0")])  # type: ignore[arg-type]
+    part = StudyCampaign(campaign="a", figures=(CampaignFigure(plot="errors"), CampaignFigure(plot="mine")))
+    (wrong,) = script.mistakes([StudySection(part, None, path="campaigns.0")])  # type: ignore[arg-type]
     assert (wrong.path, wrong.message) == ("campaigns.0.figures.1.settings", "mine needs settings")

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from lvnav_trade.report.blocks import Designs, More, Picture, Table, Text
+from lvnav_trade.report.blocks import DesignExplorer, Details, Picture, Table, Text
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.space import space
 from lvnav_trade.results.evaluation.designs import designs
@@ -56,12 +56,12 @@ def test_the_best_designs_are_the_cheapest_with_the_command_of_their_full_analys
     assert [row[-1] for row in best.rows] == [f"lvnav-trade run mine.yaml --case {case}" for case in met.case[:20]]
     assert "filter loose" in best.rows[0][0]
     assert "deg/h" in best.rows[0][0]
-    titles = [block.title for block in space(tables) if isinstance(block, More)]
+    titles = [block.title for block in space(tables) if isinstance(block, Details)]
     assert titles[:2] == ["Nearest misses", "Pareto front of the designs that meet all requirements"]
 
 
 def test_the_page_has_the_numbers_of_every_possible_design(tables) -> None:
-    (block,) = [block for block in space(tables) if isinstance(block, Designs)]
+    (block,) = [block for block in space(tables) if isinstance(block, DesignExplorer)]
     data = json.loads(block.data)
     frame = designs(tables)
     frame = frame[frame.case != ""]
@@ -100,14 +100,14 @@ def test_a_sample_has_intervals_and_a_grid_has_none(tables, tmp_path) -> None:
         captions = [block.caption for block in space(found) if isinstance(block, Picture)]
         assert len(captions) == 3
         assert sum("95 % interval" in caption for caption in captions) == count
-        shown = [block for more in space(found) if isinstance(more, More) for block in more.blocks]
+        shown = [block for more in space(found) if isinstance(more, Details) for block in more.blocks]
         headings = [heading for one in shown if isinstance(one, Table) for heading in one.head]
         assert headings.count("95 % interval") == count
 
 
 def test_a_level_and_an_interval_without_length_are_one_number(tmp_path) -> None:
     grid = many_designs.grid(tmp_path)
-    shown = [block for more in space(grid) if isinstance(more, More) for block in more.blocks]
+    shown = [block for more in space(grid) if isinstance(more, Details) for block in more.blocks]
     (regions,) = [one for one in shown if isinstance(one, Table) and "part" in one.head]
     parts = [row[1] for row in regions.rows if row[0] == "heading"]
     assert parts == ["0.01 deg", "0.1 deg", "1 deg"]
@@ -147,6 +147,6 @@ def test_one_design_analysed_whole_is_not_counted() -> None:
 
 
 def test_the_scatter_begins_with_the_axis_that_the_deciding_requirement_follows(tables) -> None:
-    (block,) = [block for block in space(tables) if isinstance(block, Designs)]
+    (block,) = [block for block in space(tables) if isinstance(block, DesignExplorer)]
     data = json.loads(block.data)
     assert data["columns"][data["x"]]["name"] == "bias repeatability"

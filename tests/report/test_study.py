@@ -10,16 +10,16 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from lvnav_trade.campaign.reading.study import Study
+from lvnav_trade.campaign.reading.study import StudyCard
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.script import Answered
+from lvnav_trade.report.script import StudyResult
 from lvnav_trade.report.study import build, heading, study_tables
 from lvnav_trade.results.evaluation.published import references
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
-STUDY = Study.model_validate(
+STUDY = StudyCard.model_validate(
     {
         "name": "papers",
         "title": "A paper again",
@@ -51,7 +51,7 @@ def answered(tmp_path_factory):
     single |= {"value": 0.5, "unit": "m/s", "single": True}
     stated = tables.campaign | {"references": [*tables.campaign["references"], single]}
     campaign = SimpleNamespace(name="synthetic", description="", model_dump=lambda mode: stated)
-    return [Answered(STUDY.campaigns[0], campaign, tables)]
+    return [StudyResult(STUDY.campaigns[0], campaign, tables)]
 
 
 @pytest.fixture(scope="module")

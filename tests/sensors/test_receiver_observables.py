@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.quantities.line_of_sight import lever_partials
-from lvnav_trade.sensors.receiver_observables import LEVER_AXES, Channels, Geometry, members, partial
+from lvnav_trade.sensors.receiver_observables import LEVER_AXES, Channels, MeasurementGeometry, members, partial
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import lines_of
 from tests.building import hop, loaded, with_fields
 
@@ -24,7 +24,7 @@ def geometry(of):
     shape = (*of.sight.rate.shape, 2)
     troposphere, ionosphere = np.full(shape, 2.0), np.full(shape, 3.0)
     solution = np.ones((of.sight.rate.shape[0], 6))
-    return Geometry(
+    return MeasurementGeometry(
         of.sight.rate,
         of.acceleration,
         of.velocity,

@@ -9,8 +9,8 @@ import pytest
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.covariance.diagnostics.diagnostics import explain, flown_events
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.quantities.reads import Reads
-from lvnav_trade.quantities.records import Asked
+from lvnav_trade.quantities.reads import FieldReads
+from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.results.tables.write import open_results
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.initial_draws import start_draws
@@ -34,14 +34,14 @@ LATE = {"kind": "buffered"}
 )
 def test_after_its_preparation_a_flight_reads_what_is_said_of_it_and_nothing_else(settings, fields, tmp_path: Path):
     scenario = with_fields(loaded(*settings), **fields)
-    reads = Reads(scenario)
+    reads = FieldReads(scenario)
     prepared = prepare_hop(reads.card)
     before = frozenset(reads.paths)
     reads.paths.clear()
     history = covariance(prepared)
     runs = run_block(prepared, 1, 0, 8)
     summary = summarise(runs, flown_events(prepared), history.true_sigma, prepared.outputs)
-    behind = explain(reads.card, prepared, history, Asked(error_bound="sensors" not in fields, window=10.0))
+    behind = explain(reads.card, prepared, history, CovarianceRequest(error_bound="sensors" not in fields, window=10.0))
     results = open_results(tmp_path / "results", "study", "", {}, "fresh")
     case = Case("0" * 12, "base", {}, reads.card)
     results.write_case(case, prepared, history, [summary], behind, start_draws(prepared, 1, 8))

@@ -11,7 +11,7 @@ import pytest
 from lvnav_studies.claims import Term
 from lvnav_studies.evaluate import bounds, case_named, locus, where_bound
 from lvnav_studies.rows import claim_rows
-from lvnav_trade.api.measures import COLUMNS, FAILS, HOLDS, Value
+from lvnav_trade.api.measures import COLUMNS, FAILS, HOLDS, ExpressionValue
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -148,10 +148,10 @@ def test_without_runs_linear_covariance_decides_and_says_so(alone):
 
 
 def test_where_a_bound_is_reached_is_interpolated_between_levels():
-    values = [(f"{x} m/s", Value(np.nan, y, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
+    values = [(f"{x} m/s", ExpressionValue(np.nan, y, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
     assert where_bound(values, np.nan, 0.6) == "0.0316 m/s"  # half way of the logarithm
     assert where_bound(values, np.nan, 0.9) == ""
-    formal = [(f"{x} deg", Value(y, 0.5, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
+    formal = [(f"{x} deg", ExpressionValue(y, 0.5, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
     assert where_bound(formal, np.nan, 0.6) == ""  # the true error never does
     assert where_bound(formal, np.nan, 0.6, ["formal", "true"]) == "0.0316 deg (formal)"
 

@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 
 from lvnav_studies import Publication, main
 from lvnav_trade import api
-from lvnav_trade.api.pages import Answered
-from lvnav_trade.campaign.reading.study import Study, load_study
+from lvnav_trade.api.pages import StudyResult
+from lvnav_trade.campaign.reading.study import StudyCard, load_study
 from lvnav_trade.quantities.errors import InputError, refuse_all
 from lvnav_trade.report.study import build
 from lvnav_trade.results.tables.read import load
@@ -209,8 +209,8 @@ def test_the_command_line_says_what_is_wrong(folder: Path, capsys: pytest.Captur
 def test_a_script_without_statements_adds_nothing(tmp_path: Path) -> None:
     tables = load(synthetic.results(tmp_path / "results", n_run=40))
     campaign = SimpleNamespace(name="synthetic", description="", model_dump=lambda mode: tables.campaign)
-    study = Study.model_validate({"title": "x", "description": "x", "campaigns": [{"campaign": "synthetic"}]})
-    answered = [Answered(study.campaigns[0], campaign, tables)]  # type: ignore[arg-type]
+    study = StudyCard.model_validate({"title": "x", "description": "x", "campaigns": [{"campaign": "synthetic"}]})
+    answered = [StudyResult(study.campaigns[0], campaign, tables)]  # type: ignore[arg-type]
     with_script, without = (
         build(study, answered, tmp_path / name, script=script)
         for name, script in (("a", Publication(tmp_path)), ("b", None))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.discontinuities import Hole, bridged, described, holes
+from lvnav_trade.trajectory.discontinuities import RowGap, bridged, described, holes
 
 T = np.concatenate([np.arange(0.0, 10.05, 0.1), np.arange(10.9, 20.0, 0.1), np.arange(30.0, 40.0, 0.1)])
 
@@ -32,7 +32,7 @@ def test_short_holes_are_bridged_and_a_long_one_ends_the_rows_where_nothing_is_n
 
 def test_what_is_filled_is_said_in_one_line():
     assert described([]) == []
-    (line,) = described([Hole(1, 3.0, 4.0, 0.1)])
+    (line,) = described([RowGap(1, 3.0, 4.0, 0.1)])
     assert line == "no data from 3 to 4 s: a spline through the rows beside fills the hole"
-    (line,) = described([Hole(1, 3.0, 4.0, 0.1), Hole(9, 7.0, 9.0, 0.1)])
+    (line,) = described([RowGap(1, 3.0, 4.0, 0.1), RowGap(9, 7.0, 9.0, 0.1)])
     assert line == "2 holes without data, the longest from 7 to 9 s: a spline through the rows beside fills them"

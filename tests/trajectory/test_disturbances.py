@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
-from lvnav_trade.trajectory.disturbances import OscillationCard, Small, oscillations, small_motion
+from lvnav_trade.trajectory.disturbances import OscillationCard, SmallMotion, oscillations, small_motion
 from lvnav_trade.trajectory.truth import Trajectory, motion, oscillating, product, reference, rotation_quaternions
 from tests.building import flight, turning
 
@@ -239,7 +239,7 @@ def test_overlapping_oscillations_add():
     t = np.linspace(0.0, 20.0, 301)
     both = small_motion(oscillations([one, two], EVENTS, (0.0, 20.0)), t)
     apart = [small_motion(oscillations([single], EVENTS, (0.0, 20.0)), t) for single in (one, two)]
-    for name in Small._fields:
+    for name in SmallMotion._fields:
         assert np.allclose(getattr(both, name), sum(getattr(part, name) for part in apart), rtol=0.0, atol=1e-12)
 
 

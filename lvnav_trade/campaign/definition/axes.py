@@ -174,7 +174,7 @@ Chosen = tuple[int | None, ...]
 """Index of the level of every axis; None is the value of the base."""
 
 
-class _Read:
+class _CaseCache:
     """Cached scenarios and cases of a loaded campaign, as long as the campaign is in use."""
 
     def __init__(self, campaign: Campaign, scenarios: "Scenarios | None" = None) -> None:
@@ -184,19 +184,19 @@ class _Read:
         self.cases: tuple[Case, ...] = ()
 
 
-_KNOWN: dict[int, _Read] = {}  # by identity: a campaign is frozen, so its cases never change
+_KNOWN: dict[int, _CaseCache] = {}  # by identity: a campaign is frozen, so its cases never change
 
 
 def remember(campaign: Campaign, scenarios: "Scenarios") -> None:
     """Cache the scenarios validated while a campaign was read, so that `cases` need not validate them again."""
-    _KNOWN[id(campaign)] = _Read(campaign, scenarios)
+    _KNOWN[id(campaign)] = _CaseCache(campaign, scenarios)
 
 
 def cases(campaign: Campaign) -> list[Case]:
     """Return the cases of a loaded campaign in the order of its design; equal scenarios are one case."""
     known = _KNOWN.get(id(campaign))
     if known is None or known.campaign() is not campaign:
-        known = _KNOWN[id(campaign)] = _Read(campaign)
+        known = _KNOWN[id(campaign)] = _CaseCache(campaign)
     if not known.cases:
         known.cases = tuple(_cases(campaign, known.scenarios))
         known.scenarios = None

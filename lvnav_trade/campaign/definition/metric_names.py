@@ -17,7 +17,7 @@ from lvnav_trade.sensors.sensor import Evidence
 ERROR_UNITS = errors.UNITS | {name: state.unit for name, state in SENSOR_STATES.items()}
 
 
-class Known(NamedTuple):
+class ListedMetric(NamedTuple):
     """A metric in the list of metrics.
 
     metric : Name; ``_x`` in it represents any axis of a sensor.
@@ -68,11 +68,11 @@ def required_metrics() -> tuple[str, ...]:
     return registry.names(lambda metric: metric.named_by != STATEMENTS)
 
 
-def known_metrics() -> list[Known]:
+def known_metrics() -> list[ListedMetric]:
     """Return all metrics that a campaign can name: first those of the registry, then the errors of sensor states."""
     sensors = [errors.state_metric(name, state.unit) for name, state in SENSOR_STATES.items()]
     metrics = [*registry.registry().values(), *sensors]
-    return [Known(metric.name, metric.unit, metric.meaning, metric.named_by) for metric in metrics]
+    return [ListedMetric(metric.name, metric.unit, metric.meaning, metric.named_by) for metric in metrics]
 
 
 def of_sensors() -> list[dict[str, Any]]:

@@ -75,7 +75,7 @@ def require_unit(unit: str, metric: str, which: str = "") -> None:
         raise ValueError(f"{quoted(unit)} does not fit {metric}{which}; expected {si!r}")
 
 
-class Stated(Card):
+class PublishedStatement(Card):
     """Fields of every published statement: source, subject, remark, and reasons not to count it as evidence."""
 
     id: str = Field(
@@ -115,7 +115,7 @@ class Pooled(Card):
         return (axes,) if isinstance(axes, str) else axes
 
 
-class Measured(Pooled):
+class MeasuredMetric(Pooled):
     """A metric at an event or during a phase."""
 
     metric: Annotated[str, AfterValidator(known_metric)] = Field(
@@ -201,7 +201,7 @@ class Measured(Pooled):
             yield "sigma_of names the case of a limit in sigma or rms: give both, or neither and a limit with its unit"
 
 
-class Published(Measured, Stated):
+class PublishedNumber(MeasuredMetric, PublishedStatement):
     """A published number with which the results are compared."""
 
     case: Case = Field({}, description="level of each axis, by its label")

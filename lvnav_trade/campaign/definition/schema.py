@@ -8,10 +8,10 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field
 
 from lvnav_trade.campaign.definition.document import Document, MarginPolicy, Window
 from lvnav_trade.campaign.definition.metric_names import metric_of, required_metrics, unit_of
-from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, Published, place
+from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, PublishedNumber, place
 from lvnav_trade.campaign.definition.runs import MonteCarlo as MonteCarlo
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
-from lvnav_trade.campaign.syntax.tree import Written, hint
+from lvnav_trade.campaign.syntax.tree import SourceTree, hint
 from lvnav_trade.quantities import limits, units
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.scenario.scenario import Scenario
@@ -248,7 +248,7 @@ class Report(units.Card):
     sections: tuple[str, ...] | None = Field(None, description="sections in order; all if absent")
 
 
-class Corridor(units.Card):
+class CorridorCard(units.Card):
     """A polygon of latitudes and longitudes; the estimated point of impact must stay inside with a probability."""
 
     polygon: tuple[tuple[units.Angle, units.Angle], ...] = Field(
@@ -296,10 +296,10 @@ class Campaign(units.Card):
     covariance: Covariance = Covariance()  # results of linear covariance
     keep: Keep = Keep()  # data that are stored
     requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)  # bounds that verdicts are given on
-    references: tuple[Published, ...] = Field(
+    references: tuple[PublishedNumber, ...] = Field(
         (), max_length=limits.STATEMENTS, description="published numbers that are compared with ours"
     )
-    corridor: Corridor | None = Field(None, description="corridor in which the point of impact must stay")
+    corridor: CorridorCard | None = Field(None, description="corridor in which the point of impact must stay")
     margin_policy: MarginPolicy | None = Field(None, description="margin policy that verdicts are compared with")
     document: Document = Document()  # title block of the document
     report: Report = Report()  # sections of the report
@@ -309,11 +309,11 @@ class Campaign(units.Card):
     )
     indices: Indices | None = Field(None, description="global sensitivity, computed by lvnav-trade indices")
     tune: Tune | None = Field(None, description="tuning of a filter by lvnav-trade tune")
-    _written: Written = PrivateAttr(default_factory=Written)  # place where each value is written
+    _written: SourceTree = PrivateAttr(default_factory=SourceTree)  # place where each value is written
     _by_rule: "ByRule" = PrivateAttr(default_factory=lambda: ByRule())  # how many designs are stated
 
     @property
-    def written(self) -> Written:
+    def written(self) -> SourceTree:
         """File, line and column of every value, for input errors that are found after reading."""
         return self._written
 

@@ -15,7 +15,7 @@ from lvnav_trade.campaign.definition.axes import (
     level_label,
 )
 from lvnav_trade.campaign.definition.metric_names import metric_of
-from lvnav_trade.campaign.definition.published import Pooled, Published
+from lvnav_trade.campaign.definition.published import Pooled, PublishedNumber
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.quantities.errors import Mistake, quoted
@@ -79,7 +79,7 @@ def references(campaign: Campaign, root: Node) -> Iterator[Mistake]:
         yield mistake_at(root, f"references.{path}", message)
 
 
-def reference_faults(campaign: Campaign, published: Sequence[Published]) -> Iterator[tuple[str, str]]:
+def reference_faults(campaign: Campaign, published: Sequence[PublishedNumber]) -> Iterator[tuple[str, str]]:
     """Yield the errors of published numbers that name an unknown case or axis: path within the list, and message."""
     cases, axes = named_cases(campaign), axes_of_errors(campaign)
     for index, number in enumerate(published):
@@ -208,7 +208,7 @@ def meant(name: str, known: Iterable[str]) -> str:
 _LONGEST = 200  # characters of a label
 
 
-class Varied(NamedTuple):
+class WrittenAxis(NamedTuple):
     """An axis as written in the campaign file."""
 
     axis: Axis
@@ -225,7 +225,7 @@ class Varied(NamedTuple):
         return list(self.node.value["values" if self.axis.cards is None else "cards"].value)
 
 
-def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
+def replaced(kind: str, axes: Sequence[WrittenAxis]) -> Iterator[Mistake]:
     """Yield the axes whose value a later axis replaces: the later axis varies the same field or settings above it.
 
     The opposite order is permitted: first the settings, then a field of them. In the design one_at_a_time any order is
@@ -253,7 +253,7 @@ def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int]
 
 
 def bad_levels(
-    kind: str, varied: Varied, values: Sequence[object], labels: Sequence[str], index: int
+    kind: str, varied: WrittenAxis, values: Sequence[object], labels: Sequence[str], index: int
 ) -> Iterator[Mistake]:
     """Yield the input errors of the levels and labels of an axis.
 

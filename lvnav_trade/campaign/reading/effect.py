@@ -12,7 +12,7 @@ from lvnav_trade.campaign.syntax.tree import HERE, Node, Place, is_index, join
 from lvnav_trade.quantities.errors import Mistake, quoted
 from lvnav_trade.quantities.marks import MARKS
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.settings_read import Used
+from lvnav_trade.simulation.settings_read import EffectiveSettings
 
 _DESCRIPTIONS = ("kind", "name", "source", "resources", *MARKS)
 # States that no measurement affects are refused in a card too: the user of the filter expects them to be estimated.
@@ -40,7 +40,7 @@ _HINTS = (
 """Reason why a setting is not read, by pattern of its path; the first matching pattern applies."""
 
 
-class Stated(NamedTuple):
+class GivenSetting(NamedTuple):
     """A setting given by the user, with the settings within it.
 
     path : Dotted path below the scenario.
@@ -56,7 +56,7 @@ class Stated(NamedTuple):
 
     path: str
     place: Place
-    within: tuple["Stated", ...]
+    within: tuple["GivenSetting", ...]
     counts: str
     is_whole: bool
     is_card: bool
@@ -71,7 +71,7 @@ class Stated(NamedTuple):
         return f"base.{above if is_index(last) and not self.is_whole else self.path}"
 
 
-class _Reader:
+class _SettingReader:
     """Converts expanded trees into given settings; only settings in the files `own` count as given by the user."""
 
     def __init__(self, own: Collection[str]) -> None:
@@ -89,7 +89,7 @@ class _Reader:
         counts: str = "",
         is_free: bool = True,
         is_override: bool = False,
-    ) -> Stated:
+    ) -> GivenSetting:
         """Return the setting of a node; counts: path whose reading counts for it; is_free: it could be omitted."""
         within = tuple(setting for setting in self._within(node, kind, path) if setting.must_act or setting.within)
         is_whole = _has_readable_content(node, kind)
@@ -99,9 +99,9 @@ class _Reader:
         must_act |= _OF_FILTERS.fullmatch(path) is not None
         is_card = node.is_map and fields.entries(kind) is None
         at = node.place if node.place.file == HERE and not is_whole else place  # a value set on the command line
-        return Stated(path, at, within, counts or path, is_whole, is_card, must_act, is_override, is_own)
+        return GivenSetting(path, at, within, counts or path, is_whole, is_card, must_act, is_override, is_own)
 
-    def _within(self, node: Node, kind: Any, path: str) -> Iterator[Stated]:
+    def _within(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
         if node.is_map:
             yield from self._fields(node, kind, path)
         elif node.is_list:
@@ -112,7 +112,7 @@ class _Reader:
                 elif fields.literals(below):
                     yield self.stated(child, below, join(path, number), child.place, path)
 
-    def _fields(self, node: Node, kind: Any, path: str) -> Iterator[Stated]:
+    def _fields(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
         held, model = fields.entries(kind), fields.member(kind, node)
         is_inline = self.is_own(node.place)
         for key, child in node.value.items():
@@ -144,9 +144,9 @@ class _Root(NamedTuple):
 
     axis: int  # index of the axis; -1 for the base
     level: int
-    stated: Stated
+    stated: GivenSetting
 
-    def demands(self) -> Iterator[Stated]:
+    def demands(self) -> Iterator[GivenSetting]:
         """Yield all settings that must have an effect."""
         waiting = [self.stated]
         while waiting:
@@ -173,7 +173,7 @@ class Effects:
         self.steps = [[*axis.steps] for axis in campaign.axes]
         self.roots = [*_roots(campaign)]
 
-    def next(self, known: Mapping[str, Used | None]) -> Case | None:
+    def next(self, known: Mapping[str, EffectiveSettings | None]) -> Case | None:
         """Return the case to prepare next: the one with most settings not yet known to have an effect.
 
         None if no further case can show an effect. known : effective settings by digest of the prepared cases.
@@ -189,7 +189,7 @@ class Effects:
         most = max(counts, default=0)
         return remaining[counts.index(most)] if most else None
 
-    def mistakes(self, known: Mapping[str, Used | None]) -> list[Mistake]:
+    def mistakes(self, known: Mapping[str, EffectiveSettings | None]) -> list[Mistake]:
         """Return an input error for every setting without effect on any case.
 
         known : effective settings by digest of the prepared cases.
@@ -197,14 +197,18 @@ class Effects:
         errors = [error for root in self.roots for error in self._fruitless(root, root.stated, known)]
         return list(dict.fromkeys(errors))
 
-    def _fruitless(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> list[Mistake]:
+    def _fruitless(
+        self, root: _Root, one: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+    ) -> list[Mistake]:
         within = [error for below in one.within for error in self._fruitless(root, below, known)]
         message, is_idle = self._message(root, one, known)
         if not message or (within and not is_idle and not (one.is_card and len(within) > 1)):
             return within
         return [tree.mistake(one.place, one.shown, message)]
 
-    def _message(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> tuple[str, bool]:
+    def _message(
+        self, root: _Root, one: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+    ) -> tuple[str, bool]:
         """Return the message if a setting has no effect, and whether it is read nevertheless; else an empty message.
 
         The message is also empty if a case with the setting has not been prepared.
@@ -220,7 +224,7 @@ class Effects:
         reason = next((reason for used in seen if used and (reason := _idle(one, used))), "")
         return reason or _hinted(one.path, standing[0].scenario), bool(reason)
 
-    def _replaced(self, root: _Root, one: Stated) -> str:
+    def _replaced(self, root: _Root, one: GivenSetting) -> str:
         """Return the message if an axis replaces an overridden field of a card in every case, else an empty message.
 
         The varied field itself and settings without a card may be given in the base, since the base is complete.
@@ -233,7 +237,7 @@ class Effects:
                 return f"no case has it: the axis {path} replaces it; write it in the axis's values"
         return ""
 
-    def _stands(self, root: _Root, one: Stated, case: Case) -> bool:
+    def _stands(self, root: _Root, one: GivenSetting, case: Case) -> bool:
         """Whether a case has a setting.
 
         All values that an axis gives to one field are equivalent, because whether a field is read does not depend on
@@ -249,7 +253,9 @@ class Effects:
             for axis, level in enumerate(chosen)
         )
 
-    def _seen(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> Iterator[Used]:
+    def _seen(
+        self, root: _Root, one: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+    ) -> Iterator[EffectiveSettings]:
         """Yield the effective settings of the prepared cases that have a setting."""
         for case in self.cases:
             used = known.get(case.id)
@@ -273,7 +279,7 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
     if base is None or written.root is None:
         return
     is_resolved = {*written.root.value} >= {*Campaign.model_fields} and {*base.value} >= {*Scenario.model_fields}
-    reader = _Reader((HERE,) if is_resolved else (HERE, written.root.place.file))
+    reader = _SettingReader((HERE,) if is_resolved else (HERE, written.root.place.file))
     whole = reader.stated(base, Scenario, "", base.place, is_free=False)
     filled = {".".join(axis.steps) for axis in campaign.axes} & written.filled
     yield _Root(-1, 0, whole._replace(within=tuple(_without(whole.within, filled))))
@@ -292,14 +298,14 @@ def _kind_at(base: Node, steps: Sequence[str]) -> Any:
     return kind
 
 
-def _without(found: Sequence[Stated], paths: Collection[str]) -> Iterator[Stated]:
+def _without(found: Sequence[GivenSetting], paths: Collection[str]) -> Iterator[GivenSetting]:
     """Yield settings except those at `paths`, where the first level of an axis was put into the base."""
     for setting in found:
         if setting.path not in paths:
             yield setting._replace(within=tuple(_without(setting.within, paths)))
 
 
-def _acts(one: Stated, used: Used) -> bool:
+def _acts(one: GivenSetting, used: EffectiveSettings) -> bool:
     """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
     if _idle(one, used):
         return False
@@ -310,7 +316,7 @@ def _acts(one: Stated, used: Used) -> bool:
     return (one.is_whole or one.is_card) and any(path.startswith(f"{one.path}.") for path in used.read)
 
 
-def _idle(one: Stated, used: Used) -> str:
+def _idle(one: GivenSetting, used: EffectiveSettings) -> str:
     """Return the reason why a setting has no effect although it is read; empty if there is none."""
     steps = one.path.split(".")
     above = (".".join(steps[: k + 1]) for k in range(len(steps)))

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.reading import checks
-from lvnav_trade.campaign.reading.checks import Varied, narrowing, selection
+from lvnav_trade.campaign.reading.checks import WrittenAxis, narrowing, selection
 from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.sampled import Rule, choice_of_runs, ruled, with_designs
@@ -131,7 +131,7 @@ class _Loader:
         self._raise()
         return whole
 
-    def _written(self, root: tree.Node, axes: list[Varied], levels: list[list[tree.Node]]) -> tree.Written:
+    def _written(self, root: tree.Node, axes: list[WrittenAxis], levels: list[list[tree.Node]]) -> tree.SourceTree:
         """Return the expanded tree, the levels of the axes, and the paths at which an axis filled the base."""
         paths = [varied.axis.steps for varied in axes]
         filled = [".".join(path) for path in paths if tree.find(self.root, ["base", *path]) is None]
@@ -139,7 +139,7 @@ class _Loader:
             [(node, level.place) for node, level in zip(nodes, varied.levels, strict=True)]
             for nodes, varied in zip(levels, axes, strict=True)
         ]
-        return tree.Written(root, placed, filled)
+        return tree.SourceTree(root, placed, filled)
 
     def _raise(self) -> None:
         refuse_all(sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column)))
@@ -168,7 +168,7 @@ class _Loader:
                     self.mistakes.append(record)
             return None
 
-    def _axes(self) -> list[Varied]:
+    def _axes(self) -> list[WrittenAxis]:
         """Return the axes that are valid; validation of the whole campaign reports the errors of the others."""
         node = tree.find(self.root, ["axes"])
         found = []
@@ -178,13 +178,13 @@ class _Loader:
             except ValidationError:
                 continue
             if axis.steps[0] in Scenario.model_fields:
-                found.append(Varied(axis, child))
+                found.append(WrittenAxis(axis, child))
             else:
                 message = _no_field(axis.path, Scenario, axis.steps[0], tree.hint(axis.path, Scenario.model_fields))
                 self.mistakes.append(tree.mistake_at(self.root, f"axes.{index}.path", message))
         return found
 
-    def _with_base_from(self, axes: list[Varied]) -> tree.Node:
+    def _with_base_from(self, axes: list[WrittenAxis]) -> tree.Node:
         """Return the tree with the first level of an axis put in for each varied field that the base does not have."""
         base = tree.find(self.root, ["base"])
         if base is None:
@@ -199,7 +199,7 @@ class _Loader:
                 base = tree.put(base, path, varied.levels[0])
         return tree.put(self.root, ["base"], base)
 
-    def _levels(self, base: tree.Node, varied: Varied, index: int) -> list[tree.Node]:
+    def _levels(self, base: tree.Node, varied: WrittenAxis, index: int) -> list[tree.Node]:
         """Return the levels of an axis with cards expanded; no levels if the path of the axis does not exist."""
         path = varied.axis.steps
         kind, _ = _kind_at(base, path)
@@ -215,7 +215,7 @@ class _Loader:
         return found
 
     def _tried(
-        self, cases: WrittenCases, axes: list[Varied], levels: list[list[tree.Node]]
+        self, cases: WrittenCases, axes: list[WrittenAxis], levels: list[list[tree.Node]]
     ) -> list[list[dict[str, Any]]]:
         """Return for every level of every axis the validated section of a scenario with this level, as plain data."""
         first = first_cases(self.design, axes, [len(values) for values in levels])
@@ -243,7 +243,7 @@ class _Loader:
         alone = tuple(index if axis == place else None for axis in range(len(cases.axes)))
         return self._case(cases, alone)
 
-    def _whole(self, varied: Varied, plain: list[Any], index: int) -> Axis:
+    def _whole(self, varied: WrittenAxis, plain: list[Any], index: int) -> Axis:
         """Return the axis with complete values in place of cards, and a label for every level."""
         axis = varied.axis
         names = [design.level_label(axis, number) for number in range(len(plain))]

@@ -35,7 +35,7 @@ _WRITTEN_OUT = (
 _CARD = {"type": "string", "description": "name or path of a card, such as imu/tactical_fog"}
 
 
-class Row(NamedTuple):
+class FieldEntry(NamedTuple):
     """Description of a field."""
 
     field: str  # key in the file
@@ -44,15 +44,15 @@ class Row(NamedTuple):
     meaning: str
 
 
-class Part(NamedTuple):
+class SettingsEntry(NamedTuple):
     """Description of one kind of settings."""
 
     kind: str  # value of `kind`; empty if there is only one kind
     title: str  # what the settings describe
-    rows: tuple[Row, ...]  # one per field
+    rows: tuple[FieldEntry, ...]  # one per field
 
 
-def reference(path: str = "") -> list[Part]:
+def reference(path: str = "") -> list[SettingsEntry]:
     """Return the description of the fields at a path of a campaign, one part for every kind of settings.
 
     Parameters
@@ -84,15 +84,15 @@ def _item(kind: fields.Kind) -> fields.Kind:
     return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
 
 
-def _part(model: type[BaseModel], is_one_of_several: bool) -> Part:
+def _part(model: type[BaseModel], is_one_of_several: bool) -> SettingsEntry:
     tag = fields.tag_of(model)
     rows = (
-        Row(name, type_of(_annotated(info)), _default(info), info.description or "")
+        FieldEntry(name, type_of(_annotated(info)), _default(info), info.description or "")
         for name, info in fields.by_key(model).items()
         if name != "kind" or tag is None
     )
     title = " ".join((model.__doc__ or "").partition("\n\n")[0].split())
-    return Part((tag or "") if is_one_of_several else "", title, tuple(rows))
+    return SettingsEntry((tag or "") if is_one_of_several else "", title, tuple(rows))
 
 
 def _annotated(info: FieldInfo) -> fields.Kind:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.campaign.definition.schema import Axis, ByRule, Campaign
-from lvnav_trade.campaign.reading.spaced import SAMPLED, Ends, between, ends_of, points, with_values, written
+from lvnav_trade.campaign.reading.spaced import SAMPLED, AxisEnds, between, ends_of, points, with_values, written
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted
@@ -35,7 +35,7 @@ class Rule(NamedTuple):
     store: str
     design: str
     samples: int | None
-    ends: tuple[tuple[Ends, bool] | None, ...]
+    ends: tuple[tuple[AxisEnds, bool] | None, ...]
 
 
 def ruled(root: Node) -> tuple[Rule | None, Node]:
@@ -119,7 +119,7 @@ def _check_count(root: Node, design: str, samples: Any, grid: int) -> None:
         raise InputError(records=[mistake_at(root, "samples", str(error))]) from None
 
 
-def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[Ends, bool] | None]:
+def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[AxisEnds, bool] | None]:
     """Return an axis with its limits or levels as a list, and the limits if it is sampled between them."""
     limits = find(axis, ["between"]) if axis.is_map else None
     if limits is None or limits.value is None or design == "grid":
@@ -165,14 +165,14 @@ def with_designs(at_ends: Campaign, rule: Rule) -> Campaign:
     return whole
 
 
-def _stated(ends: tuple[Ends, bool]) -> dict[str, Any]:
+def _stated(ends: tuple[AxisEnds, bool]) -> dict[str, Any]:
     """Return the fields of a sampled axis as written in the campaign file."""
     limits, is_log = ends
     stated = tuple(limits.text(value) for value in limits[:2])
     return {"between": stated, "log": is_log, "values": None, "labels": None}
 
 
-def _sampled(axis: Axis, ends: tuple[Ends, bool] | None, coordinate: Floats) -> Axis:
+def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats) -> Axis:
     """Return an axis with one value per sample, from the coordinates (n,) of the samples in the unit interval."""
     if ends is None:
         levels, names = axis.values or (), axis.labels or ()
@@ -185,7 +185,7 @@ def _sampled(axis: Axis, ends: tuple[Ends, bool] | None, coordinate: Floats) -> 
     labels = tuple(f"{value:.6g} {limits.unit}".rstrip() for value in shown)
     if low is None or high is None:  # a number without a unit
         return axis.model_copy(update={"values": tuple(shown), "labels": labels})
-    si = between(coordinate, Ends(low[0], high[0], low[1], False), is_log).tolist()
+    si = between(coordinate, AxisEnds(low[0], high[0], low[1], False), is_log).tolist()
     return axis.model_copy(update={"values": tuple(f"{value!r} {low[1]}" for value in si), "labels": labels})
 
 

@@ -21,7 +21,7 @@ _DIGITS = 10
 _LEVELS = ("cards", "values")
 
 
-class Ends(NamedTuple):
+class AxisEnds(NamedTuple):
     """Ends of an axis."""
 
     first: float
@@ -62,7 +62,7 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
 
 def written(axis: Node, index: int) -> Node:
     """Return an axis with linspace, logspace or range replaced by a list of values; InputError if it is not valid."""
-    made: dict[str, Callable[[Sequence[Any], Ends], Floats]] = {
+    made: dict[str, Callable[[Sequence[Any], AxisEnds], Floats]] = {
         "linspace": _linspace,
         "logspace": _logspace,
         "range": _range,
@@ -94,7 +94,7 @@ def with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
     return tree.with_child(axis, "values", children, place)
 
 
-def ends_of(parts: Sequence[Any]) -> Ends:
+def ends_of(parts: Sequence[Any]) -> AxisEnds:
     """Return the ends of an axis; ValueError unless they are two numbers or two quantities in the same unit."""
     first, last = (
         _QUANTITY.fullmatch(with_ascii_minus(str(end))) if not isinstance(end, bool) else None for end in parts[:2]
@@ -104,7 +104,7 @@ def ends_of(parts: Sequence[Any]) -> Ends:
     if first[2] != last[2]:
         raise ValueError("begins and ends in different units; write both in one")
     whole = all(isinstance(end, int) for end in parts)
-    ends = Ends(float(first[1]), float(last[1]), first[2] or "", whole)
+    ends = AxisEnds(float(first[1]), float(last[1]), first[2] or "", whole)
     if not all(map(math.isfinite, ends[:2])):
         raise ValueError("should begin and end with numbers that are not beyond all bounds")
     if ends.first == ends.last:
@@ -118,15 +118,15 @@ def _count(value: Any) -> int:
     return value
 
 
-def _linspace(parts: Sequence[Any], ends: Ends) -> Floats:
+def _linspace(parts: Sequence[Any], ends: AxisEnds) -> Floats:
     return np.linspace(ends.first, ends.last, _count(parts[2]))
 
 
-def _logspace(parts: Sequence[Any], ends: Ends) -> Floats:
+def _logspace(parts: Sequence[Any], ends: AxisEnds) -> Floats:
     return between(np.linspace(0.0, 1.0, _count(parts[2])), ends, log=True)
 
 
-def _range(parts: Sequence[Any], ends: Ends) -> Floats:
+def _range(parts: Sequence[Any], ends: AxisEnds) -> Floats:
     read = _QUANTITY.fullmatch(with_ascii_minus(str(parts[2]))) if not isinstance(parts[2], bool) else None
     if read is None or (read[2] or "") != ends.unit:
         raise ValueError(f"needs a step in the unit of its ends{f' ({ends.unit})' if ends.unit else ''}")
@@ -140,7 +140,7 @@ def _range(parts: Sequence[Any], ends: Ends) -> Floats:
     return np.asarray(ends.first + step * np.arange(count))
 
 
-def between(part: Floats, ends: Ends, log: bool) -> Floats:
+def between(part: Floats, ends: AxisEnds, log: bool) -> Floats:
     """Return the values at fractions `part` (n,) of the interval between the ends, or of its logarithm."""
     if not log:
         return ends.first + part * (ends.last - ends.first)

@@ -18,7 +18,7 @@ from lvnav_trade.trajectory.files.rows import pairs, read_rows, si
 from lvnav_trade.trajectory.flight import TrajectoryCard, build
 
 
-class Written(NamedTuple):
+class WrittenTrajectory(NamedTuple):
     """An exported trajectory."""
 
     file: Path  # table, CSV
@@ -27,7 +27,7 @@ class Written(NamedTuple):
     difference: dict[str, float]  # largest differences of the trajectory read from the file, SI
 
 
-def write_flight(card: TrajectoryCard, file: Path, rate: float) -> Written:
+def write_flight(card: TrajectoryCard, file: Path, rate: float) -> WrittenTrajectory:
     """Write a trajectory as a CSV table and its card next to it, then read the table and compare.
 
     Parameters
@@ -41,7 +41,7 @@ def write_flight(card: TrajectoryCard, file: Path, rate: float) -> Written:
 
     Returns
     -------
-    Written
+    WrittenTrajectory
         Files, events, largest differences.
 
     Raises
@@ -63,7 +63,7 @@ def write_flight(card: TrajectoryCard, file: Path, rate: float) -> Written:
     smooth = export.card | {"file": os.fspath(file), "oscillation": (), "named_times": {}}
     rebuilt = build(TableTrajectory.model_validate(smooth))
     named = {name: time for name, time in rebuilt.events.items() if name in export.card["events"]}
-    return Written(file, card_file, named, difference(export.flight, rebuilt))
+    return WrittenTrajectory(file, card_file, named, difference(export.flight, rebuilt))
 
 
 def refuse_existing(*files: Path) -> None:
@@ -110,7 +110,7 @@ requirements:                               # limits are placeholders: put yours
 """
 
 
-class Started(NamedTuple):
+class FirstCampaign(NamedTuple):
     """A first campaign."""
 
     campaign: Path  # campaign file
@@ -119,7 +119,7 @@ class Started(NamedTuple):
     events: dict[str, str]  # times by name, suggested by jumps of the specific force
 
 
-def start(folder: Path, file: Path, epoch: str | None = None, time: str | None = None) -> Started:
+def start(folder: Path, file: Path, epoch: str | None = None, time: str | None = None) -> FirstCampaign:
     """Write ``NAME.yaml`` and ``configs/trajectories/NAME.yaml`` into a folder, with the name of the table.
 
     Parameters
@@ -135,7 +135,7 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
 
     Returns
     -------
-    Started
+    FirstCampaign
         Files, guesses, events.
 
     Raises
@@ -170,7 +170,7 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
         left = guesses.left_out(str(file), found)
         write_new(card, _card(name, place, dated, found, left, events, hold))
         write_new(campaign, _CAMPAIGN.format(name=name, event=_INJECTION if _INJECTION in events else "end"))
-    return Started(campaign, card, tuple(found), events)
+    return FirstCampaign(campaign, card, tuple(found), events)
 
 
 def _with_pairs(stated: dict[str, Any]) -> TableTrajectory:

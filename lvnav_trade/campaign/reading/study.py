@@ -18,7 +18,7 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.campaign.syntax.tree import Written
+from lvnav_trade.campaign.syntax.tree import SourceTree
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.quantities.units import Card, parse
 
@@ -34,7 +34,7 @@ FIGURES = (
 """Figures that every study can show; a script may add others."""
 
 
-class Figure(Card):
+class CampaignFigure(Card):
     """A figure of a campaign that the study shows."""
 
     plot: str = Field(description="name of the figure, or of one that the study's script draws")
@@ -59,12 +59,12 @@ class Figure(Card):
     settings: dict[str, Any] = Field({}, description="for a figure of the study's script: its settings")
 
 
-class Part(Card):
+class StudyCampaign(Card):
     """A campaign of the study."""
 
     campaign: str = Field(description="name of its file in the folder, without extension")
     question: str = Field("", description="question of the campaign; its description if absent")
-    figures: tuple[Figure, ...] = ()  # of this campaign, in order
+    figures: tuple[CampaignFigure, ...] = ()  # of this campaign, in order
     text: str = Field("", description="comment on the results")
     tables: tuple[Shown, ...] = Field((), description="tables of the campaign that the study shows")
     paired: str = Field("", description="axis whose levels are compared run by run, on the same draws")
@@ -111,7 +111,7 @@ class PrintedTable(Card):
                 yield f"rows.{label}: {len(cells)} cells for {len(self.columns)} columns"
 
 
-class Study(Card):
+class StudyCard(Card):
     """Texts and layout of the report of a study."""
 
     name: str = ""  # of the study
@@ -128,21 +128,21 @@ class Study(Card):
     units: dict[str, str] = Field(
         {}, description="unit of each quantity in figures and tables, such as attitude: deg; the default unit if absent"
     )
-    campaigns: tuple[Part, ...] = Field(
+    campaigns: tuple[StudyCampaign, ...] = Field(
         (), description="campaigns in the order of the report; all of the folder if absent"
     )
     printed: tuple[PrintedTable, ...] = Field((), description="published tables that the answer shows in their layout")
 
     @field_validator("campaigns")
     @classmethod
-    def _once(cls, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    def _once(cls, parts: tuple[StudyCampaign, ...]) -> tuple[StudyCampaign, ...]:
         names = [part.campaign for part in parts]
         if len(set(names)) < len(names):
             raise ValueError("a campaign is listed twice")
         return parts
 
 
-class Question(NamedTuple):
+class StudySection(NamedTuple):
     """A campaign of a study with its section of the report.
 
     part : Section of study.yaml for this campaign.
@@ -151,9 +151,9 @@ class Question(NamedTuple):
     path : Path of the section in study.yaml.
     """
 
-    part: Part
+    part: StudyCampaign
     campaign: Campaign
-    written: Written = Written()
+    written: SourceTree = SourceTree()
     path: str = ""
 
     def mistake(self, path: str, message: str) -> Mistake:
@@ -163,7 +163,7 @@ class Question(NamedTuple):
 
 def load_study(
     folder: str | Path, runs: int | None = None, figures: Iterable[str] = ()
-) -> tuple[Study, tuple[Question, ...]]:
+) -> tuple[StudyCard, tuple[StudySection, ...]]:
     """Read a study, and load and check its campaigns.
 
     Parameters
@@ -177,7 +177,7 @@ def load_study(
 
     Returns
     -------
-    Study, tuple of Question
+    StudyCard, tuple of StudySection
         The study and its campaigns, in the order of the report.
 
     Raises
@@ -189,10 +189,10 @@ def load_study(
     files = {file.stem: file for file in sorted(place.glob("*.yaml")) if file.name != FILE}
     if not files:
         raise InputError(f"{folder}: no campaigns here")
-    written = Written(tree.read_mapping(place / FILE)) if (place / FILE).is_file() else Written()
+    written = SourceTree(tree.read_mapping(place / FILE)) if (place / FILE).is_file() else SourceTree()
     study = _read(place, tuple(files), written.root)
     questions = [
-        Question(part, load(files[part.campaign]), written, f"campaigns.{index}")
+        StudySection(part, load(files[part.campaign]), written, f"campaigns.{index}")
         for index, part in enumerate(study.campaigns)
     ]
     known = (*FIGURES, *figures)
@@ -206,7 +206,7 @@ def load_study(
     return study, tuple(question._replace(campaign=_with_runs(question.campaign, runs)) for question in questions)
 
 
-def _unknown_figures(part: Part, known: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _unknown_figures(part: StudyCampaign, known: Sequence[str]) -> Iterator[tuple[str, str]]:
     for index, figure in enumerate(part.figures):
         if figure.plot not in known:
             message = f"{quoted(figure.plot)} is not one of {', '.join(known)}{tree.hint(figure.plot, known)}"
@@ -223,15 +223,15 @@ def study_folder(name: str | Path) -> Path:
     raise InputError(f"{name}: no such folder of campaigns")
 
 
-def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> Study:
+def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> StudyCard:
     """Return the content of study.yaml; without that file all campaigns of the folder in the order of their names."""
-    by_name = tuple(Part(campaign=name) for name in names)
+    by_name = tuple(StudyCampaign(campaign=name) for name in names)
     if root is None:
-        return Study(name=place.name, title=place.resolve().name, description="", campaigns=by_name)
+        return StudyCard(name=place.name, title=place.resolve().name, description="", campaigns=by_name)
     try:
-        study = Study.model_validate(tree.plain(root))
+        study = StudyCard.model_validate(tree.plain(root))
     except ValidationError as error:
-        raise InputError(records=explain(error, root, Study, "")) from None
+        raise InputError(records=explain(error, root, StudyCard, "")) from None
     refuse_all([tree.mistake_at(root, f"units.{quantity}", text) for quantity, text in _unknown_units(study)])
     for index, part in enumerate(study.campaigns):
         if part.campaign not in names:
@@ -240,7 +240,7 @@ def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> Study:
     return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or by_name})
 
 
-def _unknown_units(study: Study) -> Iterator[tuple[str, str]]:
+def _unknown_units(study: StudyCard) -> Iterator[tuple[str, str]]:
     for quantity, unit in study.units.items():
         if quantity not in ERROR_UNITS:
             yield quantity, f"no error is of {quoted(quantity)}{tree.hint(quantity, ERROR_UNITS)}"

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from lvnav_trade.gnss.fault_cards import AnyFault, Jump, UnitFault
+from lvnav_trade.gnss.fault_cards import AnyFault, ImuFault, JumpFault
 from lvnav_trade.gnss.faults import periods
 from lvnav_trade.imu.array import excludes_units
-from lvnav_trade.quantities.conditions import BOUNDS, Conditions, Course, inside, never
+from lvnav_trade.quantities.conditions import BOUNDS, Conditions, FlightProfile, inside, never
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.sensor import SensorCard
@@ -54,7 +54,7 @@ def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
     card = scenario.trajectory
     first, last = min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
     try:
-        at = Course({"start": first, "end": last, **events}).time(text, "hand_over")
+        at = FlightProfile({"start": first, "end": last, **events}).time(text, "hand_over")
         if not first < at < last:
             yield "hand_over", f"{text!r} is {at:g} s: outside the flight, from {first:g} s to {last:g} s"
     except InputError as error:
@@ -72,7 +72,7 @@ def unprotected(scenario: Scenario) -> str:
     lasting = [
         f"faults.{number} ({fault.kind})"
         for number, fault in enumerate(scenario.faults)
-        if isinstance(fault, UnitFault)
+        if isinstance(fault, ImuFault)
         and any(
             min(end, course.instants["end"]) - course.begin(start) > _BRIEF
             for start, end in periods(number, fault, course)
@@ -105,7 +105,7 @@ def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
     for number, fault in naming:
         active = periods(number, fault, flight.course)
         within = inside(active, t)
-        if isinstance(fault, Jump):  # it has no duration: it acts at the first epoch at or after its time
+        if isinstance(fault, JumpFault):  # it has no duration: it acts at the first epoch at or after its time
             within[[min(int(np.searchsorted(t, start)), t.size - 1) for start, _ in active]] = True
         for name in getattr(fault, "satellites", ()):
             yield number, name, not np.any(seen.tracked[within, seen.names.index(name)])
@@ -119,7 +119,7 @@ def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
                 yield f"{name}.{number}.{field}", message
 
 
-def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> Course:
+def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> FlightProfile:
     """Return the course for evaluating conditions: from the trajectory if they need it, otherwise from the events.
 
     Building the trajectory takes time, and most conditions refer to events alone.
@@ -128,10 +128,10 @@ def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, flo
         return trajectory_of(scenario).course
     card = scenario.trajectory
     first, last = min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
-    return Course({"start": first, "end": last, **events})
+    return FlightProfile({"start": first, "end": last, **events})
 
 
-def _never(conditions: Conditions, course: Course) -> Found:
+def _never(conditions: Conditions, course: FlightProfile) -> Found:
     try:
         unmet = never(conditions, course)
     except InputError as error:
@@ -140,7 +140,7 @@ def _never(conditions: Conditions, course: Course) -> Found:
         yield unmet.path, unmet.message
 
 
-def _timed(fault: AnyFault, text: str, course: Course) -> Found:
+def _timed(fault: AnyFault, text: str, course: FlightProfile) -> Found:
     first, last = course.instants["start"], course.instants["end"]
     try:
         start = course.time(text, "start")

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.axes import Case, case_label
-from lvnav_trade.campaign.definition.published import Published
+from lvnav_trade.campaign.definition.published import PublishedNumber
 from lvnav_trade.campaign.definition.schema import ByRule, Campaign
-from lvnav_trade.campaign.reading.checks import Varied
+from lvnav_trade.campaign.reading.checks import WrittenAxis
 from lvnav_trade.campaign.syntax import marked, tree
-from lvnav_trade.campaign.syntax.tree import Written
+from lvnav_trade.campaign.syntax.tree import SourceTree
 from lvnav_trade.scenario.scenario import Scenario
 
 
@@ -19,7 +19,7 @@ class WrittenCases:
     ----------
     base : Node
         Tree of the base with all cards expanded.
-    axes : sequence of Varied
+    axes : sequence of WrittenAxis
         The axes.
     levels : sequence of sequence of Node
         For each axis the trees of its levels, with all cards expanded.
@@ -28,7 +28,11 @@ class WrittenCases:
     """
 
     def __init__(
-        self, base: tree.Node, axes: Sequence[Varied], levels: Sequence[Sequence[tree.Node]], valid: Scenario | None
+        self,
+        base: tree.Node,
+        axes: Sequence[WrittenAxis],
+        levels: Sequence[Sequence[tree.Node]],
+        valid: Scenario | None,
     ) -> None:
         self.base, self.axes, self.levels = base, axes, levels
         self.is_whole = valid is not None
@@ -47,7 +51,7 @@ class WrittenCases:
         return self.scenarios.known(chosen) or self.scenarios.validated(chosen, self.node(chosen).value)
 
 
-def first_cases(kind: str, axes: Sequence[Varied], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
+def first_cases(kind: str, axes: Sequence[WrittenAxis], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
     """Return the first case with each level, by axis and level; axes that a later axis changes are omitted."""
     first: dict[tuple[int, int], design.Chosen] = {}
     paths = [varied.axis.steps for varied in axes]
@@ -95,11 +99,11 @@ def single(campaign: Campaign, case: Case) -> Campaign:
         }
     )
     alone._by_rule = ByRule()
-    alone._written = Written()  # no places: a setting without effect on this case may have one on another
+    alone._written = SourceTree()  # no places: a setting without effect on this case may have one on another
     return alone
 
 
-def _applies_to(published: Published, case: Case) -> bool:
+def _applies_to(published: PublishedNumber, case: Case) -> bool:
     """Whether a published number applies to one case and no other."""
     has_levels = all(case.axes.get(axis) == level for axis, level in published.case.items())
     return not published.pool and published.against is None and has_levels

@@ -25,7 +25,7 @@ from lvnav_trade.results.statistics.case import (
 from lvnav_trade.simulation.statistics import BlockSummary, add_norms, columns
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission import Law, State
+    from lvnav_trade.results.mechanics.mission import ErrorGaussian, State
 
 # Quantities whose covariance is stored at events
 _KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
@@ -127,7 +127,7 @@ class CaseArrays(CaseResults):
         """Return the true state at an event."""
         return next((state for state in self._states[0] if state.event == event and event), None)
 
-    def joint(self, event: str) -> Law:
+    def joint(self, event: str) -> ErrorGaussian:
         """Return the joint distribution of velocity and position at an event, by linear covariance."""
         states, laws = self._states
         return laws[[state.event for state in states].index(event)]
@@ -158,7 +158,7 @@ class CaseArrays(CaseResults):
         return float(sigma.max()), float(self.covariance.t[early][k])
 
     @cached_property
-    def _states(self) -> tuple[list[State], list[Law]]:
+    def _states(self) -> tuple[list[State], list[ErrorGaussian]]:
         """True states and joint distributions at the events.
 
         They are computed through the columns of the stored tables. So a verdict before storing has exactly the same

@@ -10,17 +10,17 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.quantities.errors import InputError, refuse_all
-from lvnav_trade.simulation.settings_read import Used
+from lvnav_trade.simulation.settings_read import EffectiveSettings
 
 
-class Checked(NamedTuple):
+class TrajectoryCheck(NamedTuple):
     """Result of the checks of a campaign's trajectories."""
 
     events: dict[str, dict[str, float]]  # event times (s) by digest of the case
     remarks: dict[str, list[str]]  # remarks by kind, see `flights.remarks`
 
 
-def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int) -> Checked:
+def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int) -> TrajectoryCheck:
     """Build every distinct trajectory of a campaign and check the campaign against them.
 
     Parameters
@@ -36,7 +36,7 @@ def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine,
 
     Returns
     -------
-    Checked
+    TrajectoryCheck
         Event times and remarks.
 
     Raises
@@ -58,7 +58,9 @@ def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine,
     refuse_all(list(dict.fromkeys(errors)))  # cases that differ in their IMU alone have the same errors
     times = {case.id: flown[_flight_of(case)].events for case in found}
     refuse_all([*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
-    return Checked(times, flights.remarks(found, [remark for flight in flown.values() for remark in flight.remarks]))
+    return TrajectoryCheck(
+        times, flights.remarks(found, [remark for flight in flown.values() for remark in flight.remarks])
+    )
 
 
 def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine) -> None:
@@ -67,7 +69,7 @@ def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine)
     Cases are prepared one after the other until every setting has been read in at least one of them.
     """
     effects = Effects(campaign, found)
-    known: dict[str, Used | None] = {}
+    known: dict[str, EffectiveSettings | None] = {}
     while (case := effects.next(known)) is not None:
         try:
             _, known[case.id] = work.prepared_with(engine, case, campaign.keep.history)

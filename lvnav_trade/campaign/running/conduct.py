@@ -11,10 +11,10 @@ from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.results.tables import scratch
 
 Mode = Literal["resume", "fresh"]
-OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
+OnAnswers = Callable[[Sequence[work.CovarianceResult], Sequence[Case]], None]
 
 
-class Space(Protocol):
+class DesignStage(Protocol):
     """Many designs, of which a few are analysed whole; see `campaign.space.stage`."""
 
     @property
@@ -53,18 +53,18 @@ class Scope(NamedTuple):
     """Only its share of blocks is flown and left in the folder, without tables, for a campaign with `shards`."""
     shards: Sequence[Path] = ()
     """Folders of shards, whose blocks are taken before anything is computed."""
-    space: Space | None = None
+    space: DesignStage | None = None
     """The designs of a campaign that stores metrics; those that it chooses are then computed whole."""
 
 
 class Finished(NamedTuple):
     """Record of a finished case."""
 
-    answer: work.Answer  # result of linear covariance
+    answer: work.CovarianceResult  # result of linear covariance
     tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
 
 
-def whole(job: work.Job, case: Case) -> work.Answer:
+def whole(job: work.Job, case: Case) -> work.CovarianceResult:
     """Compute linear covariance, diagnostics and tables of a case without runs.
 
     A finished case whose tables are unchanged is not computed again. If the diagnostics or the tables fail, the case is

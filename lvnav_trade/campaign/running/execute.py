@@ -19,7 +19,7 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
-from lvnav_trade.campaign.running.conduct import Conduct, Mode, OnAnswers, Scope, Space, whole
+from lvnav_trade.campaign.running.conduct import Conduct, DesignStage, Mode, OnAnswers, Scope, whole
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
 from lvnav_trade.campaign.running.progress import Progress
@@ -44,10 +44,10 @@ class Halted(Exception):
     """The campaign stopped early and can be resumed; the message says why in one line."""
 
 
-class Outcome(NamedTuple):
+class CampaignOutcome(NamedTuple):
     """What a campaign left: linear covariance's answers, failed units and runs as lines."""
 
-    answers: tuple[work.Answer, ...]
+    answers: tuple[work.CovarianceResult, ...]
     failures: tuple[str, ...]
 
 
@@ -69,7 +69,7 @@ def run(
     scope: Scope = WHOLE,
     engine: work.Engine | None = None,
     keep: Store = STORE,
-) -> Outcome:
+) -> CampaignOutcome:
     """Run a campaign in `folder` and return its outcome.
 
     Raises
@@ -157,7 +157,7 @@ class _Run:
         stated = manifest(asked, self.cases) | about
         self.job = self.job._replace(results=keep.open_results(self.folder, asked.name, resolved(asked), stated, mode))
 
-    def share(self, keep: Store, mode: Mode) -> Outcome:
+    def share(self, keep: Store, mode: Mode) -> CampaignOutcome:
         """Do a shard's share of the work: linear covariance of its cases, what is behind that of cases whose first
         block it has, its blocks.
         """
@@ -172,9 +172,11 @@ class _Run:
         self._fly(able)
         end_workers(self.jobs)
         self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
-        return Outcome(tuple(answers), tuple(self.failures))
+        return CampaignOutcome(tuple(answers), tuple(self.failures))
 
-    def all(self, keep: Store, mode: Mode, on_answers: OnAnswers | None, shards: Sequence[Path] = ()) -> Outcome:
+    def all(
+        self, keep: Store, mode: Mode, on_answers: OnAnswers | None, shards: Sequence[Path] = ()
+    ) -> CampaignOutcome:
         """Go through the stages."""
         self._open(keep, mode)
         for folder in shards:
@@ -207,9 +209,9 @@ class _Run:
             if self.space is not None:  # they are most of what it would leave, and the tables hold every run
                 self.job.results.remove_blocks()
             self._remove_scratch()
-        return Outcome(tuple(answers), tuple(self.failures))
+        return CampaignOutcome(tuple(answers), tuple(self.failures))
 
-    def _choose(self, space: Space) -> None:
+    def _choose(self, space: DesignStage) -> None:
         """Evaluate all designs; those that are chosen are the cases that are computed whole."""
         space.evaluate(self.job, self._designs)
         found = space.finish(self.job)
@@ -261,12 +263,12 @@ class _Run:
                 )
         self.timings[name] = round(time.monotonic() - start, 3)
 
-    def _answers(self, on_answers: OnAnswers | None) -> list[work.Answer]:
+    def _answers(self, on_answers: OnAnswers | None) -> list[work.CovarianceResult]:
         """Find every case's linear covariance; with several workers another compiles the backward pass and the flight
         of the first case beside it, so that a fresh machine compiles on all of them.
         """
         self.watch.stage("compilation and first case", 1)
-        found: dict[str, work.Answer] = {}
+        found: dict[str, work.CovarianceResult] = {}
         units: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
         function: Any = whole
         if self.campaign.monte_carlo or self.shard is not None:
@@ -317,7 +319,7 @@ class _Run:
                 self._look(one)
         if units:
             self.watch.stage("runs", sum(unit.n_run for unit in units))
-        lost: list[work.Done] = []
+        lost: list[work.WorkOutcome] = []
         for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
             self.watch.advance(one.n_run)
             self._look(one)
@@ -332,7 +334,7 @@ class _Run:
                 self._fail(f"{self.labels[one.case]}, run {number} {why}; {again}")
         return {one.case for one in lost if self.stopping.wants(one.case, one.first_run)}
 
-    def _look(self, one: work.Done) -> None:
+    def _look(self, one: work.WorkOutcome) -> None:
         """Take a block in where blocks decide when their case ends."""
         if not one.error:
             self.stopping.note(one.case, one.first_run, one.n_run, one.beyond)

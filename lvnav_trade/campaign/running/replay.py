@@ -11,7 +11,7 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.running.work import WHY, Done, Job, message_of, navigation, prepared_of
+from lvnav_trade.campaign.running.work import WHY, Job, WorkOutcome, message_of, navigation, prepared_of
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.results.tables.files import replacing
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Replay(NamedTuple):
+class RunReplay(NamedTuple):
     """A replayed run."""
 
     trace: pd.DataFrame  # one row per covariance step: errors and formal sigmas, SI, units at the end of column names
@@ -40,7 +40,7 @@ def find(cases: Sequence[Case], wanted: str) -> Case:
     raise InputError(f"no case {wanted!r}{hint(wanted, known)}; the cases are {', '.join(case.id for case in cases)}")
 
 
-def replay(campaign: Campaign, case: Case, run: int) -> Replay:
+def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
     """Repeat run number `run` (from 0) of a case; InputError if the number is negative."""
     from lvnav_trade.simulation import montecarlo
     from lvnav_trade.simulation.preparation.prepare import prepare
@@ -50,21 +50,21 @@ def replay(campaign: Campaign, case: Case, run: int) -> Replay:
     prepared = prepare(case.scenario, campaign.keep.history)
     block = montecarlo.replay(prepared, campaign.seed, run)
     code = int(block.failed[0])
-    return Replay(_trace(block, prepared.outputs), _at_events(block, prepared), WHY.get(code, "") if code else "")
+    return RunReplay(_trace(block, prepared.outputs), _at_events(block, prepared), WHY.get(code, "") if code else "")
 
 
-def trace(job: Job, case: Case, runs: Sequence[int]) -> Done:
+def trace(job: Job, case: Case, runs: Sequence[int]) -> WorkOutcome:
     """Repeat runs of a case and write their errors over time to its tables, as one work item."""
     try:
         prepared = prepared_of(job, case)
         blocks = (job.engine.run_block(prepared, job.seed, run, 1) for run in runs)
         job.results.write_traces(case.id, prepared, blocks)
-        return Done(case.id, 0, 0)
+        return WorkOutcome(case.id, 0, 0)
     except Exception as error:
-        return Done(case.id, 0, 0, error=message_of(error))
+        return WorkOutcome(case.id, 0, 0, error=message_of(error))
 
 
-def write_trace(replayed: Replay, folder: Path, case: Case, run: int) -> Path:
+def write_trace(replayed: RunReplay, folder: Path, case: Case, run: int) -> Path:
     """Write the trace of a replayed run as Parquet into `folder`/traces; return its path."""
     place = folder / "traces"
     path = place / f"{case.id}-{run}.parquet"

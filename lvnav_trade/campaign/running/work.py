@@ -30,8 +30,8 @@ from lvnav_trade.covariance.injection import by_part
 from lvnav_trade.gnss.recorded_errors import refuse_short
 from lvnav_trade.gnss.satellites import satellites
 from lvnav_trade.quantities.errors import InputError, Mistake
-from lvnav_trade.quantities.reads import Reads
-from lvnav_trade.quantities.records import Asked, CovHistory, Output, Protecting
+from lvnav_trade.quantities.reads import FieldReads
+from lvnav_trade.quantities.records import CovarianceRequest, CovHistory, Output, ProtectionRisks
 from lvnav_trade.results.tables import scratch
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation import montecarlo, nozzle, settings_read, statistics
@@ -53,18 +53,20 @@ class Engine(NamedTuple):
     run_block: Callable[[Any, int, int, int], Any]  # (prepared, seed, first run, number of runs): RunBlock
     covariance: Callable[[Any], CovHistory]  # (prepared)
     summarise: Callable[..., Any]  # (block, events, scale, outputs): BlockSummary
-    compile_kernels: Callable[[Any, Asked], None]  # (prepared, asked): of the backward pass and the runs, in advance
+    compile_kernels: Callable[
+        [Any, CovarianceRequest], None
+    ]  # (prepared, asked): of the backward pass and the runs, in advance
     explain: Callable[..., Any]  # (scenario, prepared, covariance, asked): diagnostics
     beyond: Callable[..., stopping.Counts]  # (requirements, case, prepared, covariance, summary): violating runs
     starts: Callable[[Any, int, int], Any]  # (prepared, seed, n): initial draws of the first n runs
     control: Callable[[Scenario, int, int], Any]  # (scenario, seed, n): missions under control, or None
     used: Callable[
-        [Any, Collection[str]], settings_read.Used | None
+        [Any, Collection[str]], settings_read.EffectiveSettings | None
     ]  # (prepared, paths read): effective settings, or None
     remarks: Callable[[Scenario], tuple[Remark, ...]] = lambda scenario: ()  # on the flight
 
 
-class Flown(NamedTuple):
+class TrajectorySummary(NamedTuple):
     """Events and remarks of a trajectory."""
 
     events: dict[str, float]  # times (s) by name
@@ -99,7 +101,7 @@ def _about(path: str) -> Iterator[None]:
         raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
 
 
-def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
+def _compile_kernels(prepared: Prepared, asked: CovarianceRequest) -> None:
     if asked.adjoint:  # first: another worker needs it right after the forward pass, the runs begin later
         lincov.compile_backward(prepared)
     montecarlo.compile_kernels(prepared)
@@ -128,7 +130,7 @@ class Job(NamedTuple):
     results: Any  # writer of the results
     seed: int  # of all random draws
     history: float  # step of the stored histories, s
-    asked: Asked  # results required of linear covariance
+    asked: CovarianceRequest  # results required of linear covariance
     scratch: Path  # folder of scratch files
     requirements: tuple[dict[str, Any], ...] = ()  # requirements that decide when the runs of a case stop
 
@@ -140,16 +142,16 @@ def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
     return Job(engine, None, campaign.seed, campaign.keep.history, asked_of(campaign), folder / scratch.FOLDER, tested)
 
 
-def asked_of(campaign: Campaign) -> Asked:
+def asked_of(campaign: Campaign) -> CovarianceRequest:
     """Return the results that a campaign requires of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
-    protection = None if card.protection is None else Protecting(**card.protection.model_dump())
+    protection = None if card.protection is None else ProtectionRisks(**card.protection.model_dump())
     settings = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0, "protection": protection}
-    return Asked(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
+    return CovarianceRequest(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
 
 
-class Answer(NamedTuple):
+class CovarianceResult(NamedTuple):
     """Result of linear covariance for a case at one event: RMS of the true error (with its mean) and formal sigma."""
 
     case: str  # digest
@@ -157,11 +159,13 @@ class Answer(NamedTuple):
     rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
     error: str = ""  # reason why there is no result
     mistakes: tuple[Mistake, ...] = ()  # input errors that appear only when the case is prepared
-    used: settings_read.Used | None = None  # settings of the scenario that have an effect; None if not determined
+    used: settings_read.EffectiveSettings | None = (
+        None  # settings of the scenario that have an effect; None if not determined
+    )
     is_whole: bool = False  # whether diagnostics and tables of the case are finished too
 
 
-class Done(NamedTuple):
+class WorkOutcome(NamedTuple):
     """Outcome of a work item."""
 
     case: str  # digest
@@ -172,15 +176,15 @@ class Done(NamedTuple):
     beyond: stopping.Counts = ()  # runs that violate each requirement, if these decide when a case stops
 
 
-def flown(engine: Engine, case: Case) -> Flown | InputError:
+def flown(engine: Engine, case: Case) -> TrajectorySummary | InputError:
     """Return events and remarks of a case's trajectory, or the input error that makes it invalid."""
     try:
-        return Flown(engine.events(case.scenario), engine.remarks(case.scenario))
+        return TrajectorySummary(engine.events(case.scenario), engine.remarks(case.scenario))
     except InputError as error:
         return error
 
 
-def answer(job: Job, case: Case, save: Save = scratch.save) -> Answer:
+def answer(job: Job, case: Case, save: Save = scratch.save) -> CovarianceResult:
     """Compute a case's linear covariance and save it: by default to a scratch file that all workers can read."""
     try:
         prepared, used = _whole(job, case)
@@ -189,12 +193,12 @@ def answer(job: Job, case: Case, save: Save = scratch.save) -> Answer:
             save(file, job.engine.covariance(prepared), identity)
         return _answer(case, prepared, _covariance(job, case))._replace(used=used)
     except InputError as error:
-        return Answer(case.id, "", mistakes=error.records)
+        return CovarianceResult(case.id, "", mistakes=error.records)
     except Exception as error:
-        return Answer(case.id, "", error=message_of(error))
+        return CovarianceResult(case.id, "", error=message_of(error))
 
 
-def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
+def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> CovarianceResult | None:
     """Return the result of a case, or None after `ahead`, such as compiling; the case's own stage reports failures."""
     if ahead is None:
         return answer(job, case)
@@ -215,19 +219,19 @@ def compile_sums(_job: Job, _case: Case) -> None:
     statistics.compile_kernels()
 
 
-def explain(job: Job, case: Case, save: Save = scratch.save) -> Done:
+def explain(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
     """Compute the diagnostics of a case's linear covariance and save them, as `answer` saves its result."""
     try:
         file, identity = explained_file(job, case)
-        if not scratch.is_sound(file, explained.Explanation, identity):
+        if not scratch.is_sound(file, explained.CaseDiagnostics, identity):
             covariance, prepared = _covariance(job, case), prepared_of(job, case)
             save(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
-        return Done(case.id, 0, 0)
+        return WorkOutcome(case.id, 0, 0)
     except Exception as error:
-        return Done(case.id, 0, 0, error=message_of(error))
+        return WorkOutcome(case.id, 0, 0, error=message_of(error))
 
 
-def fly(job: Job, block: Block) -> Done:
+def fly(job: Job, block: Block) -> WorkOutcome:
     """Simulate a block of runs and store its statistics."""
     what = (block.case.id, block.first_run, block.n_run)
     try:
@@ -240,21 +244,21 @@ def fly(job: Job, block: Block) -> Done:
         beyond: stopping.Counts = ()
         if job.requirements:
             beyond = job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
-        return Done(*what, tuple(_failures(runs, block.first_run)), beyond=beyond)
+        return WorkOutcome(*what, tuple(_failures(runs, block.first_run)), beyond=beyond)
     except Exception as error:
-        return Done(*what, error=message_of(error))
+        return WorkOutcome(*what, error=message_of(error))
 
 
-def tally(job: Job, case: Case) -> list[Done]:
+def tally(job: Job, case: Case) -> list[WorkOutcome]:
     """Count the runs beyond each requirement in the stored blocks of a case, one block in memory at a time."""
     of_case = (job.requirements, case.id, prepared_of(job, case), _covariance(job, case))
     return [
-        Done(case.id, part.first_run, part.n_run, beyond=job.engine.beyond(*of_case, part))
+        WorkOutcome(case.id, part.first_run, part.n_run, beyond=job.engine.beyond(*of_case, part))
         for part in job.results.parts(case.id)
     ]
 
 
-def close(job: Job, case: Case, runs: int) -> Done:
+def close(job: Job, case: Case, runs: int) -> WorkOutcome:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
         prepared, covariance = prepared_of(job, case), _covariance(job, case)
@@ -264,17 +268,19 @@ def close(job: Job, case: Case, runs: int) -> Done:
             )
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = explained_file(job, case)
-        diagnostics = scratch.load(file, explained.Explanation, identity) if scratch.exists(file, identity) else None
+        diagnostics = (
+            scratch.load(file, explained.CaseDiagnostics, identity) if scratch.exists(file, identity) else None
+        )
         covariance = with_nominal_alarms(covariance, prepared, None if diagnostics is None else diagnostics.protected)
         draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
         job.results.write_case(case, prepared, covariance, parts, diagnostics, draws, control)
-        return Done(case.id, 0, runs)
+        return WorkOutcome(case.id, 0, runs)
     except Exception as error:
-        return Done(case.id, 0, runs, error=message_of(error))
+        return WorkOutcome(case.id, 0, runs, error=message_of(error))
 
 
-_kept: dict[tuple[Any, str, float], tuple[Any, settings_read.Used | None]] = {}
+_kept: dict[tuple[Any, str, float], tuple[Any, settings_read.EffectiveSettings | None]] = {}
 
 
 def prepared_of(job: Job, case: Case) -> Any:
@@ -282,7 +288,7 @@ def prepared_of(job: Job, case: Case) -> Any:
     return _whole(job, case)[0]
 
 
-def _whole(job: Job, case: Case) -> tuple[Any, settings_read.Used | None]:
+def _whole(job: Job, case: Case) -> tuple[Any, settings_read.EffectiveSettings | None]:
     """Return the prepared case and its effective settings; the last two cases are cached, as blocks come in order."""
     if (key := (job.engine.prepare, case.id, job.history)) not in _kept:
         while len(_kept) >= 2:
@@ -291,16 +297,16 @@ def _whole(job: Job, case: Case) -> tuple[Any, settings_read.Used | None]:
     return _kept[key]
 
 
-def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, settings_read.Used | None]:
+def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, settings_read.EffectiveSettings | None]:
     """Return a prepared case and the settings with an effect on it; `history` is the step of its history (s)."""
-    reads = Reads(case.scenario)
+    reads = FieldReads(case.scenario)
     prepared = engine.prepare(reads.card, history)
     return prepared, engine.used(prepared, frozenset(reads.paths))
 
 
 @lru_cache(maxsize=2)
-def _explanation(file: Path, identity: str) -> explained.Explanation:
-    return scratch.read(file, explained.Explanation, identity)
+def _explanation(file: Path, identity: str) -> explained.CaseDiagnostics:
+    return scratch.read(file, explained.CaseDiagnostics, identity)
 
 
 def _scratch_file(job: Job, case: Case) -> Path:
@@ -324,7 +330,7 @@ def _covariance(job: Job, case: Case) -> CovHistory:
     return history
 
 
-def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
+def _answer(case: Case, prepared: Any, covariance: CovHistory) -> CovarianceResult:
     events = explained.flown_events(prepared)
     event = "injection" if "injection" in events else max(events, key=lambda name: events[name], default="end")
     at = int(np.argmin(np.abs(covariance.t - events.get(event, covariance.t[-1]))))
@@ -333,7 +339,7 @@ def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
         true = math.hypot(*covariance.true_sigma[at, index], *covariance.mean[at, index]) * label.label_factor
         formal = math.hypot(*covariance.formal[at, index]) * label.label_factor
         rows.append((label.quantity, true, formal, label.label_unit))
-    return Answer(case.id, event, tuple(rows))
+    return CovarianceResult(case.id, event, tuple(rows))
 
 
 def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:

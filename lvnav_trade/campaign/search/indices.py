@@ -50,7 +50,7 @@ COLUMNS = [
 RESAMPLED = 100
 
 
-class Indexed(NamedTuple):
+class ErrorIndices(NamedTuple):
     """Sensitivity indices of an error."""
 
     indices: pd.DataFrame  # indices of the largest sources, columns `COLUMNS`
@@ -63,7 +63,7 @@ class Indexed(NamedTuple):
     remark: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
 
-def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
+def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> ErrorIndices:
     """Return the sensitivity indices of the mean square of a requirement's error in the first case; see the module.
 
     Parameters
@@ -77,7 +77,7 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
 
     Returns
     -------
-    Indexed
+    ErrorIndices
         Indices and quality of the fit.
 
     Raises
@@ -106,7 +106,7 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     widths = 0.5 * np.ptp(np.quantile(by_fit[:, 1:], (0.025, 0.975), axis=1), axis=0)
     frozen = s**2 / np.sum(s**2)
     rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], total_index, widths[1], strict=True)
-    return Indexed(
+    return ErrorIndices(
         pd.DataFrame(list(rows), columns=COLUMNS),
         case.label,
         f"{requirement.metric} at {requirement.at}",

@@ -18,7 +18,7 @@ COLUMNS = ["case", "chosen", *TOTALLED, "error_ratio", "limiting_requirement", "
 CONFIRMED = ["case", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
 
 
-class Chosen(NamedTuple):
+class LeastTotal(NamedTuple):
     """Result of the search."""
 
     answers: pd.DataFrame  # table of the cases, columns `COLUMNS`, smallest total first
@@ -27,7 +27,7 @@ class Chosen(NamedTuple):
     seconds: float  # wall time, s
 
 
-def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
+def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> LeastTotal:
     """Return the case that meets the requirements, by linear covariance, with the smallest total.
 
     If the campaign has Monte Carlo, runs check this case, and the case with the next smaller total, which does not meet
@@ -44,7 +44,7 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
 
     Returns
     -------
-    Chosen
+    LeastTotal
         Tables of the cases and of the confirmation.
 
     Raises
@@ -79,7 +79,7 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
     smaller = frame.index[: frame.index.get_loc(best[0])][-1:] if len(best) else frame.index[:0]
     flights = [(campaign, all_cases[at], asked, runs) for at in [*smaller, *best] if runs]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
-    return Chosen(
+    return LeastTotal(
         frame.reset_index(drop=True), pd.DataFrame(confirmed, columns=CONFIRMED), column, time.monotonic() - begun
     )
 

@@ -33,7 +33,7 @@ RETUNED, FROZEN = "re-tuned", "frozen"
 ALPHA = 0.01  # significance level of a disagreement between runs and linear covariance
 
 
-class Looked(NamedTuple):
+class CovarianceVerdict(NamedTuple):
     """A requirement evaluated by linear covariance."""
 
     estimate: float  # P-quantile of the error, P the required probability, in `unit`; NaN if not available
@@ -49,7 +49,7 @@ class Looked(NamedTuple):
         return self.estimate / self.limit
 
 
-def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> dict[str, Looked]:
+def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> dict[str, CovarianceVerdict]:
     """Evaluate requirements in a scenario by linear covariance.
 
     Parameters
@@ -63,7 +63,7 @@ def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> d
 
     Returns
     -------
-    dict of str to Looked
+    dict of str to CovarianceVerdict
         Result by name of the requirement.
     """
     return looked(campaign, scenario, names)[0]
@@ -71,7 +71,7 @@ def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> d
 
 def looked(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
-) -> tuple[dict[str, Looked], CovHistory, int]:
+) -> tuple[dict[str, CovarianceVerdict], CovHistory, int]:
     """As `look`; return also the linear covariance, and the number of estimated states (degrees of freedom of NEES)."""
     selected = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
     has_phase = any(requirement.during for requirement in selected)
@@ -82,10 +82,10 @@ def looked(
     for requirement in selected:
         law = asked_of(results, requirement.model_dump(mode="json"))
         if isinstance(law, str):
-            evaluated[requirement.name] = Looked(np.nan, np.nan, np.nan, "", law)
+            evaluated[requirement.name] = CovarianceVerdict(np.nan, np.nan, np.nan, "", law)
         else:
             sizes = (law.quantile(law.probability) * law.factor, law.bound * law.factor)
-            evaluated[requirement.name] = Looked(*sizes, law.kept(), law.unit, outside=outside)
+            evaluated[requirement.name] = CovarianceVerdict(*sizes, law.kept(), law.unit, outside=outside)
     return evaluated, history, int(prepared.layout.n_estimated)
 
 
@@ -149,7 +149,7 @@ def frozen(start: Scenario) -> FilterCard:
     return start.filter.model_copy(update=update)
 
 
-class Flown(NamedTuple):
+class MonteCarloVerdict(NamedTuple):
     """A requirement evaluated by Monte Carlo runs."""
 
     beyond: int  # number of runs beyond the limit
@@ -158,7 +158,7 @@ class Flown(NamedTuple):
     expected: float  # fraction of runs beyond the limit by linear covariance
 
 
-def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
+def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCarloVerdict]:
     """Evaluate all requirements of a campaign in a scenario by a number of runs; return the results by name."""
     prepared = prepare(scenario, campaign.keep.history)
     history = covariance(prepared)
@@ -172,7 +172,7 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
         counts += [count or 0 for count in stopping.beyond(requirements, "", prepared, history, summary)]
     expected = look(campaign, scenario)
     return {
-        requirement.name: Flown(
+        requirement.name: MonteCarloVerdict(
             int(count),
             runs,
             success_verdict(runs, int(count), requirement.probability, requirement.confidence),

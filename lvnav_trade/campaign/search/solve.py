@@ -13,7 +13,7 @@ from scipy import optimize
 from lvnav_trade.campaign.definition.axes import Case, cases, get
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve, Total, Vary
-from lvnav_trade.campaign.reading.spaced import Ends, ends_of
+from lvnav_trade.campaign.reading.spaced import AxisEnds, ends_of
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import (
     FROZEN,
@@ -62,7 +62,7 @@ SCANNED = [
 CONFIRMED = ["case", "tuning", "value", "unit", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
 
 
-class Found(NamedTuple):
+class PermittedValues(NamedTuple):
     """Values of a variable at which a function is at most 1."""
 
     intervals: tuple[tuple[float, float], ...]  # intervals in which it is
@@ -71,7 +71,9 @@ class Found(NamedTuple):
     monotone: bool  # whether the function is at most 1 for all values below the answer
 
 
-def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: bool, refine: bool = True) -> Found:
+def search(
+    ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: bool, refine: bool = True
+) -> PermittedValues:
     """Find the values of a variable at which the largest of several ratios is at most 1.
 
     Parameters
@@ -88,7 +90,7 @@ def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: boo
 
     Returns
     -------
-    Found
+    PermittedValues
         Intervals, largest value, limiting ratio.
     """
     cache: dict[float, Mapping[str, float]] = {}
@@ -126,10 +128,10 @@ def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: boo
         intervals.append((begin, marks[-1][0]))
         beyond = math.nan
     if not intervals:
-        return Found((), math.nan, _largest(at(marks[0][0])) if marks else "", True)
+        return PermittedValues((), math.nan, _largest(at(marks[0][0])) if marks else "", True)
     monotone = len(intervals) == 1 and intervals[0][0] == marks[0][0]
     limiting = "" if math.isnan(beyond) else _largest(at(beyond if not refine else _nearest(cache, intervals[-1][1])))
-    return Found(tuple(intervals), intervals[-1][1], limiting, monotone)
+    return PermittedValues(tuple(intervals), intervals[-1][1], limiting, monotone)
 
 
 def _nearest(evaluated: Mapping[float, Any], value: float) -> float:
@@ -141,7 +143,7 @@ def _largest(ratios: Mapping[str, float]) -> str:
     return max(ratios, key=lambda name: ratios[name])
 
 
-class Solved(NamedTuple):
+class InverseSolution(NamedTuple):
     """Solution of an inverse problem."""
 
     answers: pd.DataFrame  # largest values, columns `ANSWERS`
@@ -153,7 +155,7 @@ class Solved(NamedTuple):
     seconds: float  # wall time, s
 
 
-def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
+def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> InverseSolution:
     """Solve an inverse problem for every case of a campaign, by linear covariance.
 
     Each problem is solved with the filter re-tuned to every value, and with its models frozen at those of the case. If
@@ -170,7 +172,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
 
     Returns
     -------
-    Solved
+    InverseSolution
         Tables of the solutions.
 
     Raises
@@ -199,7 +201,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
         for value in _sides(row.answer, asked)
     ]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
-    return Solved(
+    return InverseSolution(
         answers,
         intervals,
         scanned,
@@ -221,7 +223,7 @@ def _counted(vary: Vary, case: Case) -> Vary:
     return Vary(path=vary.path, values=tuple(integers))
 
 
-def span(vary: Vary) -> tuple[Ends, Floats]:
+def span(vary: Vary) -> tuple[AxisEnds, Floats]:
     """Return the ends and the grid values (n,) of a variation; InputError unless all have the same unit."""
     try:
         if vary.values is not None:

@@ -17,7 +17,7 @@ from scipy import optimize
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Tune
-from lvnav_trade.campaign.reading.spaced import Ends, ends_of
+from lvnav_trade.campaign.reading.spaced import AxisEnds, ends_of
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import changed, fly, looked, not_described, number_at
 from lvnav_trade.filter.card import FilterCard
@@ -41,7 +41,7 @@ CASES = [
 _OUTSIDE = 10.0  # weight of the logarithm of the factor by which NEES exceeds its bounds
 
 
-class Point(NamedTuple):
+class TuningPoint(NamedTuple):
     """A case evaluated with one filter."""
 
     ratio: float  # error of the requirement over its limit
@@ -49,7 +49,7 @@ class Point(NamedTuple):
     outside: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
 
-class Tuned(NamedTuple):
+class TunedFilter(NamedTuple):
     """Result of a filter tuning."""
 
     values: pd.DataFrame  # tuned settings, columns `VALUES`
@@ -59,7 +59,7 @@ class Tuned(NamedTuple):
     seconds: float  # wall time, s
 
 
-def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
+def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> TunedFilter:
     """Tune the settings of a filter to minimise a requirement's error over all cases except the validation cases.
 
     Parameters
@@ -115,7 +115,9 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
         for path, start, ends in zip(paths, starts, spans, strict=True)
     ]
     before_and_after = pd.DataFrame(_before_and_after(campaign, asked, all_cases, name, chosen, jobs), columns=CASES)
-    return Tuned(pd.DataFrame(table, columns=VALUES), before_and_after, card, len(scores), time.monotonic() - begun)
+    return TunedFilter(
+        pd.DataFrame(table, columns=VALUES), before_and_after, card, len(scores), time.monotonic() - begun
+    )
 
 
 def _before_and_after(
@@ -156,7 +158,7 @@ def _name(campaign: Campaign, asked: Tune) -> str:
     return fitting[0]
 
 
-def _span(path: str, between: Sequence[Any]) -> Ends:
+def _span(path: str, between: Sequence[Any]) -> AxisEnds:
     try:
         ends = ends_of(between)
         if min(ends.first, ends.last) <= 0.0 or not path.startswith("filter."):
@@ -166,24 +168,24 @@ def _span(path: str, between: Sequence[Any]) -> Ends:
     return ends._replace(whole=False)
 
 
-def _part(start: float, ends: Ends) -> float:
+def _part(start: float, ends: AxisEnds) -> float:
     """Return the position of a start value between the ends, in the logarithm, 0 to 1; 0.5 if it is not a number."""
     if not start > 0.0:
         return 0.5
     return float(np.clip(np.log(start / ends.first) / np.log(ends.last / ends.first), 0.0, 1.0))
 
 
-def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) -> Point:
+def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) -> TuningPoint:
     """Evaluate a case by linear covariance with other settings of its filter; `name`: the requirement."""
     scenario = changed(case.scenario, values)
     results, history, freedom = looked(campaign, scenario, [name])
     (requirement,) = (each for each in campaign.requirements if each.name == name)
     t = trajectory_of(scenario).events.get(requirement.at or "", history.t[-1])
     at = int(np.argmin(np.abs(history.t - t)))
-    return Point(results[name].ratio, float(history.expected_nees[at]) / freedom, results[name].outside)
+    return TuningPoint(results[name].ratio, float(history.expected_nees[at]) / freedom, results[name].outside)
 
 
-def score(points: Sequence[Point], asked: Tune) -> float:
+def score(points: Sequence[TuningPoint], asked: Tune) -> float:
     """Return the goal of a tuning from the evaluated cases; see `tune`."""
     ratios = np.array([point.ratio for point in points])
     if not np.isfinite(ratios).all():

@@ -19,7 +19,7 @@ _LABEL = "design "
 _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
-class Axes(NamedTuple):
+class DesignAxes(NamedTuple):
     """Axes of a campaign.
 
     names : Name of each axis.
@@ -30,7 +30,7 @@ class Axes(NamedTuple):
     steps: tuple[tuple[str, ...], ...]
 
 
-class Part(NamedTuple):
+class DesignBatch(NamedTuple):
     """Some designs of a campaign, for one worker.
 
     base : Scenario that the axes vary.
@@ -43,7 +43,7 @@ class Part(NamedTuple):
     """
 
     base: Scenario
-    axes: Axes
+    axes: DesignAxes
     numbers: tuple[int, ...]
     values: tuple[tuple[Any, ...], ...]
     labels: tuple[tuple[str, ...], ...]
@@ -72,7 +72,7 @@ class Design(NamedTuple):
     reason: str = ""
 
 
-class Designs:
+class DesignSpace:
     """The designs of a campaign.
 
     campaign : A loaded campaign that stores metrics.
@@ -81,7 +81,7 @@ class Designs:
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
         self.chosen: list[Chosen] = chosen_levels(campaign)
-        self.axes = Axes(axis_names(campaign.axes), tuple(tuple(axis.steps) for axis in campaign.axes))
+        self.axes = DesignAxes(axis_names(campaign.axes), tuple(tuple(axis.steps) for axis in campaign.axes))
 
     def __len__(self) -> int:
         return len(self.chosen)
@@ -100,9 +100,9 @@ class Designs:
             for axis, index in zip(self.campaign.axes, self.chosen[number], strict=True)
         )
 
-    def part(self, numbers: Sequence[int]) -> Part:
+    def part(self, numbers: Sequence[int]) -> DesignBatch:
         """Return the designs with these numbers as work for one worker."""
-        return Part(
+        return DesignBatch(
             self.campaign.base,
             self.axes,
             tuple(numbers),
@@ -127,7 +127,7 @@ class Designs:
                     yield design.case
 
 
-def made(part: Part) -> Iterator[Design]:
+def made(part: DesignBatch) -> Iterator[Design]:
     """Yield the designs of a part; designs share the sections of the scenario that they have in common."""
     base = part.base.model_dump(mode="json")
     whole = {name: getattr(part.base, name) for name in base}
@@ -171,7 +171,7 @@ def number_in(label: str) -> int | None:
     return int(number) if label.startswith(_LABEL) and number.isdecimal() and number.isascii() else None
 
 
-def _section(base: dict[str, Any], name: str, varied: list[int], axes: Axes, values: tuple[Any, ...]) -> Any:
+def _section(base: dict[str, Any], name: str, varied: list[int], axes: DesignAxes, values: tuple[Any, ...]) -> Any:
     """Return a section of a design as plain data; `varied`: indices of the axes that vary it."""
     section: Any = {name: base.get(name)}
     for k in varied:

@@ -13,9 +13,9 @@ import numpy as np
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
-from lvnav_trade.campaign.space.designs import Axes, Design, Part, made, number_of, reason_of
+from lvnav_trade.campaign.space.designs import Design, DesignAxes, DesignBatch, made, number_of, reason_of
 from lvnav_trade.campaign.space.passes import HISTORY as HISTORY
-from lvnav_trade.campaign.space.passes import Passes, together_of
+from lvnav_trade.campaign.space.passes import CovariancePasses, together_of
 from lvnav_trade.covariance.shared_pass import covariance_of
 from lvnav_trade.quantities.records import CovHistory, Floats, Ints
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE, why_outside
@@ -32,7 +32,7 @@ TEXTS = ("case", "label", "axes", "reason", "limiting_requirement", "verdict", "
 _LITRE = 1e-3
 
 
-class Question(NamedTuple):
+class EvaluationRequest(NamedTuple):
     """Data to evaluate for every design.
 
     requirements : The requirements, as in the campaign.
@@ -48,7 +48,7 @@ class Question(NamedTuple):
     every_event: bool = False
 
 
-class Rows(NamedTuple):
+class EvaluatedDesigns(NamedTuple):
     """Evaluated designs.
 
     number : (n,). Number of each design.
@@ -67,13 +67,13 @@ class Rows(NamedTuple):
     seconds: float
 
 
-def evaluate(question: Question, part: Part) -> Rows:
+def evaluate(question: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
     """Evaluate the designs of a part.
 
     Designs that differ only in the axes `shared` are evaluated from common covariance passes if there are enough of
     them. The row of an impossible design has a reason and no numbers.
     """
-    begun, passes = time.process_time(), Passes()
+    begun, passes = time.process_time(), CovariancePasses()
     groups: dict[tuple[str, ...], list[Design]] = defaultdict(list)
     by_number: dict[int, dict[str, Any]] = {}
     for design in made(part):
@@ -92,9 +92,11 @@ def _others(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
     return tuple(level for k, level in enumerate(design.levels.values()) if k not in shared)
 
 
-def _rows(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: Passes, seconds: float) -> Rows:
+def _rows(
+    rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: CovariancePasses, seconds: float
+) -> EvaluatedDesigns:
     names = list(dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, str)))
-    return Rows(
+    return EvaluatedDesigns(
         np.array(numbers, dtype=np.int64),
         {name: tuple(str(row.get(name, "")) for row in rows) for name in TEXTS},
         {name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in names},
@@ -107,7 +109,7 @@ def _rows(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: Pas
 # --- a row ------------------------------------------------------------------------------------------------------------
 
 
-def _row(design: Design, axes: Axes) -> dict[str, Any]:
+def _row(design: Design, axes: DesignAxes) -> dict[str, Any]:
     """Return the part of a row that needs no evaluation: levels of the axes, numbers in SI, cost."""
     case = design.case
     row: dict[str, Any] = {
@@ -151,7 +153,7 @@ def _totals(case: Case) -> dict[str, float]:
     return _known_totals[key][1]
 
 
-def metrics_of(question: Question, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
+def metrics_of(question: EvaluationRequest, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
     """Return the numbers and texts of a row from the linear covariance of a case."""
     results = CaseArrays(prepared, history)
     row = _navigation(prepared, results)
@@ -239,7 +241,7 @@ def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
 
 
 def _evaluated(
-    question: Question, part: Part, designs: Sequence[Design], passes: Passes
+    question: EvaluationRequest, part: DesignBatch, designs: Sequence[Design], passes: CovariancePasses
 ) -> Iterator[tuple[Design, dict[str, Any]]]:
     """Yield designs of a group with the metrics of each, or the reason why it has none."""
     together = together_of(part, designs, question.shared, question.history, passes)
@@ -251,7 +253,7 @@ def _evaluated(
             yield design, metrics_of(question, together.prepared, history)
 
 
-def _alone(question: Question, design: Design, passes: Passes) -> dict[str, Any]:
+def _alone(question: EvaluationRequest, design: Design, passes: CovariancePasses) -> dict[str, Any]:
     """Return the metrics of a design from its own covariance pass, or the reason why it has none."""
     assert design.case is not None
     try:

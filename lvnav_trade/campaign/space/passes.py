@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.campaign.space.designs import Design, Designs, Part, made, number_of
+from lvnav_trade.campaign.space.designs import Design, DesignBatch, DesignSpace, made, number_of
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.shared_pass import (
     TOLERANCE,
@@ -26,7 +26,7 @@ HISTORY = 60.0  # s between history times if only events matter, which are histo
 _FURTHER = 2  # passes in addition to one per axis: with the smallest sigmas, and for the test
 
 
-class Passes:
+class CovariancePasses:
     """Computes covariance passes and counts them.
 
     count : Number of passes so far.
@@ -45,7 +45,7 @@ class Passes:
         return history
 
 
-class Together(NamedTuple):
+class GroupPasses(NamedTuple):
     """Covariance passes shared by the designs of a group.
 
     prepared : A prepared case of the group.
@@ -68,8 +68,8 @@ def _sigma(design: Design, axis: int) -> float:
 
 
 def together_of(
-    part: Part, designs: Sequence[Design], shared: Sequence[int], history: float, passes: Passes
-) -> Together | None:
+    part: DesignBatch, designs: Sequence[Design], shared: Sequence[int], history: float, passes: CovariancePasses
+) -> GroupPasses | None:
     """Return the covariance passes shared by the designs of a group, or None.
 
     None is returned if there are too few designs, or if they cannot share passes. The latter is tested with all sigmas
@@ -77,7 +77,7 @@ def together_of(
 
     Parameters
     ----------
-    part : Part
+    part : DesignBatch
         Part of the designs.
     designs : sequence of Design
         Designs that differ only in the axes `shared`.
@@ -85,7 +85,7 @@ def together_of(
         Indices of axes that may vary true sigmas only.
     history : float
         Step (s) of the history.
-    passes : Passes
+    passes : CovariancePasses
         Computes and counts the passes.
     """
     values = np.array([[_sigma(design, axis) for axis in shared] for design in designs])
@@ -117,11 +117,16 @@ def together_of(
     except (InputError, ValueError, ArithmeticError):
         return None
     agrees = is_same_filter(base, tried) and largest_difference(covariance_of(common, middle), tried) < TOLERANCE
-    return Together(prepared, axes, common) if agrees else None
+    return GroupPasses(prepared, axes, common) if agrees else None
 
 
 def _passed(
-    part: Part, design: Design, axes: Sequence[int], sigmas: Sequence[float], history: float, passes: Passes
+    part: DesignBatch,
+    design: Design,
+    axes: Sequence[int],
+    sigmas: Sequence[float],
+    history: float,
+    passes: CovariancePasses,
 ) -> tuple[Prepared, CovHistory]:
     """Return a prepared design with other sigmas, and its linear covariance; ValueError if it is impossible."""
     values = list(design.values)
@@ -136,7 +141,7 @@ def _passed(
     return prepared, passes(prepared)
 
 
-def shared_axes(designs: Designs, history: float) -> tuple[int, ...]:
+def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
     """Return the indices of the axes that vary only true sigmas in the first possible design.
 
     These are axes whose smallest and largest value give the same filter, the same mean error and different true errors.
@@ -148,7 +153,7 @@ def shared_axes(designs: Designs, history: float) -> tuple[int, ...]:
     if first is None:
         return ()
     shared = []
-    passes = Passes()
+    passes = CovariancePasses()
     for axis in range(len(part.axes.names)):
         numbers = [number_of(values[axis]) for values in part.values]
         known = [number[0] for number in numbers if number is not None]

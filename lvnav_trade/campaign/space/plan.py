@@ -14,7 +14,7 @@ import pyarrow as pa
 from lvnav_trade.campaign.definition.axes import cases, probes
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.plan import covariance_seconds, estimate
-from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.designs import DesignSpace
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.results.evaluation.resources import dominating
@@ -129,7 +129,7 @@ def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str,
     flights : mapping of str to mapping of str to float
         Times (s) of the events by digest of the case and by name; the first and last give the duration.
     """
-    designs = Designs(campaign)
+    designs = DesignSpace(campaign)
     duration = max(max(times.values()) - min(times.values()) for times in flights.values())
     some = probes(campaign)
     each = sum(covariance_seconds(case, duration) for case in some) / len(some) + _DESIGN_S

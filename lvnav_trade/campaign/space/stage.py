@@ -13,8 +13,8 @@ import pyarrow as pa
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.space.designs import Designs, Part
-from lvnav_trade.campaign.space.evaluate import HISTORY, Question, Rows, evaluate
+from lvnav_trade.campaign.space.designs import DesignBatch, DesignSpace
+from lvnav_trade.campaign.space.evaluate import HISTORY, EvaluatedDesigns, EvaluationRequest, evaluate
 from lvnav_trade.campaign.space.passes import shared_axes
 from lvnav_trade.campaign.space.plan import Chosen, chosen
 from lvnav_trade.quantities.errors import InputError
@@ -27,7 +27,7 @@ _SHOWN = 5  # largest number of reasons in a message
 Stage = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], Iterator[Any]]
 
 
-class Evaluated(NamedTuple):
+class SpaceResult(NamedTuple):
     """Result of the stage.
 
     cases : Cases for a full analysis.
@@ -38,7 +38,7 @@ class Evaluated(NamedTuple):
     remark: dict[str, Any]
 
 
-class Space:
+class SpaceEvaluation:
     """Design space of a campaign, evaluated while the campaign runs.
 
     campaign : A loaded campaign with a design space.
@@ -46,7 +46,7 @@ class Space:
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
-        self.designs = Designs(campaign)
+        self.designs = DesignSpace(campaign)
 
     def evaluate(self, job: work.Job, stage: Stage, parts: Sequence[int] | None = None) -> None:
         """Evaluate all designs that are not stored yet, or those of some parts; each part is stored when finished."""
@@ -61,12 +61,12 @@ class Space:
         for _ in stage("designs", evaluate_part, units):
             pass
 
-    def finish(self, job: work.Job) -> Evaluated:
+    def finish(self, job: work.Job) -> SpaceResult:
         """Store the table of all designs; return the cases for a full analysis. InputError if all are impossible."""
         earlier = self._stored(job)
         if earlier is None:
             places = [_place(job, self._question, number) for number in range(self.parts)]
-            rows = [scratch.read(file, Rows, identity) for file, identity in places]
+            rows = [scratch.read(file, EvaluatedDesigns, identity) for file, identity in places]
             identity = _identity(job, self._question, "designs")
             table = stored.table_of(rows, identity, sum(part.passes for part in rows))
         else:
@@ -84,7 +84,7 @@ class Space:
             "passes": stored.passes(table),
             "whole": {name: len(numbers) for name, numbers in found.items()},
         }
-        return Evaluated(self._whole(found), remark)
+        return SpaceResult(self._whole(found), remark)
 
     @property
     def parts(self) -> int:
@@ -108,16 +108,16 @@ class Space:
         return stored.earlier_table(job.results.folder / stored.FILE, _identity(job, self._question, "designs"))
 
     @cached_property
-    def _question(self) -> Question:
+    def _question(self) -> EvaluationRequest:
         """Data to evaluate for every design."""
         requirements = self.campaign.requirements
         has_phase = any(requirement.during for requirement in requirements)
         history = self.campaign.keep.history if has_phase else HISTORY
         shared = shared_axes(self.designs, history)
         settings = tuple(requirement.model_dump(mode="json") for requirement in requirements)
-        return Question(settings, history, shared, self.campaign.store == "events")
+        return EvaluationRequest(settings, history, shared, self.campaign.store == "events")
 
-    def _order(self, question: Question) -> list[int]:
+    def _order(self, question: EvaluationRequest) -> list[int]:
         """Return the numbers of the designs in an order in which designs that share passes are adjacent."""
 
         def others(number: int) -> tuple[str, ...]:
@@ -129,24 +129,24 @@ class Space:
         return sorted(range(len(self.designs)), key=others)
 
 
-def _identity(job: work.Job, question: Question, name: str) -> str:
+def _identity(job: work.Job, question: EvaluationRequest, name: str) -> str:
     """Return the origin of a part or table of designs, as text."""
     asked = hashlib.sha256(f"{job.asked!r} {question!r}".encode()).hexdigest()[:16]
     return f"{job.results.identity_of_case(name)} {job.history!r} {asked}"
 
 
-def _place(job: work.Job, question: Question, number: int) -> tuple[Path, str]:
+def _place(job: work.Job, question: EvaluationRequest, number: int) -> tuple[Path, str]:
     """Return the scratch file of a part, and its origin."""
     identity = _identity(job, question, f"part {number}")
     return job.scratch / f"part-{number:05d}.{identity.rpartition(' ')[2]}.designs", identity
 
 
-def evaluate_part(job: work.Job, question: Question, number: int, part: Part) -> work.Done:
+def evaluate_part(job: work.Job, question: EvaluationRequest, number: int, part: DesignBatch) -> work.WorkOutcome:
     """Evaluate a part and write it to disk; an existing part is not evaluated again."""
     file, identity = _place(job, question, number)
     try:
-        if not scratch.is_sound(file, Rows, identity):
+        if not scratch.is_sound(file, EvaluatedDesigns, identity):
             scratch.write(file, evaluate(question, part), identity)
-        return work.Done(file.name, 0, len(part.numbers))
+        return work.WorkOutcome(file.name, 0, len(part.numbers))
     except Exception as error:
-        return work.Done(file.name, 0, len(part.numbers), error=work.message_of(error))
+        return work.WorkOutcome(file.name, 0, len(part.numbers), error=work.message_of(error))

@@ -53,7 +53,7 @@ class Node:
         return isinstance(self.value, list)
 
 
-class Written:
+class SourceTree:
     """Tree from which settings were read. All instances compare as equal: settings are compared by their content."""
 
     def __init__(
@@ -68,7 +68,7 @@ class Written:
         self.root, self.levels, self.filled = root, levels, frozenset(filled)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Written)
+        return isinstance(other, SourceTree)
 
     __hash__ = None  # type: ignore[assignment]
 

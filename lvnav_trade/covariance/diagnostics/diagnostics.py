@@ -16,7 +16,7 @@ from lvnav_trade.covariance.history import adjoint, covariance, forward_tape, so
 from lvnav_trade.covariance.sources import source_labels
 from lvnav_trade.covariance.workspace import UpdateTape
 from lvnav_trade.quantities.error_sources import Field, fields_of
-from lvnav_trade.quantities.records import AdjointBudget, Asked, CovHistory, Floats
+from lvnav_trade.quantities.records import AdjointBudget, CovarianceRequest, CovHistory, Floats
 from lvnav_trade.scenario.filter_models import sensors_used
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
@@ -68,7 +68,7 @@ class PhaseView(NamedTuple):
     directions: tuple[str, ...] = ()
 
 
-class Sensitivity(NamedTuple):
+class SigmaSensitivity(NamedTuple):
     """Effect of the sigma of each error source on the true error of a quantity at one time.
 
     time : s since lift-off.
@@ -87,7 +87,7 @@ class Sensitivity(NamedTuple):
     retuned: Floats
 
 
-class Explanation(NamedTuple):
+class CaseDiagnostics(NamedTuple):
     """Diagnostics of a case; a diagnostic that is not requested is empty.
 
     event : Event of the diagnostics.
@@ -106,7 +106,7 @@ class Explanation(NamedTuple):
     event: str = ""
     adjoint: AdjointBudget | None = None
     by_source: tuple[SourceCovariance, ...] = ()
-    sensitivity: tuple[Sensitivity, ...] = ()
+    sensitivity: tuple[SigmaSensitivity, ...] = ()
     phases: tuple[PhaseView, ...] = ()
     nonlinear: tuple[tuple[str, Nonlinearity], ...] = ()
     bound: ErrorBound | None = None
@@ -116,7 +116,7 @@ class Explanation(NamedTuple):
     protected: Protection | None = None
 
 
-def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
+def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: CovarianceRequest) -> CaseDiagnostics:
     """Return the requested diagnostics of a case; they share one forward pass.
 
     Parameters
@@ -134,7 +134,7 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
     if (events and (asked.adjoint or asked.observability)) or asked.error_bound:
         tape = forward_tape(prepared)
     bound = error_bound(prepared, tape) if asked.error_bound and tape is not None else None
-    return Explanation(
+    return CaseDiagnostics(
         at,
         adjoint(prepared, events[at], tape=tape) if at and asked.adjoint else None,
         _by_source(prepared, events, (at, *asked.events), tape) if at and asked.adjoint else (),
@@ -186,7 +186,9 @@ def _by_source(
     )
 
 
-def _sensitivities(scenario: Scenario, prepared: Prepared, history: CovHistory, time: float) -> tuple[Sensitivity, ...]:
+def _sensitivities(
+    scenario: Scenario, prepared: Prepared, history: CovHistory, time: float
+) -> tuple[SigmaSensitivity, ...]:
     known: dict[tuple[str, float], CovHistory] = {}
     quantities = np.array([output.quantity for output in prepared.outputs])
     return tuple(
@@ -301,7 +303,7 @@ def sensitivity(
     columns: list[int],
     share: float = 0.01,
     known: dict[tuple[str, float], CovHistory] | None = None,
-) -> Sensitivity:
+) -> SigmaSensitivity:
     """Return the sensitivity of a quantity to the sigmas of its main error sources.
 
     With frozen gains the variance of a source scales with the square of its factor, so no further computation is
@@ -343,6 +345,6 @@ def sensitivity(
             tuned = history if factor == 1.0 else known[key]
             at = int(np.argmin(np.abs(tuned.t - time)))
             retuned[row, column] = np.sqrt(np.sum(tuned.true_sigma[at, columns] ** 2 + tuned.mean[at, columns] ** 2))
-    return Sensitivity(
+    return SigmaSensitivity(
         float(history.t[hist]), quantity, tuple(history.sources[k] for k in chosen), FACTORS, frozen, retuned
     )

@@ -16,7 +16,7 @@ from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.simulation.preparation.imu_arrays import white_of
-from lvnav_trade.simulation.preparation.imu_inputs import Unit
+from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.sensing import sense
 
@@ -62,13 +62,13 @@ def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
             out[k, i] = total / (count * unit.dt)
 
 
-def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit:
+def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuTruth:
     """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion."""
     unit, none = prepared.unit, np.zeros((n_tick, 3))
     blocks = unit.sensors // 2 == triad
     names = ("sigma", "decay", "walk", "sources", "drivers")
     parameters = {name: getattr(unit, name)[: blocks.size][blocks] for name in names}
-    empty = {name: getattr(unit, name)[:0] for name in Unit._fields if name.startswith("profile")}
+    empty = {name: getattr(unit, name)[:0] for name in ImuTruth._fields if name.startswith("profile")}
     return unit._replace(
         **parameters,
         **empty,

@@ -10,7 +10,7 @@ import numpy as np
 from lvnav_trade.covariance.history import turns
 from lvnav_trade.covariance.workspace import Nominal, new_nominal, new_nominal_earlier
 from lvnav_trade.filter.ekf import channel_of, fill_receiver, place_antenna
-from lvnav_trade.filter.policies.epoch_differences import Earlier, is_present, store_estimate
+from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, is_present, store_estimate
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
@@ -112,7 +112,7 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
     place_antenna(work, None, None, model, prepared.unit.dt, epoch)
 
 
-def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Earlier | None:
+def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
     """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
 
     None without differences of two epochs. The navigation state of `work` is changed.

@@ -22,7 +22,7 @@ from lvnav_trade.simulation.preparation.prepare import Prepared
 TOLERANCE = 1e-2
 
 
-class Stretch(NamedTuple):
+class ObservabilityInterval(NamedTuple):
     """Observability of the filter's states over one interval of the flight.
 
     The singular values are those of the stacked rows H Phi, with rows in units of their noise sigma and directions in
@@ -117,7 +117,7 @@ def _fold_samples(folding, samples, first, n_tick):
     return N_SAMPLE * n_tick
 
 
-class _Rows(NamedTuple):
+class _ObservabilityArrays(NamedTuple):
     """Arrays of schedule, tape and model from which observability is computed, with the names that they have there.
 
     Passing the whole records would take ten times as long to compile.
@@ -167,10 +167,10 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
     Parameters
     ----------
     folding : _Folding, updated in place
-    rows : _Rows
+    rows : _ObservabilityArrays
     samples : _Samples of a filter that processes IMU samples, or None. Angular rate and specific force are then assumed
         constant over the interval, the hardest case for the other states.
-    delayed : Delayed, or None
+    delayed : DifferenceProcessing, or None
     extra_offset : (n_extra,) state of each extra state
     first_window, last_window : windows of the interval
     """
@@ -199,13 +199,13 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
     return count
 
 
-def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _Rows:
+def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _ObservabilityArrays:
     """Return the arrays of a case and its forward pass from which observability is computed."""
     schedule, model, signals = prepared.schedule, prepared.model, prepared.signals
     used = slice(0, int(tape.used[0]))
     whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
     variance = np.where(whitened, 1.0, _variances(prepared)[tape.epoch[used], tape.channel[used]])
-    return _Rows(
+    return _ObservabilityArrays(
         first_tick=schedule.first_tick,
         n_tick=schedule.n_tick,
         length=schedule.length,
@@ -237,7 +237,7 @@ def _begin_epoch(phi, delayed, extra_offset, epoch):
             phi[j, delayed.clone + c] = phi[j, delayed.cloned[c]]
 
 
-def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int, Floats]:
+def _folded(prepared: Prepared, rows: _ObservabilityArrays, first: int, last: int) -> tuple[int, Floats]:
     """Return the number of rows of the windows from first to last, and their triangular factor (n, n)."""
     n, vehicle, delayed = prepared.layout.n_state, prepared.options.vehicle, prepared.options.delayed
     folding = _Folding(
@@ -256,7 +256,7 @@ def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int
     return count, folding.triangle
 
 
-def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stretch:
+def _stretch(prepared: Prepared, rows: _ObservabilityArrays, start: float, end: float) -> ObservabilityInterval:
     """Return the observability over the windows that end between start and end (s since lift-off)."""
     schedule, states = prepared.schedule, np.array(prepared.layout.reported)
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
@@ -268,7 +268,9 @@ def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stret
     singular, vectors = decompose((triangle[:, states] * scale)[:, uncertain] @ root, root)
     directions = np.zeros((singular.size, states.size))
     directions[:, uncertain] = vectors
-    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions)
+    return ObservabilityInterval(
+        start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions
+    )
 
 
 def _variances(prepared: Prepared) -> Floats:
@@ -305,7 +307,7 @@ def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
     return singular, directions / np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], 1)
 
 
-def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = None) -> list[Stretch]:
+def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = None) -> list[ObservabilityInterval]:
     """Return the observability of the filter's states over the intervals between edges, on the nominal flight.
 
     Parameters

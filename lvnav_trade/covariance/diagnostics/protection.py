@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.quantities.records import CovHistory, Floats, Protecting
+from lvnav_trade.quantities.records import CovHistory, Floats, ProtectionRisks
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
@@ -108,7 +108,7 @@ def columns_of(prepared: Prepared) -> list[list[int]]:
     return [[k for k, output in enumerate(prepared.outputs) if output.quantity == name] for name in PROTECTED]
 
 
-def protection(prepared: Prepared, history: CovHistory, asked: Protecting) -> Protection:
+def protection(prepared: Prepared, history: CovHistory, asked: ProtectionRisks) -> Protection:
     """Return the protection levels of a case, by one linear covariance for every satellite that its filter uses.
 
     Integrity risk and false-alarm probability are divided equally between the three axes of position and of velocity,

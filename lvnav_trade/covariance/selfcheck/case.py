@@ -2,7 +2,7 @@
 
 from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.consistency import innovations
 from lvnav_trade.covariance.selfcheck.draws import of_imu, of_start
 from lvnav_trade.covariance.selfcheck.jacobians import jacobians
@@ -12,7 +12,7 @@ from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 
-def check_scenario(scenario: Scenario, seed: int, history: float = 1.0) -> list[Check]:
+def check_scenario(scenario: Scenario, seed: int, history: float = 1.0) -> list[CheckResult]:
     """Return all checks of a scenario; statistical checks have no bounds yet (`check.bounded`).
 
     Parameters
@@ -27,7 +27,7 @@ def check_scenario(scenario: Scenario, seed: int, history: float = 1.0) -> list[
     return check_prepared(prepare(scenario, history), seed)
 
 
-def check_prepared(prepared: Prepared, seed: int) -> list[Check]:
+def check_prepared(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return all checks of a prepared case, as `check_scenario`."""
     history = covariance(prepared)
     return [

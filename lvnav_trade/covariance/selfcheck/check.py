@@ -8,7 +8,7 @@ FAMILY = 0.01
 """Probability that any statistical check of a correct campaign fails."""
 
 
-class Check(NamedTuple):
+class CheckResult(NamedTuple):
     """Result of one check.
 
     kind : Kind of the check.
@@ -60,7 +60,7 @@ class Check(NamedTuple):
         }
 
 
-def bounded(checks: Iterable[Check]) -> list[Check]:
+def bounded(checks: Iterable[CheckResult]) -> list[CheckResult]:
     """Return checks with the bounds of their statistics, chosen so that any of them fails by chance with `FAMILY`."""
     listed = list(checks)
     tail = FAMILY / (2.0 * max(1, sum(check.law is not None for check in listed)))

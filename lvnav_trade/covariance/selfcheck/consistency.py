@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy import stats
 
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.simulation.montecarlo import run_block
@@ -17,7 +17,7 @@ GATED = 0.01
 """Probability of rejecting a valid measurement above which linear covariance does not describe the filter."""
 
 
-def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Check]:
+def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[CheckResult]:
     """Return checks of the mean square of normalised innovations, and of their number beyond the gate.
 
     For a filter that models the whole truth the mean square is 1 per scalar (chi-square). For any other filter linear
@@ -26,21 +26,24 @@ def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Chec
     """
     reason = _why_not(prepared, history)
     if reason:
-        return [Check(KIND, "mean square", reason=reason)]
+        return [CheckResult(KIND, "mean square", reason=reason)]
     block = run_block(prepared, seed, 0, RUNS)
     channels = prepared.channels.n_channel + N_SAMPLE * (prepared.options.vehicle is not None)
     z = block.innovation[block.failed == 0][:, :, :channels]
     if len(z) < RUNS // 2:
-        return [Check(KIND, "mean square", where=f"{RUNS - len(z)} of {RUNS} runs failed")]
+        return [CheckResult(KIND, "mean square", where=f"{RUNS - len(z)} of {RUNS} runs failed")]
     count = np.isfinite(z).sum(axis=(1, 2))
     expected = float(history.expected_nis.sum() / history.n_row.sum())
     square = np.nansum(z**2, axis=(1, 2)) / count
     where = f"{int(count.mean())} scalars a run, {len(z)} runs; expected {expected:.3f}"
     law = _law(square, expected, expected * math.sqrt(2.0 / count.sum()))
-    return [Check(KIND, "mean square", float(square.mean()), where=where, law=law), *_gate(prepared, history, z, count)]
+    return [
+        CheckResult(KIND, "mean square", float(square.mean()), where=where, law=law),
+        *_gate(prepared, history, z, count),
+    ]
 
 
-def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> list[Check]:
+def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> list[CheckResult]:
     """Return the check of the number of innovations beyond the gate against that expected; empty without a gate."""
     gate = math.sqrt(prepared.model.gate_squared)
     if math.isinf(gate):
@@ -55,7 +58,7 @@ def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> 
     poisson = math.sqrt(max(part * total, 1e-300))
     wide = spread > 1.5 * poisson and part * total > 20.0
     law = stats.norm(part * total, spread) if wide else stats.binom(total, part)
-    return [Check(KIND, "refused by the gate", float(beyond.sum()), where=where, law=law)]
+    return [CheckResult(KIND, "refused by the gate", float(beyond.sum()), where=where, law=law)]
 
 
 def _law(values: Floats, expected: float, least: float) -> object:

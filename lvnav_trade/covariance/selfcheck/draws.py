@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import stats
 
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.imu.array import triads_of
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels import processes
@@ -30,16 +30,18 @@ _STEPS = 400
 _TICKS, _NOISE_RUNS = 500, 16
 
 
-def moments(what: str, z: Floats, where: str = "") -> list[Check]:
+def moments(what: str, z: Floats, where: str = "") -> list[CheckResult]:
     """Return checks of mean and variance of draws z that should be standard normals."""
     n = z.size
     return [
-        Check(KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=stats.norm(0.0, 1.0 / math.sqrt(n))),
-        Check(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=stats.chi2(n, scale=1.0 / n)),
+        CheckResult(
+            KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=stats.norm(0.0, 1.0 / math.sqrt(n))
+        ),
+        CheckResult(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=stats.chi2(n, scale=1.0 / n)),
     ]
 
 
-def correlation(what: str, first: Floats, later: Floats, expected: float, seconds: float) -> Check:
+def correlation(what: str, first: Floats, later: Floats, expected: float, seconds: float) -> CheckResult:
     """Return the check of the correlation between standard normals and their values some time later.
 
     Parameters
@@ -55,12 +57,12 @@ def correlation(what: str, first: Floats, later: Floats, expected: float, second
     """
     law = stats.norm(expected, math.sqrt((1.0 + expected**2) / first.size))
     where = f"after {seconds:.3g} s; expected {expected:.3f}"
-    return Check(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)
+    return CheckResult(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)
 
 
-def of_imu(prepared: Prepared, seed: int) -> list[Check]:
+def of_imu(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the IMU parameters (and of the gravity disturbance) by source, and of the white noise."""
-    checks: list[Check] = []
+    checks: list[CheckResult] = []
     first, later, lags = _processes(prepared, seed)
     step = prepared.unit.process_ticks * prepared.unit.dt
     for source in dict.fromkeys(block.name for block in prepared.sources):
@@ -177,7 +179,7 @@ def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
     return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
 
 
-def of_start(prepared: Prepared, seed: int) -> list[Check]:
+def of_start(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the initial errors: tilt, heading, velocity, position."""
     (work, _), start, card = new_work(prepared, lanes=False), prepared.start, prepared.scenario.initial
     ref, errors = prepared.reference, np.empty((RUNS, 9))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.covariance.diagnostics.nonlinearity import increments, place, place_earlier, tick_at
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.states import sizes
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
 from lvnav_trade.filter.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
@@ -28,7 +28,7 @@ LEAST = 1e-6
 """Fraction of the largest entry of a row, in steps of the differences, below which entries are negligible."""
 
 
-class Rows(NamedTuple):
+class EpochMeasurements(NamedTuple):
     """Measurement rows of an epoch.
 
     names : (n_row,). Measurement of each row.
@@ -41,10 +41,10 @@ class Rows(NamedTuple):
     z: Floats
 
 
-RowsAt = Callable[[Prepared, Nominal, int, Floats], Rows]
+RowsAt = Callable[[Prepared, Nominal, int, Floats], EpochMeasurements]
 
 
-def jacobians(prepared: Prepared) -> list[Check]:
+def jacobians(prepared: Prepared) -> list[CheckResult]:
     """Return a check for each measurement of the filter, with state and time of its figure.
 
     The figure is the largest relative difference between an entry of its Jacobian and the central difference of the
@@ -68,9 +68,11 @@ def jacobians(prepared: Prepared) -> list[Check]:
             if not deviations[row] <= worst.get(measurement, (-1.0, ""))[0]:
                 worst[measurement] = (float(deviations[row]), f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s")
     samples = _samples(prepared) if prepared.options.vehicle is not None else []
-    checks = [Check("Jacobian", name, figure, high=ALLOWED, where=where) for name, (figure, where) in worst.items()]
+    checks = [
+        CheckResult("Jacobian", name, figure, high=ALLOWED, where=where) for name, (figure, where) in worst.items()
+    ]
     missing = [name for name in prepared.scenario.filter.measurements if name in TYPES and name not in worst]
-    never = [Check("Jacobian", name, reason="it measures at no epoch of this flight") for name in missing]
+    never = [CheckResult("Jacobian", name, reason="it measures at no epoch of this flight") for name in missing]
     return [*checks, *samples, *never]
 
 
@@ -120,7 +122,7 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
         place_antenna(work, None, None, prepared.model, prepared.unit.dt, epoch)
 
 
-def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
+def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the receiver rows that the filter processes."""
     model, signals = prepared.model, prepared.signals
     delayed, earlier = prepared.options.delayed, place_earlier(prepared, work, epoch, d)
@@ -130,7 +132,7 @@ def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> 
     return _dense(prepared, work, [pair for pair in rows if is_present(delayed, model, epoch, pair[1])])
 
 
-def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
+def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the rows of sensor k, which measures the truth at the time of validity in the filter."""
     model, sensors = prepared.model, prepared.sensors
     assert sensors is not None  # the case has this one
@@ -141,7 +143,7 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
     return _dense(prepared, work, [(at + i, sensors.channel[k] + i) for i in range(sensors.scalars[k])])
 
 
-def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> Rows:
+def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> EpochMeasurements:
     """Return rows, given with their channels, as dense Jacobian rows."""
     model, H = prepared.model, np.zeros((len(rows), prepared.layout.n_state))
     for to, (row, channel) in enumerate(rows):
@@ -149,10 +151,10 @@ def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> Ro
         H[to, model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
     kinds = {number: name for name, number in TYPES.items()}
     names = tuple(kinds[int(model.row_type[channel])] for _, channel in rows)
-    return Rows(names, H, work.z[[row for row, _ in rows]].copy())
+    return EpochMeasurements(names, H, work.z[[row for row, _ in rows]].copy())
 
 
-def _samples(prepared: Prepared) -> list[Check]:
+def _samples(prepared: Prepared) -> list[CheckResult]:
     """Return the check of the rows of IMU samples, against the increments of an IMU with such parameters."""
     vehicle, layout, dt = prepared.options.vehicle, prepared.layout, prepared.unit.dt
     size, worst, where = sizes(prepared), 0.0, ""
@@ -174,4 +176,4 @@ def _samples(prepared: Prepared) -> list[Check]:
         deviations = np.abs((H - differences) * size).max(axis=1) / np.abs(H * size).max(axis=1)
         if deviations.max() >= worst:
             worst, where = float(deviations.max()), f"{time:.0f} s"
-    return [Check("Jacobian", "imu", worst, high=ALLOWED, where=where)]
+    return [CheckResult("Jacobian", "imu", worst, high=ALLOWED, where=where)]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.covariance.diagnostics.nonlinearity import navigation_at, tick_at
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.draws import RUNS, correlation, moments
 from lvnav_trade.gnss.fault_cards import DegradedNoise
 from lvnav_trade.gnss.faults import active
@@ -33,7 +33,7 @@ _OF_SENSOR = 8
 """Number of additional epochs for a sensor that measures at few of the others."""
 
 
-class Drawn(NamedTuple):
+class EpochDraws(NamedTuple):
     """Draws of runs at some epochs.
 
     start : (n_run, 2) m, m/s. Initial clock bias and drift.
@@ -48,7 +48,7 @@ class Drawn(NamedTuple):
     white: dict[str, Floats]
 
 
-def of_measurements(prepared: Prepared, seed: int) -> list[Check]:
+def of_measurements(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the receiver's clock, of correlated measurement errors, and of white noise."""
     if not prepared.t_epoch.size or not prepared.model.aided:
         return []
@@ -76,11 +76,11 @@ def _ranges(prepared: Prepared) -> bool:
     return bool(prepared.model.tight or solves(prepared.scenario))
 
 
-def _clock(prepared: Prepared, drawn: Drawn) -> list[Check]:
+def _clock(prepared: Prepared, drawn: EpochDraws) -> list[CheckResult]:
     """Return the checks of the receiver's clock: start, and steps of bias and drift."""
     card = prepared.scenario.receiver.clock
     q11, _, q22 = step_covariance(prepared.signals.interval, card.h0, card.h_minus2)
-    checks: list[Check] = []
+    checks: list[CheckResult] = []
     for what, sigma, values in (
         ("clock bias", card.initial_bias, drawn.start[:, 0]),
         ("clock drift", card.initial_drift, drawn.start[:, 1]),
@@ -112,7 +112,7 @@ def _plain(prepared: Prepared) -> Bools:
     return plain
 
 
-def _drawn(prepared: Prepared, seed: int) -> Drawn:
+def _drawn(prepared: Prepared, seed: int) -> EpochDraws:
     """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
     signals, key, epochs = prepared.signals, seed_words(seed), _epochs(prepared)
     (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
@@ -142,7 +142,7 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
                 z, sigma = innovation[0] - clean[epoch][name][0], innovation[1]
                 white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])
     joined = {name: np.concatenate(parts) for name, parts in white.items()}
-    return Drawn(start, steps, shared, {name: z for name, z in joined.items() if z.size})
+    return EpochDraws(start, steps, shared, {name: z for name, z in joined.items() if z.size})
 
 
 def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -> Floats:

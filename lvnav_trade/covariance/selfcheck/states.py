@@ -5,7 +5,7 @@ import numpy as np
 from lvnav_trade.covariance.diagnostics.confirming_runs import gaps
 from lvnav_trade.covariance.diagnostics.nonlinearity import navigation, nonlinearity
 from lvnav_trade.covariance.history import turns
-from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.filter.ekf import correct
 from lvnav_trade.filter.policies.imu_samples import correct_vehicle
 from lvnav_trade.quantities.records import CovHistory, Floats
@@ -27,7 +27,7 @@ def sizes(prepared: Prepared) -> Floats:
     return np.array([SIZE.get(output.quantity, 1.0 / output.label_factor) for output in outputs])
 
 
-def round_trip(prepared: Prepared) -> list[Check]:
+def round_trip(prepared: Prepared) -> list[CheckResult]:
     """Return a check for each quantity of the filter's state, at start, middle and end of the flight.
 
     A given error is applied, recorded as in runs, fed back by the filter, and recorded again. Figures are relative to
@@ -50,7 +50,7 @@ def round_trip(prepared: Prepared) -> list[Check]:
             if not missed <= worst.get(quantity, (-1.0, ""))[0]:
                 worst[quantity] = (missed, f"{name} at {prepared.t_hist[hist]:g} s")
     return [
-        Check("error definition", quantity, missed, high=ALLOWED, where=where)
+        CheckResult("error definition", quantity, missed, high=ALLOWED, where=where)
         for quantity, (missed, where) in worst.items()
     ]
 
@@ -97,14 +97,18 @@ ALLOWED_GAP = 0.1
 KIND = "propagation"
 
 
-def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float]) -> list[Check]:
+def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float]) -> list[CheckResult]:
     """Return a check for every gap without measurements, and one for the update intervals at the events.
 
     Directions are one-sigma errors of the filter's covariance at the beginning of the gap, propagated with both signs
     by the strapdown and by the filter's transition. Figures are in formal sigmas at the end.
     """
     if prepared.options.vehicle is not None:
-        return [Check(KIND, "transition", reason="samples of the IMU are measurements: there is no window without one")]
+        return [
+            CheckResult(
+                KIND, "transition", reason="samples of the IMU are measurements: there is no window without one"
+            )
+        ]
     formal = history._replace(true_cov=history.formal_cov)
     names = state_names(prepared.layout)
     stretches = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
@@ -114,12 +118,12 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
     for what, begin, end in stretches:
         index = nonlinearity(prepared, formal, begin, end=end)
         where = f"{names[index.state]}, {begin:g} to {end:g} s"
-        checks.append(Check(KIND, what, max(index.motion, index.transition), high=ALLOWED_GAP, where=where))
+        checks.append(CheckResult(KIND, what, max(index.motion, index.transition), high=ALLOWED_GAP, where=where))
     intervals = [(nonlinearity(prepared, formal, t), name) for name, t in events.items()]
     if intervals:
         index, event = max(intervals, key=lambda item: max(item[0].motion, item[0].transition))
         where = f"{names[index.state]} at {event}"
         checks.append(
-            Check(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED_GAP, where=where)
+            CheckResult(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED_GAP, where=where)
         )
     return checks

@@ -16,11 +16,11 @@ from lvnav_trade.export.translation.values import (
     ONLY,
     SAME,
     Array,
-    Fields,
-    Known,
+    Constant,
+    RecordValue,
     Scalar,
-    Several,
     TranslationError,
+    TupleValue,
     Value,
     as_scalar,
     table_of,
@@ -96,7 +96,7 @@ class Expressions:
         return result
 
     def _constant(self, node: ast.Constant) -> Value:
-        return Known(node.value)
+        return Constant(node.value)
 
     def _name(self, node: ast.Name) -> Value:
         self.read.add(node.id)
@@ -106,18 +106,18 @@ class Expressions:
         if node.id in scope:
             return self.program.known(scope[node.id], f"{self.function.__module__.rpartition('.')[2]}_{node.id}")
         if hasattr(builtins, node.id):
-            return Known(getattr(builtins, node.id))
+            return Constant(getattr(builtins, node.id))
         raise self.fail(node, "no such name")
 
     def _attribute(self, node: ast.Attribute) -> Value:
         base = self.value(node.value)
-        if isinstance(base, Fields):
+        if isinstance(base, RecordValue):
             if node.attr not in base.fields:
                 raise self.fail(node, f"{base.name} has no field of that name here")
             return base.fields[node.attr]
         if isinstance(base, Array) and node.attr == "shape":
-            return Several(tuple(s if isinstance(s, Scalar) else Known(s) for s in base.shape))
-        if isinstance(base, Known):
+            return TupleValue(tuple(s if isinstance(s, Scalar) else Constant(s) for s in base.shape))
+        if isinstance(base, Constant):
             attribute = getattr(base.value, node.attr)
             return self.program.known(
                 attribute, f"{getattr(base.value, '__name__', '').rpartition('.')[2]}_{node.attr}"
@@ -126,9 +126,9 @@ class Expressions:
 
     def _tuple(self, node: ast.Tuple) -> Value:
         items = tuple(self.value(item) for item in node.elts)
-        if all(isinstance(item, Known) for item in items):
-            return Known(tuple(item.value for item in items if isinstance(item, Known)))
-        return Several(items)
+        if all(isinstance(item, Constant) for item in items):
+            return Constant(tuple(item.value for item in items if isinstance(item, Constant)))
+        return TupleValue(items)
 
     def _binop(self, node: ast.BinOp) -> Value:
         first, right = self.value(node.left), self.value(node.right)
@@ -145,7 +145,7 @@ class Expressions:
             if len(self.lines) > count and parts:
                 raise self.fail(item, "needs statements of its own behind `and` or `or`")
             parts.append(operand)
-            if isinstance(operand, Known) and bool(operand.value) == any_of:
+            if isinstance(operand, Constant) and bool(operand.value) == any_of:
                 break  # the following operands are not evaluated
         return operators.joined(parts, any_of)
 
@@ -159,7 +159,7 @@ class Expressions:
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         condition = self.value(node.test)
-        if isinstance(condition, Known):
+        if isinstance(condition, Constant):
             return self.value(node.body if condition.value else node.orelse)
         count = len(self.lines)
         first, second = self.value(node.body), self.value(node.orelse)
@@ -177,21 +177,21 @@ class Expressions:
             return Array(text, first.shape, first.kind, first.constant, first.rings)
         rows = [self.items(branch) for branch in (first, second)]
         if rows[0] is not None and rows[1] is not None and len(rows[0]) == len(rows[1]):
-            return Several(tuple(operators.chosen(condition, a, b) for a, b in zip(*rows, strict=True)))
+            return TupleValue(tuple(operators.chosen(condition, a, b) for a, b in zip(*rows, strict=True)))
         return operators.chosen(condition, first, second)
 
     @staticmethod
     def items(found: Value) -> list[Value] | None:
         """Return the values of a tuple; None for any other value."""
-        if isinstance(found, Several):
+        if isinstance(found, TupleValue):
             return list(found.items)
-        if isinstance(found, Known) and isinstance(found.value, tuple):
-            return [Known(one) for one in found.value]
+        if isinstance(found, Constant) and isinstance(found.value, tuple):
+            return [Constant(one) for one in found.value]
         return None
 
     def _call(self, node: ast.Call) -> Value:
         function = self.value(node.func)
-        if not isinstance(function, Known):
+        if not isinstance(function, Constant):
             raise self.fail(node, "is no function")
         arguments = [self.value(argument) for argument in node.args]
         keywords = {str(argument.arg): self.value(argument.value) for argument in node.keywords}
@@ -203,26 +203,26 @@ class Expressions:
     def _length(self, node: ast.Call, of: Value) -> Value:
         if isinstance(of, Array):
             size = of.shape[0]
-            return size if isinstance(size, Scalar) else Known(size)
-        if isinstance(of, Several):
-            return Known(len(of.items))
-        if isinstance(of, Known):
-            return Known(len(of.value))
+            return size if isinstance(size, Scalar) else Constant(size)
+        if isinstance(of, TupleValue):
+            return Constant(len(of.items))
+        if isinstance(of, Constant):
+            return Constant(len(of.value))
         raise self.fail(node, "has no length")
 
     # ------------------------------------------------------------------------------------------ indices
 
     def _subscript(self, node: ast.Subscript) -> Value:
         base = self.value(node.value)
-        if isinstance(base, Known) and isinstance(base.value, tuple):
+        if isinstance(base, Constant) and isinstance(base.value, tuple):
             index = self.value(node.slice)
-            if isinstance(index, Known):
-                return Known(base.value[index.value])
+            if isinstance(index, Constant):
+                return Constant(base.value[index.value])
             label = ast.unparse(node.value)
             base = self.program.table(f"{self.function.__name__}_{label}" if label.isidentifier() else "tuple", base)
-        if isinstance(base, Several):
+        if isinstance(base, TupleValue):
             index = self.value(node.slice)
-            if isinstance(index, Known):
+            if isinstance(index, Constant):
                 return base.items[index.value]
             base = self.as_array(base, "of")
         if not isinstance(base, Array):
@@ -242,10 +242,10 @@ class Expressions:
                 self._present(part, ring)
                 continue
             if ring:
-                index = operators.binary(ast.Mod(), index, Known(ring))
-            if isinstance(index, Known):
+                index = operators.binary(ast.Mod(), index, Constant(ring))
+            if isinstance(index, Constant):
                 at = int(index.value)
-                index = Known(at + length if at < 0 and isinstance(length, int) else at)
+                index = Constant(at + length if at < 0 and isinstance(length, int) else at)
                 indices.append(index.value)
             text = f"{text}[{as_scalar(index).text}]"
         remaining = base.shape[len(parts) :]
@@ -255,7 +255,7 @@ class Expressions:
         if remaining:
             return Array(text, remaining, base.kind, base.constant, base.rings[len(parts) :], value)
         if value is not None:
-            return Known(np.asarray(value).item())
+            return Constant(np.asarray(value).item())
         return Scalar(text if here or not base.constant else f"*{text}", base.kind)
 
     @staticmethod
@@ -267,19 +267,19 @@ class Expressions:
     def _slice(self, base: Array, text: str, axis: int, part: ast.Slice, node: ast.Subscript) -> Array:
         if axis != len(base.shape) - 1 or part.step is not None:
             raise self.fail(node, "slices are of the last axis, without a step")
-        first = self.value(part.lower) if part.lower is not None else Known(0)
+        first = self.value(part.lower) if part.lower is not None else Constant(0)
         last = self.value(part.upper) if part.upper is not None else None
         end: Value = last if last is not None else self._size(base.shape[axis])
-        size = operators.binary(ast.Sub(), end, first) if first != Known(0) else end
+        size = operators.binary(ast.Sub(), end, first) if first != Constant(0) else end
         begins = as_scalar(first)
         text = text if begins.text == "0" else f"&{text}[{begins.text}]"
-        return Array(text, (size.value if isinstance(size, Known) else as_scalar(size),), base.kind, base.constant)
+        return Array(text, (size.value if isinstance(size, Constant) else as_scalar(size),), base.kind, base.constant)
 
     @staticmethod
     def _size(size: int | Scalar) -> Value:
-        return size if isinstance(size, Scalar) else Known(size)
+        return size if isinstance(size, Scalar) else Constant(size)
 
-    def as_array(self, several: Several, stem: str) -> Array:
+    def as_array(self, several: TupleValue, stem: str) -> Array:
         """Return a tuple of numbers as a local array."""
         parts = [as_scalar(item) for item in several.items]
         number_type = DOUBLE if any(number.kind == DOUBLE for number in parts) else INT

@@ -23,7 +23,7 @@ from lvnav_trade.export.translation.values import (
     PRODUCT,
     SUM,
     UNARY,
-    Known,
+    Constant,
     Scalar,
     TranslationError,
     Value,
@@ -76,9 +76,9 @@ def binary(kind: ast.operator, a: Value, b: Value) -> Value:
     TranslationError
         The operator has no translation, or // or % has an operand that is not an integer.
     """
-    if isinstance(a, Known) and isinstance(b, Known) and not (isinstance(kind, ast.Div) and b.value == 0):
+    if isinstance(a, Constant) and isinstance(b, Constant) and not (isinstance(kind, ast.Div) and b.value == 0):
         at_once = operator.pow if isinstance(kind, ast.Pow) else _BINARY[type(kind)][0]
-        return Known(at_once(a.value, b.value))
+        return Constant(at_once(a.value, b.value))
     if isinstance(kind, ast.Pow):
         return _power(as_scalar(a), b)
     if type(kind) not in _BINARY:
@@ -99,7 +99,7 @@ def binary(kind: ast.operator, a: Value, b: Value) -> Value:
 
 
 def _power(base: Scalar, exponent: Value) -> Scalar:
-    if isinstance(exponent, Known) and exponent.value == 2 and base.level == ATOM:
+    if isinstance(exponent, Constant) and exponent.value == 2 and base.level == ATOM:
         return Scalar(f"{base.text} * {base.text}", base.kind, PRODUCT)
     return Scalar(f"pow({base.text}, {as_scalar(exponent).text})", DOUBLE)
 
@@ -108,8 +108,8 @@ def unary(kind: ast.unaryop, a: Value) -> Value:
     """Return the result of a sign or `not` on a number."""
     if isinstance(kind, ast.UAdd):
         return a
-    if isinstance(a, Known):
-        return Known(-a.value if isinstance(kind, ast.USub) else not a.value)
+    if isinstance(a, Constant):
+        return Constant(-a.value if isinstance(kind, ast.USub) else not a.value)
     operand = as_scalar(a)
     if isinstance(kind, ast.USub):
         return Scalar(f"-{held(operand, ATOM)}", operand.kind, UNARY)
@@ -119,25 +119,25 @@ def unary(kind: ast.unaryop, a: Value) -> Value:
 def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
     """Return the result of a comparison; `is` is evaluated at once, because None is always known."""
     if isinstance(kind, ast.Is | ast.IsNot):
-        if not (isinstance(b, Known) and b.value is None):
+        if not (isinstance(b, Constant) and b.value is None):
             raise TranslationError("is: with None only")
-        same = isinstance(a, Known) and a.value is None
-        return Known(same == isinstance(kind, ast.Is))
+        same = isinstance(a, Constant) and a.value is None
+        return Constant(same == isinstance(kind, ast.Is))
     if isinstance(kind, ast.In | ast.NotIn):
         return _among(kind, a, b)
-    if isinstance(a, Known) and isinstance(b, Known):
-        return Known(bool(_COMPARED[type(kind)][0](a.value, b.value)))
+    if isinstance(a, Constant) and isinstance(b, Constant):
+        return Constant(bool(_COMPARED[type(kind)][0](a.value, b.value)))
     _, sign, level = _COMPARED[type(kind)]
     return Scalar(f"{held(as_scalar(a), SUM)} {sign} {held(as_scalar(b), SUM)}", INT, level)
 
 
 def _among(kind: ast.cmpop, a: Value, b: Value) -> Value:
     """Return whether a number is in a tuple of known numbers."""
-    if not isinstance(b, Known):
+    if not isinstance(b, Constant):
         raise TranslationError("in: a tuple of known numbers only")
-    if isinstance(a, Known):
-        return Known((a.value in b.value) == isinstance(kind, ast.In))
-    condition: Value = joined([compared(ast.Eq(), a, Known(item)) for item in b.value], any_of=True)
+    if isinstance(a, Constant):
+        return Constant((a.value in b.value) == isinstance(kind, ast.In))
+    condition: Value = joined([compared(ast.Eq(), a, Constant(item)) for item in b.value], any_of=True)
     return condition if isinstance(kind, ast.In) else unary(ast.Not(), condition)
 
 
@@ -145,12 +145,12 @@ def joined(parts: list[Value], any_of: bool) -> Value:
     """Return the conjunction of truth values, or their disjunction if `any_of`."""
     unknown: list[Scalar] = []
     for operand in parts:
-        if isinstance(operand, Known):
+        if isinstance(operand, Constant):
             if bool(operand.value) == any_of:
-                return Known(any_of)
+                return Constant(any_of)
         else:
             unknown.append(as_scalar(operand))
-    return _chain(unknown, any_of) if unknown else Known(not any_of)
+    return _chain(unknown, any_of) if unknown else Constant(not any_of)
 
 
 def _chain(parts: list[Scalar], any_of: bool) -> Scalar:
@@ -162,7 +162,7 @@ def _chain(parts: list[Scalar], any_of: bool) -> Scalar:
 
 def chosen(condition: Value, a: Value, b: Value) -> Value:
     """Return the first or the second of two numbers, by a condition."""
-    if isinstance(condition, Known):
+    if isinstance(condition, Constant):
         return a if condition.value else b
     first, second = as_scalar(a), as_scalar(b)
     number_type = DOUBLE if DOUBLE in (first.kind, second.kind) else INT
@@ -183,8 +183,8 @@ def called(function: Any, arguments: list[Value]) -> Value | None:
     if function not in FUNCTIONS:
         return None
     name, at_once = FUNCTIONS[function]
-    if all(isinstance(argument, Known) for argument in arguments):
-        return Known(at_once(*(argument.value for argument in arguments if isinstance(argument, Known))))
+    if all(isinstance(argument, Constant) for argument in arguments):
+        return Constant(at_once(*(argument.value for argument in arguments if isinstance(argument, Constant))))
     parts = [as_scalar(argument) for argument in arguments]
     if name in ("fmin", "fmax") and all(number.kind == INT for number in parts):
         return Scalar(f"{'smaller' if name == 'fmin' else 'larger'}({', '.join(p.text for p in parts)})", INT)
@@ -192,15 +192,15 @@ def called(function: Any, arguments: list[Value]) -> Value | None:
 
 
 def _as_int(value: Value) -> Value:
-    if isinstance(value, Known):
-        return Known(int(value.value))
+    if isinstance(value, Constant):
+        return Constant(int(value.value))
     number = as_scalar(value)
     return number if number.kind == INT else Scalar(f"(int){held(number, ATOM)}", INT, UNARY)
 
 
 def as_double(value: Value) -> Value:
     """Return a number as a double."""
-    if isinstance(value, Known):
-        return Known(float(value.value))
+    if isinstance(value, Constant):
+        return Constant(float(value.value))
     number = as_scalar(value)
     return number if number.kind == DOUBLE else Scalar(f"(double){held(number, ATOM)}", DOUBLE, UNARY)

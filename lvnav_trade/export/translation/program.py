@@ -24,11 +24,11 @@ from lvnav_trade.export.translation.values import (
     DOUBLE,
     INT,
     Array,
-    Fields,
-    Known,
+    Constant,
+    RecordValue,
     Scalar,
-    Several,
     TranslationError,
+    TupleValue,
     Value,
     as_scalar,
     known_number,
@@ -40,7 +40,7 @@ from lvnav_trade.kernels.choice import source_of
 _WIDTH = 118
 
 
-class Translated(NamedTuple):
+class TranslatedKernel(NamedTuple):
     """A kernel in C.
 
     name : Name of the C function.
@@ -57,7 +57,7 @@ class Translated(NamedTuple):
     text: str
     returns: str
     kinds: tuple[str, ...]
-    constant: Known | None
+    constant: Constant | None
     acts: bool
 
 
@@ -69,7 +69,7 @@ class Program:
 
     def __init__(self, state: str) -> None:
         self.state = state
-        self.functions: dict[Any, Translated] = {}
+        self.functions: dict[Any, TranslatedKernel] = {}
         self.tables: dict[str, Array] = {}
         self.tuples: dict[str, tuple[str, ...]] = {}
         self._names: Counter[str] = Counter()
@@ -79,14 +79,14 @@ class Program:
     def known(self, value: Any, label: str) -> Value:
         """Return a global of a kernel's module: a number, a function, or a table."""
         if isinstance(value, np.ndarray):
-            return self.table(label, Known(tuple(value.tolist())) if value.ndim == 1 else value)
+            return self.table(label, Constant(tuple(value.tolist())) if value.ndim == 1 else value)
         if isinstance(value, ModuleType) or callable(value):
-            return Known(value)
-        return Known(known_number(value))
+            return Constant(value)
+        return Constant(known_number(value))
 
     def table(self, label: str, content: Any) -> Array:
         """Return a table of known numbers with a unique name; equal tables are stored once."""
-        array = constant_array(label, content.value if isinstance(content, Known) else content)
+        array = constant_array(label, content.value if isinstance(content, Constant) else content)
         for existing in self.tables.values():
             if existing.text.startswith(label.strip("_").upper()) and _same(existing.value, array.value):
                 return existing
@@ -106,7 +106,7 @@ class Program:
         if made.constant is not None:
             return made.constant
         if not made.acts:
-            return Known(None)
+            return Constant(None)
         bound_arguments = bound(function, arguments, named)
         texts = ["self"] if re.search(r"\bself\b", made.text) else []
         for name in made.parameters:
@@ -118,9 +118,9 @@ class Program:
             return Scalar(text, made.kinds[0])
         name = body.temporary(f"{made.returns} {{}}", "of")
         body.write(f"{name} = {text};")
-        return Several(tuple(Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(made.kinds)))
+        return TupleValue(tuple(Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(made.kinds)))
 
-    def translated(self, function: Any, given: dict[str, Value], name: str | None = None) -> Translated:
+    def translated(self, function: Any, given: dict[str, Value], name: str | None = None) -> TranslatedKernel:
         """Return a kernel for named arguments; it is translated at the first call with arguments of these types.
 
         name : name of an entry function
@@ -133,7 +133,7 @@ class Program:
             self.functions[key] = self._translate(python, given, name)
         return self.functions[key]
 
-    def _translate(self, python: Callable[..., Any], given: dict[str, Value], name: str | None) -> Translated:
+    def _translate(self, python: Callable[..., Any], given: dict[str, Value], name: str | None) -> TranslatedKernel:
         tree = ast.parse(textwrap.dedent(source_of(python))).body[0]
         assert isinstance(tree, ast.FunctionDef)
         names, declared = _parameters(given)
@@ -152,8 +152,8 @@ class Program:
         signature = f"{returns} {name}({', '.join(head) or 'void'})"
         lines = [*_comment(python), *textwrap.wrap(signature, _WIDTH, subsequent_indent="    "), "{"]
         lines += [f"    {local};" for local in _grouped(body.locals.values(), text)] + body.lines + ["}"]
-        value = constant if isinstance(constant, Known) else None
-        return Translated(name, used_locals, "\n".join(lines), returns, kinds, value, bool(body.lines))
+        value = constant if isinstance(constant, Constant) else None
+        return TranslatedKernel(name, used_locals, "\n".join(lines), returns, kinds, value, bool(body.lines))
 
     def _pass(self, python: Any, tree: ast.FunctionDef, names: dict[str, Value], earlier: Body | None) -> Body:
         body = Body(self, python, names, tree, earlier)
@@ -192,13 +192,13 @@ class Program:
 
     def _returns(self, returned: list[Value]) -> tuple[tuple[str, ...], str]:
         """Return the C types of the returned numbers, and the return type in C."""
-        rows = [value.items if isinstance(value, Several) else (value,) for value in returned]
-        rows = [row for row in rows if row != (Known(None),)]
+        rows = [value.items if isinstance(value, TupleValue) else (value,) for value in returned]
+        rows = [row for row in rows if row != (Constant(None),)]
         if not rows:
             return (), "void"
         columns = [{as_scalar(item).kind for item in column} for column in zip(*rows, strict=True)]
         kinds = tuple(DOUBLE if DOUBLE in column else INT for column in columns)
-        if len(kinds) == 1 and not any(isinstance(value, Several) for value in returned):
+        if len(kinds) == 1 and not any(isinstance(value, TupleValue) for value in returned):
             return kinds, kinds[0]
         label = "_".join(f"{number_type[0]}{len(run)}" for number_type, run in _runs(kinds))
         self.tuples[f"numbers_{label}"] = kinds
@@ -206,10 +206,10 @@ class Program:
 
     def return_line(self, found: Value, returned: list[Value]) -> str:
         """Return the statement that returns a value from a function with the given return values."""
-        if found == Known(None):
+        if found == Constant(None):
             return "return;"
         _, returns = self._returns(returned)
-        if isinstance(found, Several):
+        if isinstance(found, TupleValue):
             return f"return ({returns}){{{', '.join(as_scalar(item).text for item in found.items)}}};"
         return f"return {as_scalar(found).text};"
 
@@ -245,21 +245,21 @@ def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> 
     binding = inspect.signature(python).bind(*arguments, **named)
     binding.apply_defaults()
     return {
-        name: value if isinstance(value, Known | Scalar | Array | Several | Fields) else Known(value)
+        name: value if isinstance(value, Constant | Scalar | Array | TupleValue | RecordValue) else Constant(value)
         for name, value in binding.arguments.items()
     }
 
 
 def _signature(value: Value) -> Any:
     """Return the properties of an argument that require a separate translation: all known values except doubles."""
-    if isinstance(value, Known):
+    if isinstance(value, Constant):
         return (type(value.value), None if isinstance(value.value, float) else value.value)
     if isinstance(value, Scalar):
         return value.kind
     if isinstance(value, Array):
         shape = tuple(None if isinstance(size, Scalar) else size for size in value.shape)
         return (shape, value.kind, value.constant, value.rings)
-    if isinstance(value, Several):
+    if isinstance(value, TupleValue):
         return tuple(_signature(item) for item in value.items)
     return value.name
 
@@ -269,7 +269,7 @@ def _parameters(given: dict[str, Value]) -> tuple[dict[str, Value], dict[str, st
     names, declared = dict[str, Value](), dict[str, str]()
     for name, value in given.items():
         label = _safe(name)
-        if isinstance(value, Scalar) or (isinstance(value, Known) and isinstance(value.value, float)):
+        if isinstance(value, Scalar) or (isinstance(value, Constant) and isinstance(value.value, float)):
             number_type = value.kind if isinstance(value, Scalar) else DOUBLE
             names[name], declared[name] = Scalar(label, number_type), f"{number_type} {label}"
         elif isinstance(value, Array):
@@ -278,13 +278,13 @@ def _parameters(given: dict[str, Value]) -> tuple[dict[str, Value], dict[str, st
             declared[name] = value.declared(label)
             if any(isinstance(size, Scalar) for size in shape):
                 declared[f"{name}.n"] = f"int n_{label}"
-        elif isinstance(value, Several):
+        elif isinstance(value, TupleValue):
             items = []
             for at, item in enumerate(value.items):
                 number = as_scalar(item)
                 items.append(Scalar(f"{label}_{at}", number.kind))
                 declared[f"{name}.{at}"] = f"{number.kind} {label}_{at}"
-            names[name] = Several(tuple(items))
+            names[name] = TupleValue(tuple(items))
         else:
             names[name] = value
     return names, declared
@@ -296,9 +296,9 @@ def _passed(given: dict[str, Value], parameter: str) -> str:
     value = given[name]
     if isinstance(value, Array):
         return value.text if field == "" else next(as_scalar(s).text for s in value.shape if isinstance(s, Scalar))
-    if isinstance(value, Several):
+    if isinstance(value, TupleValue):
         return as_scalar(value.items[int(field)]).text
-    return literal(value.value).text if isinstance(value, Known) else as_scalar(value).text
+    return literal(value.value).text if isinstance(value, Constant) else as_scalar(value).text
 
 
 def _safe(name: str) -> str:

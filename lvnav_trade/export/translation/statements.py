@@ -13,11 +13,11 @@ from lvnav_trade.export.translation.values import (
     INT,
     SUM,
     Array,
-    Fields,
-    Known,
+    Constant,
+    RecordValue,
     Scalar,
-    Several,
     TranslationError,
+    TupleValue,
     Value,
     as_scalar,
     held,
@@ -83,16 +83,16 @@ class Body(Expressions):
         return True
 
     def _return_statement(self, node: ast.Return) -> bool:
-        returned: Value = self.value(node.value) if node.value is not None else Known(None)
-        if isinstance(returned, Known) and isinstance(returned.value, tuple):
-            returned = Several(tuple(Known(item) for item in returned.value))
+        returned: Value = self.value(node.value) if node.value is not None else Constant(None)
+        if isinstance(returned, Constant) and isinstance(returned.value, tuple):
+            returned = TupleValue(tuple(Constant(item) for item in returned.value))
         self.returned.append(returned)
         self.write(self.program.return_line(returned, self.earlier.returned if self.earlier else self.returned))
         return True
 
     def _if_statement(self, node: ast.If) -> bool:
         condition = self.value(node.test)
-        if isinstance(condition, Known):
+        if isinstance(condition, Constant):
             return self.block(node.body if condition.value else node.orelse)
         self.write(f"if ({as_scalar(condition).text}) {{")
         begin = len(self.lines)
@@ -142,21 +142,21 @@ class Body(Expressions):
         name = node.target.id
         if isinstance(node.iter, ast.Call) and isinstance(node.iter.func, ast.Name) and node.iter.func.id == "range":
             bounds = [self.value(bound) for bound in node.iter.args]
-            first, last, step = (Known(0), *bounds, Known(1)) if len(bounds) == 1 else (*bounds, Known(1))[:3]
+            first, last, step = (Constant(0), *bounds, Constant(1)) if len(bounds) == 1 else (*bounds, Constant(1))[:3]
             self._count(node, name, first, last, step)
         else:
             over = self.value(node.iter)
-            if not (isinstance(over, Known) and isinstance(over.value, tuple)):
+            if not (isinstance(over, Constant) and isinstance(over.value, tuple)):
                 raise self.fail(node, "loops run over a range, or over known numbers")
             for item in over.value:
-                self.names[name] = Known(item)
+                self.names[name] = Constant(item)
                 self.block(node.body)
         return False
 
     def _count(self, node: ast.For, name: str, first: Value, last: Value, step: Value) -> None:
-        if not isinstance(step, Known):
+        if not isinstance(step, Constant):
             raise self.fail(node, "a step that is not known")
-        if isinstance(first, Known) and isinstance(last, Known):
+        if isinstance(first, Constant) and isinstance(last, Constant):
             passes = range(first.value, last.value, step.value)
             if len(passes) == 0:
                 return
@@ -228,7 +228,7 @@ class Body(Expressions):
         if not isinstance(target, ast.Subscript):
             raise self.fail(target, "is no place to store to")
         place = self.value(target)
-        if isinstance(place, Known) or not isinstance(place, Scalar):
+        if isinstance(place, Constant) or not isinstance(place, Scalar):
             raise self.fail(target, "is no element that can be written")
         self.write(f"{place.text} = {as_scalar(found).text};")
 
@@ -241,19 +241,19 @@ class Body(Expressions):
         self.assigned[name] += 1
         times = self.written[name] if self.earlier is None else self.earlier.assigned[name]
         fixed = times == 1 and name not in self.parameters
-        if isinstance(found, Known):  # not a number that can change: None, a name, a function
+        if isinstance(found, Constant):  # not a number that can change: None, a name, a function
             fixed = fixed or not isinstance(found.value, int | float)
-        if isinstance(found, Fields) or (isinstance(found, Known) and fixed):
+        if isinstance(found, RecordValue) or (isinstance(found, Constant) and fixed):
             self.names[name] = found
-        elif isinstance(found, Several):
+        elif isinstance(found, TupleValue):
             self._bind_tuple(name, found)
         elif isinstance(found, Array):
             self._bind_array(name, found)
         else:
             self._bind_number(name, as_scalar(found))
 
-    def _bind_tuple(self, name: str, found: Several) -> None:
-        if all(isinstance(item, Scalar | Known) for item in found.items):
+    def _bind_tuple(self, name: str, found: TupleValue) -> None:
+        if all(isinstance(item, Scalar | Constant) for item in found.items):
             parts = [as_scalar(item) for item in found.items]
             number_type = DOUBLE if any(number.kind == DOUBLE for number in parts) else INT
             label = self._label(name)

@@ -19,7 +19,7 @@ class TranslationError(Exception):
 
 
 @dataclass(frozen=True)
-class Known:
+class Constant:
     """A number, truth value, None, name or tuple that is known at translation."""
 
     value: Any
@@ -76,14 +76,14 @@ class Array:
 
 
 @dataclass(frozen=True)
-class Several:
+class TupleValue:
     """A tuple of values."""
 
     items: tuple[Value, ...]
 
 
 @dataclass(frozen=True)
-class Fields:
+class RecordValue:
     """A record: its fields by name."""
 
     name: str
@@ -93,7 +93,7 @@ class Fields:
         return hash(self.name)
 
 
-Value = Known | Scalar | Array | Several | Fields
+Value = Constant | Scalar | Array | TupleValue | RecordValue
 
 
 def size_of(size: int | Scalar) -> int:
@@ -127,7 +127,7 @@ def literal(value: Any) -> Scalar:
 
 def as_scalar(value: Value) -> Scalar:
     """Return a number, known or not, as a C expression."""
-    if isinstance(value, Known):
+    if isinstance(value, Constant):
         return literal(value.value)
     if isinstance(value, Scalar):
         return value

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, field_validator
 from scipy.special import chdtri
 
-from lvnav_trade.filter.policies.integrity.state import Tests
+from lvnav_trade.filter.policies.integrity.state import FaultTests
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.records import FLAGS, FRESH
 
@@ -80,7 +80,7 @@ class IntegrityCard(units.Card):
     )
 
 
-def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) -> Tests:
+def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) -> FaultTests:
     """Return the thresholds of the tests.
 
     Parameters
@@ -101,7 +101,7 @@ def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) 
     """
     level = card.false_alarm / (2 * max(1, n_test))
     freedom = np.arange(1, max(2, most))
-    return Tests(
+    return FaultTests(
         single=float(chdtri(1, level)),
         windowed=float(chdtri(card.window, level)),
         window=card.window,

@@ -26,7 +26,7 @@ NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
 BEFORE, KNOWN, N_EXTRAPOLATED = 0, 3, 4
 
 
-class Late(NamedTuple):
+class DelayProcessing(NamedTuple):
     """How a filter processes delayed measurements. The receiver is one line, each delayed sensor another.
 
     A line stores the states that its measurements on the way will be compared with, in a ring of n_ring places.
@@ -75,7 +75,9 @@ def place_of(late, line, epoch):
 
 @jit
 def place_of_channel(late, channel, epoch):
-    """Return the place in the store for a channel's measurement of an epoch (Late, or None); 0 if it is not late."""
+    """Return the place in the store for a channel's measurement of an epoch (DelayProcessing, or None); 0 if it is not
+    late.
+    """
     if late is None:
         return 0
     line = late.line[channel]
@@ -118,7 +120,7 @@ def keep(past, nav, previous, x, late, window, dt, kind):
     nav : (10,) navigation state, frame i
     previous : (6,) rad, m/s. Last increments
     x : (n,) error state; zero in a closed loop
-    late : Late, or None without delay compensation
+    late : DelayProcessing, or None without delay compensation
     window : index
     dt : s, of a strapdown step
     kind : gravity model
@@ -205,7 +207,7 @@ def carry_on(z, reported, past, P, late, epoch):
     reported : (6, 6) reported covariance of the solution, updated in place
     past : store, with the state at the time of validity. The acceleration of this epoch is stored for the next.
     P : (n, n) covariance of the filter
-    late : Late
+    late : DelayProcessing
     epoch : index
     """
     stored, last = past[place_of(late, late.receiver, epoch)], past[late.buffered.shape[0]]

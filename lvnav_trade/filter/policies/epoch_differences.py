@@ -29,7 +29,7 @@ from lvnav_trade.sensors.jacobian_row import D_ATT, D_CLOCK, D_EXTRA, D_POS, H_A
 from lvnav_trade.sensors.receiver_observables import Channels
 
 
-class Delayed(NamedTuple):
+class DifferenceProcessing(NamedTuple):
     """Processing of the further satellite observables: carrier phase and differences of two epochs.
 
     difference : (n_kind,). Whether the observable is a difference of two epochs.
@@ -50,7 +50,7 @@ class Delayed(NamedTuple):
     back: bool
 
 
-class Earlier(NamedTuple):
+class PreviousEpoch(NamedTuple):
     """Estimate at the previous epoch, and the transition since then.
 
     The transition is empty unless the earlier state is computed from the present state.
@@ -73,11 +73,13 @@ class Earlier(NamedTuple):
     growth: Floats
 
 
-def new_earlier(delayed: Delayed, n_antenna: int, n_extra: int, n_state: int, lanes: int = 0) -> Earlier:
+def new_earlier(
+    delayed: DifferenceProcessing, n_antenna: int, n_extra: int, n_state: int, lanes: int = 0
+) -> PreviousEpoch:
     """Return the arrays of a filter's earlier epoch: one run, or `lanes` runs on the last axis."""
     n = n_state if delayed.back else 1
     shapes = {"antenna": (n_antenna, 21), "clock": (1,), "extra": (max(1, n_extra),), "growth": (1,)}
-    return Earlier(**zeros_of(shapes | dict.fromkeys(("phi", "noise", "lu"), (n, n)), lanes))
+    return PreviousEpoch(**zeros_of(shapes | dict.fromkeys(("phi", "noise", "lu"), (n, n)), lanes))
 
 
 def cloned_states(
@@ -119,7 +121,7 @@ def earlier_entries(layout: StateLayout, present: list[tuple[int, int]], first: 
 
 @jit
 def is_present(delayed, model, epoch, channel):
-    """Return whether the filter processes a receiver channel at an epoch (Delayed, or None)."""
+    """Return whether the filter processes a receiver channel at an epoch (DifferenceProcessing, or None)."""
     if delayed is None:
         return model.measured[channel]
     return model.measured[channel] and delayed.present[epoch, channel]
@@ -134,7 +136,7 @@ def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
     Parameters
     ----------
     work : arrays of the run
-    earlier, delayed : Earlier, Delayed
+    earlier, delayed : PreviousEpoch, DifferenceProcessing
     model, signals : FilterModel, Signals
     epoch, row, channel : indices
     """
@@ -165,7 +167,7 @@ def renew(P, x, extra, delayed, model, epoch):
     ----------
     P, x : (n, n) covariance and (n,) error state, updated in place
     extra : (n_extra,) estimates, updated in place
-    delayed : Delayed, or None
+    delayed : DifferenceProcessing, or None
     """
     if delayed is not None:
         for e in range(delayed.renewed.shape[1]):
@@ -195,7 +197,7 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
 
     Parameters
     ----------
-    earlier, delayed : Earlier, and Delayed or None
+    earlier, delayed : PreviousEpoch, and DifferenceProcessing or None
     blocks : (n_block, 9) blocks of the transition over the window
     sums : (18,) integrals of the strapdown over the window
     model : FilterModel
@@ -348,9 +350,10 @@ def store_estimate(work, earlier, past, late, delayed, model, epoch):
     Parameters
     ----------
     work : arrays of the run
-    earlier : Earlier, updated in place
-    past, late : stored states, and Late of a delayed receiver, whose estimate is that of the time of validity; or None
-    delayed, model : Delayed, or None; FilterModel
+    earlier : PreviousEpoch, updated in place
+    past, late : stored states, and DelayProcessing of a delayed receiver, whose estimate is that of the time of
+        validity; or None
+    delayed, model : DifferenceProcessing, or None; FilterModel
     epoch : index
     """
     if delayed is not None:

@@ -33,7 +33,7 @@ class VehicleModel(NamedTuple):
     force: Floats
 
 
-class Motion(NamedTuple):
+class ImuSampleWork(NamedTuple):
     """Arrays of a run whose filter processes IMU samples as measurements. A sample has rate (3) and specific force (3).
 
     rate : (3,) rad/s. Estimated body rate, body axes.
@@ -58,7 +58,7 @@ class Motion(NamedTuple):
     h: Floats
 
 
-def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> Motion:
+def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> ImuSampleWork:
     """Return the arrays of a run's samples: one run, or `lanes` runs on the last axis."""
     shapes = {
         "rate": (3,),
@@ -71,7 +71,7 @@ def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> Motion:
         "moved": (9, n_state),
         "h": (6, max(1, n_entry)),
     }
-    return Motion(**zeros_of(shapes, lanes))
+    return ImuSampleWork(**zeros_of(shapes, lanes))
 
 
 @jit

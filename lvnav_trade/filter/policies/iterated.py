@@ -29,7 +29,7 @@ from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.quantities.records import Floats
 
 
-class Passes(NamedTuple):
+class IterationSettings(NamedTuple):
     """Settings of an iterated update.
 
     repeats : Number of passes after the first.
@@ -40,7 +40,7 @@ class Passes(NamedTuple):
     n_present: int
 
 
-class Again(NamedTuple):
+class IterationWork(NamedTuple):
     """Arrays of an iterated update: the prediction, which every pass starts from.
 
     P : (n, n). Covariance of the prediction.
@@ -61,7 +61,7 @@ class Again(NamedTuple):
     counts: Floats
 
 
-def new_again(n_state: int, n_extra: int, lanes: int = 0) -> Again:
+def new_again(n_state: int, n_extra: int, lanes: int = 0) -> IterationWork:
     """Return the arrays of an iterated update: one run, or `lanes` runs on the last axis."""
     shapes = {
         "P": (n_state, n_state),
@@ -72,7 +72,7 @@ def new_again(n_state: int, n_extra: int, lanes: int = 0) -> Again:
         "extra": (max(1, n_extra),),
         "counts": (3,),
     }
-    return Again(**zeros_of(shapes, lanes))
+    return IterationWork(**zeros_of(shapes, lanes))
 
 
 @jit
@@ -83,7 +83,7 @@ def _copy(to, source):
 
 @jit
 def hold(again, work, epoch):
-    """Store the prediction that an update starts from (Again, or None)."""
+    """Store the prediction that an update starts from (IterationWork, or None)."""
     if again is not None:
         for i in range(again.x.shape[0]):
             _copy(again.P[i], work.P[i])
@@ -132,7 +132,7 @@ def linearise_receiver(work, parts, case, again, epoch):
     ----------
     work, parts : arrays of the run and of its optional features
     case : FilterCase
-    again : Again, of `hold`
+    again : IterationWork, of `hold`
     epoch : index
     """
     model, signals, options = case.model, case.signals, case.options

@@ -1,7 +1,7 @@
 """Choice between Jacobians and sigma points, for the propagation of a window and for the measurement rows.
 
-An extended filter uses Jacobians, an unscented filter its sigma points (Points, or None). Measurements compared with a
-stored state are linearised at that state by Jacobians in both.
+An extended filter uses Jacobians, an unscented filter its sigma points (SigmaPoints, or None). Measurements compared
+with a stored state are linearised at that state by Jacobians in both.
 """
 
 from lvnav_trade.filter.ekf import fill_receiver, n_measured, predict_window, row_of
@@ -21,7 +21,7 @@ def propagate_estimate(work, case, points, open_loop, w):
 
 @jit
 def is_receiver_stored(late):
-    """Return whether measurements of the receiver are compared with a stored state (Late, or None)."""
+    """Return whether measurements of the receiver are compared with a stored state (DelayProcessing, or None)."""
     if late is None:
         return False
     return not late.extrapolated and late.receiver >= 0
@@ -29,7 +29,7 @@ def is_receiver_stored(late):
 
 @jit
 def is_sensor_stored(late, k):
-    """Return whether measurements of sensor k are compared with a stored state (Late, or None)."""
+    """Return whether measurements of sensor k are compared with a stored state (DelayProcessing, or None)."""
     return False if late is None else late.of_sensor[k] >= 0
 
 
@@ -40,7 +40,7 @@ def fill_receiver_rows(work, parts, case, points, late, epoch):
     Parameters
     ----------
     points : Points of an unscented filter, whose regression gives the rows; None: Jacobians
-    late : Late, or None. Measurements compared with a stored state have Jacobians in any case.
+    late : DelayProcessing, or None. Measurements compared with a stored state have Jacobians in any case.
     """
     if points is None:
         fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)

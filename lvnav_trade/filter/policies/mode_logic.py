@@ -2,7 +2,7 @@
 
 The logic of an open-loop filter (Thomas et al., section 5) is a state machine with one step per epoch, for one run or
 for eight lanes. The checks at the input (flags, freshness, dilution of precision) have the same result in every run and
-are in `Rules.good`. Residuals and covariance differ from run to run and are checked here.
+are in `ModeRules.good`. Residuals and covariance differ from run to run and are checked here.
 """
 
 from typing import NamedTuple
@@ -23,14 +23,14 @@ INERTIAL, HELD, PREDICTED = range(3)
 """Outputs after a stop, by number: the inertial system's own, the last correction held, the same propagated."""
 
 MODE, COUNT, SINCE, ERROR, WHY = range(5)
-"""Elements of `Watch.state`: mode, successive good samples, seconds since the filter started, seconds since the last
-epoch without an error, reason of the last stop.
+"""Elements of `ModeState.state`: mode, successive good samples, seconds since the filter started, seconds since the
+last epoch without an error, reason of the last stop.
 """
 N_WATCH = 5
 N_SPREAD = 6
 
 
-class Rules(NamedTuple):
+class ModeRules(NamedTuple):
     """Rules of the mode logic, as numbers.
 
     interval : s. Time between epochs.
@@ -59,7 +59,7 @@ class Rules(NamedTuple):
     P: Floats
 
 
-class Watch(NamedTuple):
+class ModeState(NamedTuple):
     """State of the mode logic of a run, updated in place.
 
     state : (N_WATCH,). Mode, counters and timers, see `MODE`.
@@ -82,7 +82,7 @@ class Watch(NamedTuple):
     held: Floats
 
 
-def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0, n_state: int = 1) -> Watch:
+def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0, n_state: int = 1) -> ModeState:
     """Return the arrays of a mode logic: one run, or `lanes` runs on the last axis."""
     shapes = {
         "state": (N_WATCH,),
@@ -94,12 +94,12 @@ def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0,
         "reason": (n_epoch,),
         "held": (n_state,),
     }
-    return Watch(**zeros_of(shapes, lanes))
+    return ModeState(**zeros_of(shapes, lanes))
 
 
 @jit
 def begin_watch(watch):
-    """Reset the mode logic (Watch, or None) to waiting for the first samples."""
+    """Reset the mode logic (ModeState, or None) to waiting for the first samples."""
     if watch is not None:
         for i in range(N_WATCH):
             watch.state[i] = like(watch.before[0], 0.0)
@@ -141,9 +141,9 @@ def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
 
     Parameters
     ----------
-    watch : Watch, whose `predicted` is the prediction of z by the error state
-    rules : Rules
-    delayed : Delayed, or None
+    watch : ModeState, whose `predicted` is the prediction of z by the error state
+    rules : ModeRules
+    delayed : DifferenceProcessing, or None
     model, signals : FilterModel, Signals
     epoch : index
     z : (n_row,) measured minus predicted by the inertial system alone; not read if the sample fails the checks at the
@@ -186,7 +186,7 @@ def start_filter(P, x, watch, rules, z):
     Parameters
     ----------
     P, x : (n, n) covariance and (n,) error state, updated in place
-    watch, rules : Watch, Rules
+    watch, rules : ModeState, ModeRules
     z : (6,) measured minus predicted by the inertial system alone
     """
     starts = watch.sample[1] > 0.0

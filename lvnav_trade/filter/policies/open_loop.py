@@ -82,8 +82,8 @@ def propagate_open_loop(work, points, open_loop, model, length, linearised):
 
 @jit
 def propagate_held(work, watch, rules, model, length):
-    """Propagate what a mode logic (Watch, or None) holds over a window, where the rules ask for it, by the transition
-    that `propagate_open_loop` has left in `work.D`.
+    """Propagate what a mode logic (ModeState, or None) holds over a window, where the rules ask for it, by the
+    transition that `propagate_open_loop` has left in `work.D`.
     """
     if watch is not None and rules.after_stop == PREDICTED:
         clock, seconds = model.clock, model.seconds[length]
@@ -121,7 +121,7 @@ def _copy_estimates(to, source):
 def apply_correction(work, open_loop, watch, model):
     """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them.
 
-    While a mode logic (Watch, or None) does not correct the outputs, its held error state takes the place of the
+    While a mode logic (ModeState, or None) does not correct the outputs, its held error state takes the place of the
     filter's. It is zero before the first correction, so that the outputs are those of the inertial system.
     """
     _copy_estimates(open_loop, work)

@@ -72,7 +72,7 @@ class GainSchedule(NamedCard):
 NEGLIGIBLE = 1e-6
 
 
-class Gains(NamedTuple):
+class StoredGains(NamedTuple):
     """Stored gains of a flight, as arrays for the kernels.
 
     gain : (n_epoch, n_channel, n_state) SI. Gain of each state.
@@ -175,7 +175,7 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
     return sorted(knots)
 
 
-class FlownGains(NamedTuple):
+class GainHistory(NamedTuple):
     """Gains of a filter along a flight.
 
     states : Names of the states (n_state).
@@ -194,7 +194,7 @@ def schedule_of(
     name: str,
     source: str,
     by: Literal["event", "time"],
-    flown: FlownGains,
+    flown: GainHistory,
     events: Mapping[str, float],
     tolerance: float = 0.02,
 ) -> GainSchedule:

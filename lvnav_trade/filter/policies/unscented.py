@@ -44,7 +44,7 @@ REACH = 3.0**0.5  # distance of a point in columns of the factor; matches the fo
 SMALLEST = 1e-12  # conditional variance of a state as a fraction of its variance; below, it is rounding
 
 
-class Points(NamedTuple):
+class SigmaPoints(NamedTuple):
     """Work arrays of the sigma points. A column is one of the n columns of the covariance's factor, with a pair of
     points.
 
@@ -90,7 +90,7 @@ class Points(NamedTuple):
     spread: Floats
 
 
-def new_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0) -> Points:
+def new_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0) -> SigmaPoints:
     """Return the arrays of the points: one run, or `lanes` runs on the last axis."""
     n = N_NAV + 3 * n_par
     shapes = {
@@ -99,7 +99,7 @@ def new_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0
         "root": (n_state, n), "odd": (n, N_NAV), "even": (n, N_NAV), "centre": (N_NAV,), "mean": (N_NAV,),
         "z": (n_row,), "row_odd": (n_row, N_NAV), "row_even": (n_row, N_NAV), "spread": (n_row,),
     }  # fmt: skip
-    return Points(**zeros_of(shapes, lanes))
+    return SigmaPoints(**zeros_of(shapes, lanes))
 
 
 @jit
@@ -244,7 +244,7 @@ def propagate_by_points(work, case, points, open_loop, w):
     ----------
     work : arrays of the run
     case : FilterCase
-    points : Points, with the start of the window stored by `hold_window`
+    points : SigmaPoints, with the start of the window stored by `hold_window`
     open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
     w : window
     """

@@ -39,7 +39,7 @@ SOLUTION = np.array([*range(POS, POS + 3), *range(VEL, VEL + 3)])
 FIX_STATES = np.array([*SOLUTION, BIAS, DRIFT])
 
 
-class Gains(NamedTuple):
+class ErrorPropagation(NamedTuple):
     """Linear error propagation of the receiver over an epoch.
 
     phi : (11, 11). Transition matrix.
@@ -120,7 +120,7 @@ def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
     return acceleration
 
 
-def point_solution(model: PointModel, rows: Floats) -> Gains:
+def point_solution(model: PointModel, rows: Floats) -> ErrorPropagation:
     """Return the error propagation of a point solution, which is independent of the previous epoch.
 
     rows : (n_row, 11). Jacobian as from `design`.
@@ -132,10 +132,10 @@ def point_solution(model: PointModel, rows: Floats) -> Gains:
         ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
     ):
         P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
-    return Gains(np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), gain, P)
+    return ErrorPropagation(np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), gain, P)
 
 
-def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> Gains:
+def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> ErrorPropagation:
     """Return the error propagation of the fix that starts the filter.
 
     The filter starts with zero acceleration, so that its acceleration error is the true acceleration.
@@ -146,7 +146,7 @@ def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> Gains:
     return gains
 
 
-def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> Gains:
+def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> ErrorPropagation:
     """Return the error propagation of the running filter over an epoch.
 
     Parameters
@@ -164,7 +164,7 @@ def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Float
     P = phi @ P @ phi.T + noise
     gain = np.asarray(np.linalg.solve(rows @ P @ rows.T + np.diag(variance), rows @ P).T, dtype=np.float64)
     keep = np.eye(N_STATE) - gain @ rows
-    return Gains(phi, keep, gain, keep @ P @ keep.T + (gain * variance) @ gain.T)
+    return ErrorPropagation(phi, keep, gain, keep @ P @ keep.T + (gain * variance) @ gain.T)
 
 
 def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:

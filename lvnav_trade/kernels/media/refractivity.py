@@ -31,7 +31,7 @@ _TOP_OF_STANDARD = 86e3  # m
 _TAIL_SCALE = 5630.0  # m, isothermal scale height there: 287.05 x 186.87 / 9.53
 
 
-class Profile(NamedTuple):
+class SampledAtmosphere(NamedTuple):
     """Atmosphere sampled from BOTTOM to TOP.
 
     height : (n,) m. Heights, ascending.
@@ -104,7 +104,7 @@ def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: f
     return np.asarray(surface * np.exp(-np.asarray(height, dtype=float) / scale))
 
 
-def sampled(refractivity: Callable[[Floats], Floats]) -> Profile:
+def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
     """Return the profile of a refractivity (n - 1) x 1e6 that is a function of height (n,) in m.
 
     Its logarithm is smoothed by a Gaussian with a sigma of one kilometre. At a sharp corner, such as the tropopause of
@@ -127,13 +127,13 @@ def sampled(refractivity: Callable[[Floats], Floats]) -> Profile:
     if np.any(stretch <= 0.0) or np.any(slope >= 0.0):
         raise ValueError("refractivity should fall with height, and by less than 157 per km: rays would be trapped")
     radius = r * (1.0 + excess)
-    return Profile(height, radius, np.log(-r * slope / stretch), log_n, np.interp(_PANELS, height, radius))
+    return SampledAtmosphere(height, radius, np.log(-r * slope / stretch), log_n, np.interp(_PANELS, height, radius))
 
 
 # --- rays -------------------------------------------------------------------------------------------------------------
 
 
-def ray(profile: Profile, height: ArrayLike, elevation: ArrayLike, far: float) -> Ray:
+def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far: float) -> Ray:
     """Trace rays from receivers to satellites: delay and apparent elevation from the elevation of the straight line.
 
     Parameters
@@ -177,7 +177,7 @@ def ray(profile: Profile, height: ArrayLike, elevation: ArrayLike, far: float) -
     return Ray(np.asarray(path - distance), np.asarray(apparent))
 
 
-def _added(profile: Profile, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
+def _added(profile: SampledAtmosphere, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
     """Return the contribution of the air to optical path (m) and central angle (rad) of rays to space, (...,) each."""
     impact = start_radius * np.cos(apparent)
     start = start_radius * np.sin(apparent)  # l at the receiver
@@ -190,7 +190,7 @@ def _added(profile: Profile, start_radius: Floats, apparent: Floats) -> tuple[Fl
     return up
 
 
-def _integrals(profile: Profile, impact: Floats, bounds: Floats) -> tuple[Floats, Floats]:
+def _integrals(profile: SampledAtmosphere, impact: Floats, bounds: Floats) -> tuple[Floats, Floats]:
     """Return the integrals of f dl and of f a / X^2 dl over panels between the bounds (..., m), l in m."""
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)

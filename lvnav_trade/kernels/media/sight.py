@@ -25,7 +25,7 @@ _AIR = 120e3  # m; no refraction above
 _SLOPE = 1.0  # m, step of the derivative of the refractivity
 
 
-class Sight(NamedTuple):
+class SightRefraction(NamedTuple):
     """Refraction along a line of sight.
 
     excess : m. Excess of the optical path over the distance.
@@ -38,7 +38,7 @@ class Sight(NamedTuple):
 
 def along_line(
     refractivity: Callable[[Floats], Floats], height: ArrayLike, elevation: ArrayLike, distance: ArrayLike
-) -> Sight:
+) -> SightRefraction:
     """Return excess path and bending for lines of sight, (...,) each.
 
     Parameters
@@ -67,4 +67,4 @@ def along_line(
     n = 1e-6 * refractivity(h)
     slope = 1e-6 * (refractivity(h + _SLOPE) - refractivity(h - _SLOPE)) / (2.0 * _SLOPE)
     bending = -np.sum(weight * (1.0 - s / distance[..., None]) * slope * level, axis=-1)
-    return Sight(np.asarray(np.sum(weight * n, axis=-1)), np.asarray(bending))
+    return SightRefraction(np.asarray(np.sum(weight * n, axis=-1)), np.asarray(bending))

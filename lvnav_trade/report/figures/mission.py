@@ -59,7 +59,7 @@ def orbit(tables: Tables, case: str) -> Figure:
 def _plane(
     ax: Panel,
     state: mission.State,
-    law: mission.Law,
+    law: mission.ErrorGaussian,
     of_runs: _Errors,
     pair: tuple[_Component, _Component],
 ) -> None:

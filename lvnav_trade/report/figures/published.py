@@ -21,7 +21,7 @@ _FLOWN = "flown in the study"
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
-class Published(NamedTuple):
+class PublishedValue(NamedTuple):
     """A published number."""
 
     value: float  # in the unit of the figure
@@ -120,7 +120,7 @@ def locus(
     axis: str,
     stated: Mapping[str, Any],
     unit: str,
-    published: Published | None = None,
+    published: PublishedValue | None = None,
     cases: Sequence[Mapping[str, str]] = (),
     varied: str = "",
     flown: str = "",
@@ -135,7 +135,7 @@ def locus(
         Statement: metric, `at` or `during`, statistic.
     unit : str
         Unit of the metric.
-    published : Published, optional
+    published : PublishedValue, optional
         Published value, drawn as a line with its band.
     cases : sequence of mapping
         Levels of the cases to draw; all if empty.

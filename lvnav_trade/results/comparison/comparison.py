@@ -18,7 +18,7 @@ from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.requirements.improvements import expected
 from lvnav_trade.results.requirements.requirements import errors_of
-from lvnav_trade.results.statistics.case import Errors, number_in
+from lvnav_trade.results.statistics.case import RunErrors, number_in
 from lvnav_trade.results.statistics.select import at_time, final_event, flight_events, history_of, lincov_rms, pick
 from lvnav_trade.results.tables.read import Tables, load
 
@@ -47,7 +47,7 @@ class Effect(NamedTuple):
     amount: str  # as written: a percentage, a quantity with its unit, or none to exclude the metric
 
 
-class Comparison(NamedTuple):
+class ResultComparison(NamedTuple):
     """Comparison of two result sets."""
 
     frame: pd.DataFrame  # one row per case and metric, columns `COLUMNS`
@@ -93,7 +93,7 @@ def compare(
     effects: Sequence[Effect] = (),
     confidence: float | None = None,
     mapping: Mapping[str, str] | None = None,
-) -> Comparison:
+) -> ResultComparison:
     """Compare a candidate with a base, case by case and run by run (paired).
 
     Verdicts: "worse" if the change is shown to be above the smallest change of interest, "not worse" if it is shown to
@@ -133,7 +133,7 @@ def compare(
     alpha = 1.0 - level
     rows = [task.row(first, second, alpha / len(tasks), alpha) for task in tasks]
     notes = _notes(first, second, pairs)
-    return Comparison(pd.DataFrame(rows, columns=COLUMNS), notes, level, first.folder, second.folder)
+    return ResultComparison(pd.DataFrame(rows, columns=COLUMNS), notes, level, first.folder, second.folder)
 
 
 def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
@@ -182,8 +182,8 @@ class _Task(NamedTuple):
     pair: Pair
     effect: Effect
     event: str
-    first: Errors  # errors of the runs of the base
-    second: Errors  # errors of the runs of the candidate
+    first: RunErrors  # errors of the runs of the base
+    second: RunErrors  # errors of the runs of the candidate
     bound: float = np.inf  # bound, if fractions of runs beyond it are compared
 
     @property
@@ -267,8 +267,8 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
     sides = ((base, pair.base), (candidate, pair.candidate))
     tasks = []
     for effect in effects:
-        first: Errors | None
-        second: Errors | None
+        first: RunErrors | None
+        second: RunErrors | None
         row_kind, bound, event, is_stored = "error", np.inf, "", True
         if effect.metric == FAILED_RUNS:
             row_kind = "failures"
@@ -315,10 +315,10 @@ def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
     return f"effect on {effect.metric!r}: no such metric or requirement in both cases of {pair.label} ({hint})"
 
 
-def _failures(tables: Tables, case: str) -> Errors:
+def _failures(tables: Tables, case: str) -> RunErrors:
     """Return one for each failed run of a case, and zero for the others, (n_run,)."""
     rows = pick(tables.runs, case=case).drop_duplicates("run_number")
-    return Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
+    return RunErrors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
 
 
 def _by_covariance(tables: Tables, case: str, task: _Task) -> float:

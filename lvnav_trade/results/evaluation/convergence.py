@@ -22,7 +22,7 @@ from lvnav_trade.results.statistics.select import (
 from lvnav_trade.results.tables.read import Tables
 
 
-class Converged(NamedTuple):
+class ConvergenceTimes(NamedTuple):
     """Convergence times in a phase."""
 
     times: Floats  # (n_run,) s after the start of the phase; its length for a run that does not converge
@@ -41,7 +41,7 @@ def multiple_in(text: str) -> tuple[float, str] | None:
 
 def converged(
     tables: Tables, case: str, quantity: str, during: tuple[float, float], below: str, other: str = ""
-) -> Converged | None:
+) -> ConvergenceTimes | None:
     """Return the times after which the 3-D error of a quantity stays below a limit, at the events of a phase.
 
     Parameters
@@ -62,7 +62,7 @@ def converged(
 
     Returns
     -------
-    Converged or None
+    ConvergenceTimes or None
         Times; None without runs, or with fewer than two events in the phase. A failed run is above the limit.
     """
     first, last = during
@@ -84,7 +84,7 @@ def converged(
         return np.asarray(t[len(events) - at_end] - first), np.asarray(at_end > 0)
 
     (times, done), (expected_time, expected_done) = after(small), after(expected)
-    return Converged(times, done, float(expected_time[0]), bool(expected_done[0]), len(events), last - first)
+    return ConvergenceTimes(times, done, float(expected_time[0]), bool(expected_done[0]), len(events), last - first)
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
@@ -102,7 +102,7 @@ def _rms(row: Any) -> float:
     return math.hypot(row.lincov_true_si, row.lincov_mean_si)
 
 
-def convergence(tables: Tables, case: str, stated: Mapping[str, Any], other: str = "") -> Converged | None:
+def convergence(tables: Tables, case: str, stated: Mapping[str, Any], other: str = "") -> ConvergenceTimes | None:
     """Return the convergence times of a statement: metric (such as position_convergence_time), `during`, `below`."""
     quantity = str(stated["metric"]).removesuffix("_convergence_time")
     return converged(tables, case, quantity, phase(tables, case, str(stated["during"])), str(stated["below"]), other)

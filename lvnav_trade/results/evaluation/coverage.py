@@ -30,7 +30,7 @@ GAUSSIAN = 0.9973
 _TAIL = 0.025  # probability of each tail of the interval
 
 
-class Covered(NamedTuple):
+class CoverageProbability(NamedTuple):
     """Probability that all three axes are within three formal sigmas."""
 
     formal: float  # for errors with the formal covariance; NaN if not known
@@ -38,7 +38,7 @@ class Covered(NamedTuple):
     runs: Floats  # (n_run,) one if all axes of the run are within, else zero; empty without runs
 
 
-def covered(tables: Tables, case: str, event: str, quantity: str) -> Covered:
+def covered(tables: Tables, case: str, event: str, quantity: str) -> CoverageProbability:
     """Return the coverage of a quantity at an event by formal covariance, by linear covariance and by the runs.
 
     The first two use the formal sigmas of the nominal flight, the last the RMS over the runs of their formal sigmas.
@@ -48,17 +48,17 @@ def covered(tables: Tables, case: str, event: str, quantity: str) -> Covered:
     if assumed is not None and law is not None:
         limits = SIGMAS * np.sqrt(np.diagonal(assumed))
         formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*law[:2], limits)
-    return Covered(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
+    return CoverageProbability(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
 
 
-def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> Covered:
+def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> CoverageProbability:
     """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN."""
     outputs, errors = pick(tables.outputs, case=case, quantity=quantity), errors_by_axis(tables, case, event, quantity)
     if errors.empty or outputs.empty:
-        return Covered(np.nan, np.nan, np.empty(0))
+        return CoverageProbability(np.nan, np.nan, np.empty(0))
     size = np.linalg.norm(errors.drop(columns="failure").to_numpy(dtype=float), axis=1)
     small = (size < units.parse(limit, str(outputs.unit.iloc[0]))) & (errors.failure == "").to_numpy()
-    return Covered(np.nan, np.nan, small.astype(float))
+    return CoverageProbability(np.nan, np.nan, small.astype(float))
 
 
 def coverage(tables: Tables) -> pd.DataFrame:

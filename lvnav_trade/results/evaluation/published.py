@@ -8,7 +8,15 @@ import pandas as pd
 
 from lvnav_trade.results.evaluate import name_of
 from lvnav_trade.results.evaluation.pooled_cases import axes_of, cases_of, evaluate, evaluate_single, label_of
-from lvnav_trade.results.evaluation.verdicts import FAILS, HOLDS, NOT_SET_UP, NUMBERS, Value, value_of, verdict
+from lvnav_trade.results.evaluation.verdicts import (
+    FAILS,
+    HOLDS,
+    NOT_SET_UP,
+    NUMBERS,
+    ExpressionValue,
+    value_of,
+    verdict,
+)
 from lvnav_trade.results.metric import SingleValue
 from lvnav_trade.results.metrics.errors import StateError
 from lvnav_trade.results.registry import metric_of
@@ -95,7 +103,7 @@ def published_row(
     remarks: Sequence[str],
     band: tuple[float, float],
     tested: float,
-    found: Value | None = None,
+    found: ExpressionValue | None = None,
     scale: float = 1.0,
     **cells: Any,
 ) -> dict[str, Any]:
@@ -111,7 +119,7 @@ def published_row(
         Limits of the tested number.
     tested : float
         Tested number, such as the ratio of ours to published.
-    found : Value, optional
+    found : ExpressionValue, optional
         Result with its interval. The value of the statistic must lie within `scale` times the band.
     scale : float
         Factor from the band to the unit of `found`.
@@ -160,7 +168,7 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     """Return band and verdict of a row of a published number, by the band that is stated of it now."""
     low, high = band_of(published)
     formal, true, drawn, least, most = (float(row[key]) for key in (*NUMBERS, "low", "high"))
-    found = Value(formal, true, drawn, least, most, 0, ())
+    found = ExpressionValue(formal, true, drawn, least, most, 0, ())
     ends = sorted(float(row["published"]) * end for end in (low, high))
     known = row["ratio"] == row["ratio"]
     word = verdict(found, ends[0], ends[1], (_tested(published, found),)) if known else row["verdict"]
@@ -168,7 +176,7 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     return {"band_low": low, "band_high": high, "in_band": inside, "verdict": word}
 
 
-def _tested(stated: Mapping[str, Any], found: Value) -> str:
+def _tested(stated: Mapping[str, Any], found: ExpressionValue) -> str:
     """Return which of the three numbers the statistic of a row asks for."""
     number = {"formal": "formal", "lincov": "true"}.get(str(stated.get("statistic")), "monte_carlo")
     return "true" if number == "monte_carlo" and np.isnan(found.monte_carlo) else number
@@ -230,7 +238,7 @@ def written_unit(tables: Tables, name: str) -> str:
     return metric.unit
 
 
-def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Value | None:
+def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> ExpressionValue | None:
     """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
     than, against = published.get("than"), published.get("against")
     other = cases_of(tables, against, axes_of(published)) if against is not None else [case]

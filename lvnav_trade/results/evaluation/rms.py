@@ -189,7 +189,7 @@ def _paired(tables: Tables, pair: tuple[str, str], event: str, quantity: str) ->
     return found | {"difference_rms": sizes[2], "difference_ratio": sizes[2] / min(sizes[:2])}
 
 
-class Controlled(NamedTuple):
+class ControlledRms(NamedTuple):
     """Root mean square with its interval; effective_runs: plain runs that would tell it as well; known: part of the
     mean square that the draws explain.
     """
@@ -201,7 +201,7 @@ class Controlled(NamedTuple):
     known: float
 
 
-def controlled_rms(error: Floats, draws: Floats) -> Controlled:
+def controlled_rms(error: Floats, draws: Floats) -> ControlledRms:
     """Return the root mean square of errors (n_run, k), its variance reduced by standard normals (n_run, m) drawn once.
 
     An error follows the draws about linearly, and the mean square of a linear form b . u of standard normals is |b|^2
@@ -223,12 +223,12 @@ def controlled_rms(error: Floats, draws: Floats) -> Controlled:
     rest = square - control
     mean = float(rest.mean())
     if n < 2 or not mean > 0.0:
-        return Controlled(*[float("nan")] * 5)
+        return ControlledRms(*[float("nan")] * 5)
     spread = float(rest.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
     reach = float(stats.t.isf(_TAIL, n - 1)) * spread
     worth = n * float(square.var()) / float(rest.var()) if rest.var() > 0.0 else float("inf")
     low, high = (float(np.sqrt(mean * np.exp(sign * reach))) for sign in (-1.0, 1.0))
-    return Controlled(float(np.sqrt(mean)), low, high, worth, known / mean)
+    return ControlledRms(float(np.sqrt(mean)), low, high, worth, known / mean)
 
 
 def _slope(error: Floats, draws: Floats) -> Floats:

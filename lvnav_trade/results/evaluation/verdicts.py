@@ -18,7 +18,7 @@ _FEWEST = 8  # smallest number of runs for an interval
 _FEWEST_LEVELS = 4  # smallest number of pooled cases for an interval
 
 
-class Value(NamedTuple):
+class ExpressionValue(NamedTuple):
     """Value of an expression; NaN where it is not known."""
 
     formal: float  # by formal sigmas
@@ -30,7 +30,7 @@ class Value(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def value_of(text: str, terms: Mapping[str, MetricValue]) -> Value:
+def value_of(text: str, terms: Mapping[str, MetricValue]) -> ExpressionValue:
     """Evaluate an expression of metrics.
 
     Parameters
@@ -42,7 +42,7 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> Value:
 
     Returns
     -------
-    Value
+    ExpressionValue
         Value by three methods, and the interval of the value by the runs.
 
     Notes
@@ -75,7 +75,7 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> Value:
         if only.is_share and len(terms) == 1 and text.strip() in terms:
             exact = set(np.unique(only.runs)) <= {0.0, 1.0}
             low, high = share(int(only.runs.sum()), n)[1:] if exact else np.clip((low, high), 0.0, 1.0).tolist()
-    return Value(formal, true, float(drawn), low, high, n, tuple(dict.fromkeys(remarks)))
+    return ExpressionValue(formal, true, float(drawn), low, high, n, tuple(dict.fromkeys(remarks)))
 
 
 def _with_levels(
@@ -116,12 +116,12 @@ def _interval(centre: float, without: Floats, is_product: bool) -> tuple[float, 
     return low, high
 
 
-def verdict(found: Value, low: float, high: float, tested_by: Sequence[str]) -> str:
+def verdict(found: ExpressionValue, low: float, high: float, tested_by: Sequence[str]) -> str:
     """Return the verdict whether a value lies between two bounds.
 
     Parameters
     ----------
-    found : Value
+    found : ExpressionValue
         The value.
     low, high : float
         Bounds; NaN for none.

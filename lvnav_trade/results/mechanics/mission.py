@@ -55,7 +55,7 @@ class State(NamedTuple):
     turn: Floats
 
 
-class Epochs(NamedTuple):
+class ElementEpochs(NamedTuple):
     """Type and epochs of the orbital elements that are compared.
 
     is_mean : Averaged over a revolution (first order in J2, see `orbits`), or osculating.
@@ -68,7 +68,7 @@ class Epochs(NamedTuple):
     true: float = 0.0
 
 
-class Law(NamedTuple):
+class ErrorGaussian(NamedTuple):
     """Gaussian of the error of velocity and position by linear covariance, frame i, SI.
 
     mean : (6,). Mean of the true error.
@@ -100,13 +100,13 @@ def state_at(tables: Tables, case: str, event: str) -> State | None:
 
 
 @once
-def laws(tables: Tables, case: str) -> list[Law]:
+def laws(tables: Tables, case: str) -> list[ErrorGaussian]:
     """Return the Gaussian of velocity and position by linear covariance at each of `states`."""
     rows = pick(tables.joint_covariances, case=case)
     return laws_in(*(rows[name].to_numpy(dtype=float) for name in ("mean_si", "true_si2", "formal_si2")))
 
 
-def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[Law]:
+def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
     """Return the Gaussians stored in columns of length 21 n_state.
 
     The columns contain the upper triangles of the covariances row by row; `mean` contains the mean on their diagonals.
@@ -120,7 +120,7 @@ def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[Law]:
         return matrix
 
     means = mean.reshape(n, 21)[:, i == j]
-    return [Law(*parts) for parts in zip(means, matrices(true), matrices(formal), strict=True)]
+    return [ErrorGaussian(*parts) for parts in zip(means, matrices(true), matrices(formal), strict=True)]
 
 
 def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
@@ -133,7 +133,7 @@ def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
     return np.where(has_sigma, np.round(bias / unit, 6) * unit + 0.0, bias)
 
 
-def law_at(tables: Tables, case: str, event: str) -> Law:
+def law_at(tables: Tables, case: str, event: str) -> ErrorGaussian:
     """Return the Gaussian of velocity and position by linear covariance at an event with a stored state."""
     return laws(tables, case)[[state.event for state in states(tables, case)].index(event)]
 
@@ -171,13 +171,13 @@ def good_errors(tables: Tables, case: str, state: State) -> Floats:
 # --- errors of the mission's numbers ----------------------------------------------------------------------------------
 
 
-def mean_orbit(state: State) -> orbits.Orbit:
+def mean_orbit(state: State) -> orbits.OrbitVectors:
     """Return the mean orbit of a true state, cached for all cases with the same trajectory."""
     return _mean_orbit(state.r_i.tobytes(), state.v_i.tobytes())
 
 
 @lru_cache(maxsize=256)
-def _mean_orbit(r_i: bytes, v_i: bytes) -> orbits.Orbit:
+def _mean_orbit(r_i: bytes, v_i: bytes) -> orbits.OrbitVectors:
     return orbits.mean(np.frombuffer(r_i), np.frombuffer(v_i))
 
 
@@ -189,7 +189,7 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
     return _differences(mean_orbit(state), orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3]))
 
 
-def orbit_errors_at(state: State, error: Floats, epochs: Epochs) -> dict[str, Floats]:
+def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[str, Floats]:
     """Return the errors of `orbit_errors` with elements at epochs after the state.
 
     The true and the estimated state coast to their epochs about the oblate Earth. The error is the true elements at the
@@ -201,7 +201,7 @@ def orbit_errors_at(state: State, error: Floats, epochs: Epochs) -> dict[str, Fl
     return _differences(true, estimated)
 
 
-def _differences(true: orbits.Orbit, estimated: orbits.Orbit) -> dict[str, Floats]:
+def _differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVectors) -> dict[str, Floats]:
     """Return the elements of an orbit less those of n other orbits, as `orbit_errors`."""
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
@@ -342,7 +342,7 @@ def applies(state: State, metric: str, covariance: Floats) -> str:
     return "" if np.isfinite(jacobian(state, metric)).all() else "not defined there"
 
 
-def drawn_of(state: State, law: Law, metric: str) -> Floats | None:
+def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
     """Return sorted magnitudes of perigee, apogee or eccentricity errors, from draws of the Gaussian of the state
     error.
 
@@ -361,7 +361,7 @@ def drawn_of(state: State, law: Law, metric: str) -> Floats | None:
     return size if np.isfinite(size).all() else None
 
 
-def expected_of(state: State, law: Law, metric: str) -> tuple[Floats, Floats] | str:
+def expected_of(state: State, law: ErrorGaussian, metric: str) -> tuple[Floats, Floats] | str:
     """Return mean and covariance of a mission metric by linear covariance, or the reason why it does not apply.
 
     Returns

@@ -24,7 +24,7 @@ MOST_ECCENTRIC = 0.9
 _NODES = {most: np.polynomial.legendre.leggauss(n) for most, n in ((0.1, 24), (0.5, 40), (1.0, 64))}
 
 
-class Orbit(NamedTuple):
+class OrbitVectors(NamedTuple):
     """Orbits by their vector elements.
 
     energy : (...,), J/kg. Specific orbital energy.
@@ -72,15 +72,15 @@ class Orbit(NamedTuple):
         return np.asarray((self.energy < 0.0) & (self.eccentricity < MOST_ECCENTRIC))
 
 
-def osculating(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
+def osculating(r_i: ArrayLike, v_i: ArrayLike) -> OrbitVectors:
     """Return the orbits that states r_i (m), v_i (m/s), each (..., 3), would follow about a point mass."""
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     h_i = np.cross(r_i, v_i)
     r = np.linalg.norm(r_i, axis=-1)
-    return Orbit(0.5 * np.sum(v_i * v_i, axis=-1) - GM / r, h_i, np.cross(v_i, h_i) / GM - r_i / r[..., None])
+    return OrbitVectors(0.5 * np.sum(v_i * v_i, axis=-1) - GM / r, h_i, np.cross(v_i, h_i) / GM - r_i / r[..., None])
 
 
-def mean(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
+def mean(r_i: ArrayLike, v_i: ArrayLike) -> OrbitVectors:
     """Return mean orbits: averaged over one revolution, to first order in J2.
 
     Parameters
@@ -90,11 +90,11 @@ def mean(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
 
     Returns
     -------
-    Orbit
-        Mean orbits; NaN where `Orbit.elliptic` is false.
+    OrbitVectors
+        Mean orbits; NaN where `OrbitVectors.elliptic` is false.
     """
     start = osculating(r_i, v_i)
-    return Orbit(*(a - b for a, b in zip(start, _offset(start, np.asarray(r_i, dtype=float)), strict=True)))
+    return OrbitVectors(*(a - b for a, b in zip(start, _offset(start, np.asarray(r_i, dtype=float)), strict=True)))
 
 
 def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats, Floats]:
@@ -113,7 +113,7 @@ def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats,
         Height above the equatorial radius (m), of the mean orbit with its short-periodic variation added.
     """
     average = mean(r_i, v_i)
-    spread = Orbit(average.energy[..., None], average.h_i[..., None, :], average.e_i[..., None, :])
+    spread = OrbitVectors(average.energy[..., None], average.h_i[..., None, :], average.e_i[..., None, :])
     towards, ahead = _plane(spread.h_i, np.asarray(r_i, dtype=float)[..., None, :])
     perigee = np.arctan2(np.sum(spread.e_i * ahead, axis=-1), np.sum(spread.e_i * towards, axis=-1))
     angles = (perigee + np.linspace(0.0, 2.0 * np.pi, points, endpoint=False))[..., None]
@@ -132,7 +132,7 @@ def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
     return towards, np.cross(normal, towards)
 
 
-def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
+def _offset(orbit: OrbitVectors, r_i: Floats) -> OrbitVectors:
     """Return the short-periodic variation of energy, h_i and e_i at a position, to first order in J2.
 
     With the rate g of a quantity along the unperturbed orbit of period T, and time counted from the position, the
@@ -159,7 +159,7 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
     turn = np.cross(along_i, pull)
     change = (np.cross(pull, orbit.h_i[..., None, :]) + np.cross(v_i, turn)) / GM
     bad = np.where(fit & np.isfinite(np.sqrt(1.0 - e * e)[..., 0]), 0.0, np.nan)
-    return Orbit(
+    return OrbitVectors(
         bad - np.sum(share * np.sum(v_i * pull, axis=-1), axis=-1),
         bad[..., None] - np.sum(share[..., None] * turn, axis=-2),
         bad[..., None] - np.sum(share[..., None] * change, axis=-2),

@@ -26,7 +26,7 @@ from lvnav_trade.results.metric import (
     scale_of,
     where,
 )
-from lvnav_trade.results.statistics.case import Distribution, Errors, number_in
+from lvnav_trade.results.statistics.case import Distribution, RunErrors, number_in
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -197,7 +197,7 @@ class StateError(Metric):
         published = float(stated.get("value", 0.0)) * size
         return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return |error| of every run at an event, or its largest value in a phase."""
         output = case.output(self.quantity, self.axis)
         if output is None:
@@ -207,7 +207,7 @@ class StateError(Metric):
             size = case.largest(self.quantity, self.axis, *phase)
         else:
             size = case.sizes(event_of(requirement), self.quantity, self.axis)
-        return Errors(size, output.unit, output.label_unit, output.label_factor)
+        return RunErrors(size, output.unit, output.label_unit, output.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian at an event, or at the time of a phase with the smallest probability to meet the limit.

@@ -19,7 +19,7 @@ from lvnav_trade.results.mechanics.injection import (
     why_no_law,
 )
 from lvnav_trade.results.metric import BOTH, LENGTH, MEAN, ONE_SIDED, TWO_SIDED, Metric, MetricValue, no_fit, scale_of
-from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, Injections, Redraw
+from lvnav_trade.results.statistics.case import Distribution, Gaussian, Injections, Redraw, RunErrors
 
 if TYPE_CHECKING:
     from lvnav_trade.results.statistics.case import CaseResults
@@ -32,7 +32,7 @@ _GRID = 2**15  # number of equally probable values that represent a distribution
 
 
 @dataclass(frozen=True)
-class _OfInjection(Metric):
+class _InjectionMetric(Metric):
     """A metric of the injection of each run."""
 
     named_by: ClassVar[str] = BOTH
@@ -64,7 +64,7 @@ class _OfInjection(Metric):
 
 
 @dataclass(frozen=True)
-class InjectionError(_OfInjection):
+class InjectionError(_InjectionMetric):
     """Achieved orbit less target; for several quantities the norm of the difference.
 
     quantities : Quantities of the orbit, as in `records.ORBIT`.
@@ -86,10 +86,10 @@ class InjectionError(_OfInjection):
         """Kind of bound: the norm of a vector, or a signed number."""
         return LENGTH if len(self.quantities) > 1 else TWO_SIDED
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of every run; infinite if a run does not reach its cut-off."""
         size = self._sizes(case)
-        return None if size is None else Errors(size, self.unit, self.label_unit, self.label_factor)
+        return None if size is None else RunErrors(size, self.unit, self.label_unit, self.label_factor)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square over the runs."""
@@ -142,7 +142,7 @@ class InjectionError(_OfInjection):
 
 
 @dataclass(frozen=True)
-class Depletion(_OfInjection):
+class Depletion(_InjectionMetric):
     """One for a run whose last stage is empty before its cut-off, zero for a run that reaches it.
 
     A run that ends otherwise has no injection, and counts as infinite in a requirement.
@@ -155,13 +155,13 @@ class Depletion(_OfInjection):
         """Kind of bound: a number without sign."""
         return ONE_SIDED
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return zero or one for every run, so that the limit of a requirement is one half."""
         runs = _any(case)
         if runs is None:
             return None
         size = np.where(runs.injected, 0.0, np.where(runs.outcome == OUTCOMES[1], 1.0, np.inf))
-        return Errors(size, self.unit, "%", 100.0)
+        return RunErrors(size, self.unit, "%", 100.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share of runs that deplete, and its expectation by linear covariance."""
@@ -186,7 +186,7 @@ class Depletion(_OfInjection):
 
 
 @dataclass(frozen=True)
-class ExtraPropellant(_OfInjection):
+class ExtraPropellant(_InjectionMetric):
     """Propellant burnt in addition to the reference flight.
 
     Zero for a flight that burns less; infinite if the stage is empty before the cut-off.
@@ -199,13 +199,13 @@ class ExtraPropellant(_OfInjection):
         """Kind of bound: a number without sign."""
         return ONE_SIDED
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the additional propellant (kg) of every run."""
         runs, law = _any(case), case.injection_law()
         if runs is None or law is None or law.why:
             return None
         extra = np.maximum(0.0, law.reference[_LEFT] - runs.left)
-        return Errors(np.where(runs.injected & np.isfinite(extra), extra, np.inf), self.unit, "kg", 1.0)
+        return RunErrors(np.where(runs.injected & np.isfinite(extra), extra, np.inf), self.unit, "kg", 1.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the mean over the runs, and that of linear covariance."""

@@ -21,10 +21,10 @@ from lvnav_trade.results.metric import (
     no_fit,
     scale_of,
 )
-from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, number_in
+from lvnav_trade.results.statistics.case import Distribution, Gaussian, RunErrors, number_in
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission import Epochs
+    from lvnav_trade.results.mechanics.mission import ElementEpochs
     from lvnav_trade.results.statistics.case import CaseResults
     from lvnav_trade.results.tables.read import Tables
 
@@ -79,10 +79,10 @@ class MissionError(Metric):
         apart = f", true elements at + {epochs.true:g} s" if epochs.true != epochs.estimated else ""
         return f"{super().label(stated)}{later}{element_type}{apart}"
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of the error of every run at an event."""
         size = sizes_at(case, event_of(requirement), self.name)
-        return None if size is None else Errors(size, self.unit, self.label_unit, self.label_factor)
+        return None if size is None else RunErrors(size, self.unit, self.label_unit, self.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian to first order, or the distribution of draws through the exact relation if that is
@@ -100,24 +100,24 @@ class MissionError(Metric):
         return Distribution(law, self.unit, self.label_unit, self.label_factor, at, drawn=drawn)
 
 
-def epochs_of(stated: Mapping[str, Any]) -> Epochs:
+def epochs_of(stated: Mapping[str, Any]) -> ElementEpochs:
     """Return type and epochs of the elements in a statement; by default mean elements at its event."""
-    from lvnav_trade.results.mechanics.mission import Epochs
+    from lvnav_trade.results.mechanics.mission import ElementEpochs
 
     estimated = number_in(stated.get("epoch") or 0.0, "s")
     true = stated.get("reference_epoch")
     is_mean = stated.get("elements", "mean") == "mean"
-    return Epochs(is_mean, estimated, estimated if true is None else number_in(true, "s"))
+    return ElementEpochs(is_mean, estimated, estimated if true is None else number_in(true, "s"))
 
 
-def sizes_at(case: CaseResults, event: str, metric: str, epochs: Epochs | None = None) -> Floats | None:
+def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs | None = None) -> Floats | None:
     """Return |error| (n_run,) of a mission metric at an event in every run, SI.
 
     Infinite if the run failed or the quantity is undefined. None if the state at the event is not stored.
 
     epochs : type and epochs of the orbital elements; None for mean elements at the event
     """
-    from lvnav_trade.results.mechanics.mission import Epochs, orbit_errors_at, signed, turned
+    from lvnav_trade.results.mechanics.mission import ElementEpochs, orbit_errors_at, signed, turned
 
     state = case.state(event)
     if state is None:
@@ -126,7 +126,7 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: Epochs | None =
     size = np.full(len(error), np.inf)
     if not failed.all():
         good = error[~failed]
-        if epochs is None or epochs == Epochs():
+        if epochs is None or epochs == ElementEpochs():
             signed_error = signed(state, good, metric)
         else:
             signed_error = orbit_errors_at(state, good, epochs)[metric]

@@ -19,7 +19,7 @@ from lvnav_trade.results.metric import (
     MetricValue,
     event_of,
 )
-from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian
+from lvnav_trade.results.statistics.case import Distribution, Gaussian, RunErrors
 
 if TYPE_CHECKING:
     from lvnav_trade.results.statistics.case import CaseResults
@@ -62,14 +62,14 @@ class NormalisedError(Metric):
         squares = errors.size**2
         return MetricValue(1.0, true, float(np.sqrt(squares.mean())) if len(squares) else np.nan, runs=squares)
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return it for every run; None if error or P is not available, or P is singular."""
         event = event_of(requirement)
         white, errors = whitening(case.formal(event, self.quantity)), case.errors(event, self.quantity)
         if white is None or errors.shape[1] != len(white):
             return None
         size = np.linalg.norm(errors @ white.T, axis=1)
-        return Errors(np.where(case.failed(event) | ~np.isfinite(size), np.inf, size), SIGMAS, SIGMAS, 1.0)
+        return RunErrors(np.where(case.failed(event) | ~np.isfinite(size), np.inf, size), SIGMAS, SIGMAS, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the three components whose norm is the error."""

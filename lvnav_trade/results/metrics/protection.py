@@ -11,7 +11,7 @@ import numpy as np
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.metric import BOTH, MEDIAN, Metric, MetricValue, event_of, no_fit, scale_of
-from lvnav_trade.results.statistics.case import Distribution, Errors
+from lvnav_trade.results.statistics.case import Distribution, RunErrors
 
 if TYPE_CHECKING:
     from lvnav_trade.results.statistics.case import CaseResults
@@ -53,13 +53,13 @@ class ProtectionLevel(Metric):
         level = CaseTables(tables, case).protection_level(self.quantity, event_of(stated), during)
         return MetricValue(true=level / scale, remark="" if np.isfinite(level) else _NONE)
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the level as the error of every run: equal in all runs, infinite in a run that failed."""
         level = case.protection_level(self.quantity, event_of(requirement), str(requirement.get("during") or ""))
         output = case.output(self.quantity, "3d")
         if not np.isfinite(level) or output is None:
             return None
-        return Errors(np.where(case.failed_runs(), np.inf, level), self.unit, output.label_unit, output.label_factor)
+        return RunErrors(np.where(case.failed_runs(), np.inf, level), self.unit, output.label_unit, output.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the reason: a level has no distribution."""

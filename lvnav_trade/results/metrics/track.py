@@ -21,7 +21,7 @@ from lvnav_trade.results.metric import (
     no_fit,
     scale_of,
 )
-from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, finite_sizes
+from lvnav_trade.results.statistics.case import Distribution, Gaussian, RunErrors, finite_sizes
 
 if TYPE_CHECKING:
     from lvnav_trade.results.statistics.case import CaseResults
@@ -92,12 +92,12 @@ class TrackError(Metric):
         sigma = number.formal if statistic == "formal" else np.sqrt(number.true**2 - mean**2)
         return SingleValue(float(sigma), number.remark)
 
-    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of the error of every run; None if the true state at the event is not stored."""
         event = event_of(requirement)
         if self._direction(case, event) is None:
             return None
-        return Errors(finite_sizes(self._errors(case, event), case.failed(event)), self.unit, self.unit, 1.0)
+        return RunErrors(finite_sizes(self._errors(case, event), case.failed(event)), self.unit, self.unit, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the error, with the contribution of each source."""

@@ -259,7 +259,7 @@ def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
 
 
 def _row(
-    state: mission.State, law: mission.Law, point: orbits.Impact, slope: Floats, corridor: Corridor | None
+    state: mission.State, law: mission.ErrorGaussian, point: orbits.Impact, slope: Floats, corridor: Corridor | None
 ) -> dict[str, Any]:
     """Return the impact point and its error by linear covariance at one time, in kilometres and degrees.
 

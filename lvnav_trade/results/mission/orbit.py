@@ -107,7 +107,7 @@ def orbital_states(tables: Tables, case: str) -> list[mission.State]:
     return clear
 
 
-def values(orbit_of: orbits.Orbit) -> dict[str, float]:
+def values(orbit_of: orbits.OrbitVectors) -> dict[str, float]:
     """Return the elements of an orbit (SI) by the names of `QUANTITIES`."""
     node = np.array([np.cos(orbit_of.node), np.sin(orbit_of.node), 0.0])
     ahead = np.cross(orbit_of.h_i / np.linalg.norm(orbit_of.h_i), node)

@@ -34,7 +34,7 @@ IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "sha
 LEAST = 0.05
 
 
-class Asked(NamedTuple):
+class RequirementCase(NamedTuple):
     """A requirement in one case, by linear covariance.
 
     distribution : Distribution of its metric.
@@ -97,17 +97,17 @@ class Asked(NamedTuple):
         return {name: self.share((name,)) for name in names}
 
 
-def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | str:
+def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> RequirementCase | str:
     """Return a requirement in a case (digest) by linear covariance, or the reason why it cannot be evaluated."""
     return asked_of(CaseTables(tables, case), requirement)
 
 
-def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> Asked | str:
+def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> RequirementCase | str:
     """As `asked`, for results of a case that need not be stored."""
     law = metric_in(requirement).law(case, requirement)
     if isinstance(law, str):
         return law
-    return Asked(law, number_in(requirement["below"], law.unit), float(requirement["probability"]))
+    return RequirementCase(law, number_in(requirement["below"], law.unit), float(requirement["probability"]))
 
 
 @once
@@ -125,7 +125,9 @@ def expected(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame([_expected(tables, *pair) for pair in _pairs(tables)], columns=EXPECTED)
 
 
-def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: Asked | str) -> dict[str, Any]:
+def _expected(
+    tables: Tables, requirement: Mapping[str, Any], case: str, found: RequirementCase | str
+) -> dict[str, Any]:
     row = {"requirement": requirement["name"], "case": tables.labels[case]}
     row["probability"] = float(requirement["probability"])
     if isinstance(found, str):
@@ -168,7 +170,7 @@ def improvements(tables: Tables) -> pd.DataFrame:
 
 
 @once
-def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
+def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, RequirementCase | str]]:
     return [
         (requirement, case, asked(tables, requirement, case))
         for requirement in tables.campaign.get("requirements") or ()
@@ -176,7 +178,7 @@ def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
     ]
 
 
-def _factor(found: Asked, names: tuple[str, ...]) -> float:
+def _factor(found: RequirementCase, names: tuple[str, ...]) -> float:
     """Return the largest factor on the sigmas of sources that meets the requirement; NaN if even `LEAST` does not."""
 
     def missing(factor: float) -> float:
@@ -185,7 +187,7 @@ def _factor(found: Asked, names: tuple[str, ...]) -> float:
     return float(optimize.bisect(missing, LEAST, 1.0, xtol=1e-4)) if missing(LEAST) >= 0.0 else float("nan")
 
 
-def _improvement(found: Asked) -> tuple[str, float, float, str]:
+def _improvement(found: RequirementCase) -> tuple[str, float, float, str]:
     """Return source, factor_ratio, share_ratio and remark."""
     if found.kept() >= found.probability:
         return (
@@ -203,7 +205,7 @@ def _improvement(found: Asked) -> tuple[str, float, float, str]:
     return source, factor, share, "; ".join(filter(None, [remark, alone]))
 
 
-def _turning(found: Asked) -> tuple[str, float, float, str]:
+def _turning(found: RequirementCase) -> tuple[str, float, float, str]:
     """Return `_improvement` for a violated requirement: a single source, or the fewest of the largest sources."""
     share = found.shares()
     order = sorted(share, key=lambda name: -share[name])

@@ -11,7 +11,7 @@ from scipy import stats
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.evaluate import metric_in
-from lvnav_trade.results.statistics.case import Errors, number_in
+from lvnav_trade.results.statistics.case import RunErrors, number_in
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import runs_needed, success_verdict
 from lvnav_trade.results.statistics.select import once
@@ -110,7 +110,7 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[An
     """Return the values of `COLUMNS`, beginning with the verdict."""
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
     errors = errors_of(tables, case, requirement)
-    error, si, unit, factor = errors or Errors(np.empty(0), "", "", 1.0)
+    error, si, unit, factor = errors or RunErrors(np.empty(0), "", "", 1.0)
     bound = number_in(requirement["below"], si) if errors is not None else 0.0
     failed, monte_carlo = error >= bound, tables.campaign.get("monte_carlo") or {}
     if monte_carlo.get("stop") == DECIDED:
@@ -121,7 +121,7 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[An
     return verdict, estimate, limit, unit, probability, confidence, len(error), int(failed.sum()), more
 
 
-def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
+def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RunErrors | None:
     """Return the error bounded by a requirement in every run of a case; None if the results do not have its metric.
 
     For a phase it is the largest error of each run at the history times of the phase, both ends included.

@@ -13,7 +13,7 @@ from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.evaluate import metric_in
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.evaluation.protection import series_of
-from lvnav_trade.results.mechanics.mission import Law, State, drawn_of, expected_of, laws, states
+from lvnav_trade.results.mechanics.mission import ErrorGaussian, State, drawn_of, expected_of, laws, states
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.metrics.mission import MissionError
 from lvnav_trade.results.metrics.normalised import SIGMAS, NormalisedError, whitening
@@ -53,7 +53,7 @@ _AT_EVENTS = "the metric is known at events only"
 _AXES_UNKNOWN = "the covariance between the axes of attitude is stored at events only"
 
 
-class Around(NamedTuple):
+class RequirementWindow(NamedTuple):
     """Window of a requirement in one case, s since lift-off."""
 
     t: float  # time of the event
@@ -61,7 +61,7 @@ class Around(NamedTuple):
     last: float  # end of the window
 
 
-class Sizes(NamedTuple):
+class WindowErrors(NamedTuple):
     """Error of a requirement in its window."""
 
     t: Floats  # (n,) s
@@ -104,7 +104,7 @@ def unevaluated(tables: Tables) -> pd.DataFrame:
 
 
 @once
-def _every(tables: Tables) -> dict[tuple[str, str], tuple[Around, Sizes | str]]:
+def _every(tables: Tables) -> dict[tuple[str, str], tuple[RequirementWindow, WindowErrors | str]]:
     """Return window and error (or the reason why there is none) by name of the requirement and digest of the case."""
     found = {}
     for requirement in tables.campaign.get("requirements") or ():
@@ -121,7 +121,7 @@ def _stated(tables: Tables, name: str) -> Mapping[str, Any]:
     return requirement
 
 
-def _around(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Around | None:
+def _around(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RequirementWindow | None:
     """Return the window of a requirement; None if its event does not occur."""
     event = pick(tables.events, case=case, event=where(requirement))
     if event.empty:
@@ -132,10 +132,10 @@ def _around(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Around
         for name, default in (("before", BEFORE), ("after", AFTER))
     )
     t, (start, end) = float(event.t_s.iloc[0]), ends_of(tables, case)
-    return Around(t, max(t - before, start), min(t + after, end))
+    return RequirementWindow(t, max(t - before, start), min(t + after, end))
 
 
-def _sizes(tables: Tables, case: str, requirement: Mapping[str, Any], around: Around) -> Sizes | str:
+def _sizes(tables: Tables, case: str, requirement: Mapping[str, Any], around: RequirementWindow) -> WindowErrors | str:
     """Return the error of a requirement in its window, or the reason why it is not known."""
     metric = metric_in(requirement)
     if isinstance(metric, ProtectionLevel):
@@ -144,14 +144,14 @@ def _sizes(tables: Tables, case: str, requirement: Mapping[str, Any], around: Ar
     if not metric.has_history:
         return refused or (_AXES_UNKNOWN if isinstance(metric, NormalisedError) else _AT_EVENTS)
     if not isinstance(metric, MissionError | NormalisedError):
-        found: Sizes | str = _error(tables, case, requirement, around, refused)
+        found: WindowErrors | str = _error(tables, case, requirement, around, refused)
     else:
         found = refused or _of_states(tables, case, metric, requirement, around)
     known = isinstance(found, str) or bool(np.isfinite(found.size).any() or np.isinf(found.size).any())
     return found if known else "its quantile is not known there"
 
 
-def _level(tables: Tables, case: str, requirement: Mapping[str, Any], around: Around) -> Sizes | str:
+def _level(tables: Tables, case: str, requirement: Mapping[str, Any], around: RequirementWindow) -> WindowErrors | str:
     """Return a protection level, which is equal in all runs."""
     quantity = str(requirement["metric"]).removesuffix("_protection_level")
     rows = rows_between(series_of(tables, case, quantity), around.first, around.last)
@@ -160,7 +160,7 @@ def _level(tables: Tables, case: str, requirement: Mapping[str, Any], around: Ar
     unit, factor = tables.people[quantity, "3d"]
     si = str(pick(tables.outputs, case=case, quantity=quantity, axis="3d").unit.iloc[0])
     limit = number_in(requirement["below"], si) * factor
-    return Sizes(rows.t_s.to_numpy(), rows.level_si.to_numpy(dtype=float) * factor, limit, unit, COVARIANCE)
+    return WindowErrors(rows.t_s.to_numpy(), rows.level_si.to_numpy(dtype=float) * factor, limit, unit, COVARIANCE)
 
 
 def _of_states(
@@ -168,8 +168,8 @@ def _of_states(
     case: str,
     metric: MissionError | NormalisedError,
     requirement: Mapping[str, Any],
-    around: Around,
-) -> Sizes | str:
+    around: RequirementWindow,
+) -> WindowErrors | str:
     """Return an error of the orbit or impact point, or a normalised error, at the stored states."""
     probability = float(requirement["probability"])
     inside = [
@@ -183,17 +183,17 @@ def _of_states(
     if isinstance(metric, NormalisedError):
         part, at = _BLOCKS[metric.quantity], int(np.argmin(np.abs(t - around.t)))
         values = _normalised([law for _, law in inside], part, probability, at)
-        return Sizes(t, values, number_in(requirement["below"], SIGMAS), SIGMAS, COVARIANCE)
+        return WindowErrors(t, values, number_in(requirement["below"], SIGMAS), SIGMAS, COVARIANCE)
     found = [_quantile_of(state, law, metric.name, probability) for state, law in inside]
     reason = found[int(np.argmin(np.abs(t - around.t)))]
     if isinstance(reason, str):
         return reason
     unit, factor = metric.label_unit, metric.label_factor
     size = np.array([np.nan if isinstance(quantile, str) else quantile * factor for quantile in found])
-    return Sizes(t, size, number_in(requirement["below"], metric.unit) * factor, unit, COVARIANCE)
+    return WindowErrors(t, size, number_in(requirement["below"], metric.unit) * factor, unit, COVARIANCE)
 
 
-def _normalised(given: Sequence[Law], part: slice, probability: float, at: int) -> Floats:
+def _normalised(given: Sequence[ErrorGaussian], part: slice, probability: float, at: int) -> Floats:
     """Return the quantile (n,) of a normalised error, in formal sigmas.
 
     It is computed at the event (index `at`) and at the states with the largest RMS; it is NaN at the others, and where
@@ -211,7 +211,7 @@ def _normalised(given: Sequence[Law], part: slice, probability: float, at: int) 
     return found
 
 
-def _quantile_of(state: State, law: Law, metric: str, probability: float) -> float | str:
+def _quantile_of(state: State, law: ErrorGaussian, metric: str, probability: float) -> float | str:
     """Return the quantile (SI) of a mission metric by linear covariance, or the reason why there is none."""
     found = expected_of(state, law, metric)
     if not isinstance(found, str):
@@ -220,7 +220,9 @@ def _quantile_of(state: State, law: Law, metric: str, probability: float) -> flo
     return found if drawn is None else float(np.quantile(drawn, probability))
 
 
-def _error(tables: Tables, case: str, requirement: Mapping[str, Any], around: Around, refused: str) -> Sizes | str:
+def _error(
+    tables: Tables, case: str, requirement: Mapping[str, Any], around: RequirementWindow, refused: str
+) -> WindowErrors | str:
     """Return an error with a stored history; `refused`: reason why linear covariance does not count."""
     metric, probability = split_metric(str(requirement["metric"])), float(requirement["probability"])
     rows = rows_between(history_of(tables, case, *metric), around.first, around.last)
@@ -241,7 +243,7 @@ def _error(tables: Tables, case: str, requirement: Mapping[str, Any], around: Ar
         if by == COVARIANCE
         else quantiles_of_runs(rows, metric[1], probability)
     )
-    return Sizes(rows.t_s.to_numpy(), size * factor, number_in(requirement["below"], si) * factor, unit, by)
+    return WindowErrors(rows.t_s.to_numpy(), size * factor, number_in(requirement["below"], si) * factor, unit, by)
 
 
 def _rests_on_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) -> bool:
@@ -251,7 +253,7 @@ def _rests_on_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) ->
     return bool((found == RUNS).all())
 
 
-def _row(tables: Tables, name: str, case: str, around: Around, found: Sizes) -> tuple[Any, ...]:
+def _row(tables: Tables, name: str, case: str, around: RequirementWindow, found: WindowErrors) -> tuple[Any, ...]:
     """Return the row of `windows` for a requirement and case."""
     requirement, size = _stated(tables, name), found.size
     at, worst = int(np.argmin(np.abs(found.t - around.t))), int(np.nanargmax(size))

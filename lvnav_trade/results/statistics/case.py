@@ -13,13 +13,13 @@ from lvnav_trade.quantities.records import OUTCOMES, Bools, Floats, InjectionLaw
 from lvnav_trade.quantities.units import parse
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission import Law, State
+    from lvnav_trade.results.mechanics.mission import ErrorGaussian, State
 
 SAME_TIME = 1e-6  # s; times that differ by less are the same instant
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
 
 
-class Errors(NamedTuple):
+class RunErrors(NamedTuple):
     """Magnitude of an error in every run.
 
     size : (n_run,) in `unit`. Infinite for a failed run.
@@ -164,7 +164,7 @@ class CaseResults(Protocol):
     def state(self, event: str) -> State | None:
         """Return the true state at an event; None if not known."""
 
-    def joint(self, event: str) -> Law:
+    def joint(self, event: str) -> ErrorGaussian:
         """Return the joint distribution of velocity and position at an event with a known state."""
 
     def injections(self, quantity: str) -> Injections | None:

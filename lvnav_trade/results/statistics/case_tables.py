@@ -150,7 +150,7 @@ class CaseTables(CaseResults):
         """Return the true state at an event."""
         return mission.state_at(self.tables, self.case, event)
 
-    def joint(self, event: str) -> mission.Law:
+    def joint(self, event: str) -> mission.ErrorGaussian:
         """Return linear covariance of velocity and position at an event."""
         return mission.law_at(self.tables, self.case, event)
 

@@ -23,7 +23,7 @@ def table_of(parts: Sequence[Any], identity: str, passes: int) -> pa.Table:
 
     Parameters
     ----------
-    parts : sequence of evaluate.Rows
+    parts : sequence of evaluate.EvaluatedDesigns
         Evaluated designs: number (n,), texts and numbers by column. A column missing in a part is empty there.
     identity : str
         Origin of the designs, for `earlier_table`.

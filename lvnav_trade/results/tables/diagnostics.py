@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
+from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import INJECTION, ORBIT, AdjointBudget, CovHistory, Floats, InjectionLaw
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.results.tables.runs import INJECTION_UNITS
@@ -17,7 +17,7 @@ _UPPER = tuple(zip(*np.triu_indices(3), strict=True))
 Rows = list[dict[str, Any]]
 
 
-def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | None) -> dict[str, Rows]:
+def explained_rows(prepared: Prepared, cov: CovHistory, found: CaseDiagnostics | None) -> dict[str, Rows]:
     """Return the rows of the tables that were asked for."""
     if found is None:
         return {"covariances": _totals(prepared, cov), **injection_rows(cov.injection)}
@@ -67,7 +67,7 @@ def _totals(prepared: Prepared, cov: CovHistory) -> Rows:
     return rows
 
 
-def _by_source(prepared: Prepared, found: Explanation) -> Rows:
+def _by_source(prepared: Prepared, found: CaseDiagnostics) -> Rows:
     none = np.full((3, 3), np.nan)
     return [
         row
@@ -101,7 +101,7 @@ def _adjoint(event: str, budget: AdjointBudget) -> Rows:
     ]
 
 
-def _sensitivity(prepared: Prepared, found: Explanation) -> Rows:
+def _sensitivity(prepared: Prepared, found: CaseDiagnostics) -> Rows:
     units = {output.quantity: output.unit for output in prepared.outputs}
     return [
         {
@@ -120,7 +120,7 @@ def _sensitivity(prepared: Prepared, found: Explanation) -> Rows:
     ]
 
 
-def _observability(found: Explanation) -> Rows:
+def _observability(found: CaseDiagnostics) -> Rows:
     return [
         {
             "phase": phase.name,
@@ -183,7 +183,7 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
     return {"injection_expected": expected, "injection_covariances": joint}
 
 
-def _nonlinearity(found: Explanation) -> Rows:
+def _nonlinearity(found: CaseDiagnostics) -> Rows:
     names = [f"{quantity} {axis}" for quantity in _QUANTITIES for axis in "xyz"]  # frame i, as the filter carries them
     return [
         {
@@ -198,7 +198,7 @@ def _nonlinearity(found: Explanation) -> Rows:
     ]
 
 
-def _allan(found: Explanation) -> Rows:
+def _allan(found: CaseDiagnostics) -> Rows:
     names = ("simulated_si", "card_si", "white_noise_si", "bias_instability_si", "random_walk_si")
     return [
         {"sensor": one.sensor, "unit": one.unit, "tau_s": float(tau), **dict(zip(names, map(float, row), strict=True))}
@@ -207,7 +207,7 @@ def _allan(found: Explanation) -> Rows:
     ]
 
 
-def _protection(prepared: Prepared, found: Explanation) -> Rows:
+def _protection(prepared: Prepared, found: CaseDiagnostics) -> Rows:
     """Return the protection levels by time, quantity and axis; 3d: the length of the box of the three axes."""
     one, rows = found.protected, list[dict[str, Any]]()
     if one is None:
@@ -236,7 +236,7 @@ def _protection(prepared: Prepared, found: Explanation) -> Rows:
     return rows
 
 
-def _error_bound(found: Explanation) -> Rows:
+def _error_bound(found: CaseDiagnostics) -> Rows:
     bound = found.bound
     if bound is None:
         return []

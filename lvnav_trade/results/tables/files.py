@@ -100,7 +100,7 @@ def batches(path: Path) -> Iterator[pa.Table]:
             yield pa.Table.from_batches([file.get_batch(k)])
 
 
-class Rows:
+class RowWriter:
     """Writer of tables in pieces, see `row_files`."""
 
     def __init__(self, write: Mapping[str, Callable[[pa.Table], None]], empty: Mapping[str, pa.Table]) -> None:
@@ -133,14 +133,14 @@ class Rows:
 
 
 @contextmanager
-def row_files(folder: Path, empty: Mapping[str, pa.Table]) -> Iterator[Rows]:
+def row_files(folder: Path, empty: Mapping[str, pa.Table]) -> Iterator[RowWriter]:
     """Yield the writer of a case's tables; all files appear at the end of the ``with`` block, or none.
 
     empty: tables without rows, which define the columns.
     """
     schemas = {folder / f"{name}{CASE_TABLE}": table.schema for name, table in empty.items()}
     with _case_tables(schemas) as write:
-        rows = Rows(dict(zip(empty, write, strict=True)), empty)
+        rows = RowWriter(dict(zip(empty, write, strict=True)), empty)
         yield rows
         rows.end()
 

@@ -17,7 +17,7 @@ from lvnav_trade.quantities.records import (
     RunBlock,
 )
 from lvnav_trade.results.tables.schema import error_column, rms_column
-from lvnav_trade.simulation.preparation.initial_draws import StartDraws
+from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
 from lvnav_trade.simulation.statistics import NORM, BlockSummary, add_norms, columns
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
 
@@ -149,7 +149,7 @@ def _named(names: list[str], values: Any) -> dict[str, Any]:
     return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
 
 
-def start_columns(starts: StartDraws | None) -> dict[str, Any]:
+def start_columns(starts: InitialDraws | None) -> dict[str, Any]:
     """Return the columns of `initial_draws`: initial and turn-on draws of the runs."""
     if starts is None:
         return {}

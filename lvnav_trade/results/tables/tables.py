@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
+from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import CovHistory, Floats, Output, RunBlock
 from lvnav_trade.results.tables.diagnostics import explained_rows
 from lvnav_trade.results.tables.files import Coded, column
@@ -15,8 +15,8 @@ from lvnav_trade.results.tables.flight_tables import flight_columns
 from lvnav_trade.results.tables.runs import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
 from lvnav_trade.results.tables.schema import TABLES, arrow_schema
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.nozzle import AXES, FEEDS, PHASES, Controlled
-from lvnav_trade.simulation.preparation.initial_draws import StartDraws
+from lvnav_trade.simulation.nozzle import AXES, FEEDS, PHASES, NozzleStatistics
+from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 
@@ -46,8 +46,8 @@ def case_tables(
     prepared: Prepared,
     cov: CovHistory,
     summary: BlockSummary | None,
-    explained: Explanation | None = None,
-    control: Controlled | None = None,
+    explained: CaseDiagnostics | None = None,
+    control: NozzleStatistics | None = None,
 ) -> dict[str, pa.Table]:
     """Return the tables of one case whose size does not depend on the number of runs, by name.
 
@@ -61,9 +61,9 @@ def case_tables(
         Its linear covariance.
     summary : BlockSummary or None
         Statistics of all runs. Without Monte Carlo, columns of the runs are NaN and counts 0.
-    explained : Explanation, optional
+    explained : CaseDiagnostics, optional
         Covariance diagnostics.
-    control : Controlled, optional
+    control : NozzleStatistics, optional
         Simulation of the vehicle under attitude control.
     """
     contents: dict[str, Any] = {
@@ -92,7 +92,7 @@ def row_tables(
     return {name: _arrow(name, case_id, content) for name, content in run_columns(outputs, part, channels).items()}
 
 
-def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]:
+def starts_table(case_id: str, starts: InitialDraws | None) -> dict[str, pa.Table]:
     """Return the table of the initial and turn-on draws of runs, as `row_tables`."""
     return {"initial_draws": _arrow("initial_draws", case_id, start_columns(starts))}
 
@@ -151,7 +151,7 @@ def thresholds(scenario: Scenario) -> dict[str, float]:
 # --- one function per table -------------------------------------------------------------------------------------------
 
 
-def _is_tested(prepared: Prepared, explained: Explanation | None) -> bool:
+def _is_tested(prepared: Prepared, explained: CaseDiagnostics | None) -> bool:
     """Whether there are tests for faults: by innovations, between IMUs, or by solution separation."""
     units, protected = prepared.options.units, None if explained is None else explained.protected
     between_units = units is not None and units.redundant is not None and units.redundant.ticks > 0
@@ -159,7 +159,7 @@ def _is_tested(prepared: Prepared, explained: Explanation | None) -> bool:
 
 
 def _cases(
-    case: CaseInfo, prepared: Prepared, summary: BlockSummary | None, explained: Explanation | None
+    case: CaseInfo, prepared: Prepared, summary: BlockSummary | None, explained: CaseDiagnostics | None
 ) -> dict[str, Any]:
     gate = float(np.sqrt(prepared.model.gate_squared))
     return {
@@ -291,7 +291,7 @@ _MOTION = (
 WHOLE = "flight"  # what stands for all burns together
 
 
-def controlled_columns(found: Controlled) -> dict[str, dict[str, Any]]:
+def controlled_columns(found: NozzleStatistics) -> dict[str, dict[str, Any]]:
     """Return the columns of `nozzle_travel`, `nozzle_travel_history`, `motion_statistics`, `motion_history`."""
     feed, run, burn, axis = np.indices(found.total.shape).reshape(4, -1)
     travel = {

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import pyarrow as pa
 
-from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
+from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.quantities.records import CovHistory, RunBlock
@@ -40,8 +40,8 @@ from lvnav_trade.results.tables.files import (
 from lvnav_trade.results.tables.schema import TABLES, arrow_schema
 from lvnav_trade.results.tables.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
 from lvnav_trade.results.tables.versions import across_machines, campaign_digest, environment, results_version
-from lvnav_trade.simulation.nozzle import Controlled
-from lvnav_trade.simulation.preparation.initial_draws import StartDraws
+from lvnav_trade.simulation.nozzle import NozzleStatistics
+from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.statistics import BlockSummary, merge
 
@@ -57,7 +57,7 @@ def one_by_one(function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -
     return (function(*unit) for unit in units)
 
 
-class Results:
+class ResultsWriter:
     """Folder of the results of a campaign, open for writing."""
 
     def __init__(self, folder: OwnedFolder, manifest: dict[str, Any]) -> None:
@@ -96,9 +96,9 @@ class Results:
         prepared: Prepared,
         cov: CovHistory,
         parts: Iterable[BlockSummary] | None,
-        explained: Explanation | None = None,
-        starts: StartDraws | None = None,
-        control: Controlled | None = None,
+        explained: CaseDiagnostics | None = None,
+        starts: InitialDraws | None = None,
+        control: NozzleStatistics | None = None,
     ) -> None:
         """Write the tables of one case; `finish` merges the cases.
 
@@ -112,11 +112,11 @@ class Results:
             Its linear covariance.
         parts : iterable of BlockSummary or None
             Statistics of its runs in their order, one in memory at a time; None without Monte Carlo.
-        explained : Explanation, optional
+        explained : CaseDiagnostics, optional
             Covariance diagnostics.
-        starts : StartDraws, optional
+        starts : InitialDraws, optional
             Initial and turn-on draws of the runs.
-        control : Controlled, optional
+        control : NozzleStatistics, optional
             Simulation of the vehicle under attitude control.
         """
         folder = self.case_folder(case.id) / "tables"
@@ -258,7 +258,7 @@ def open_results(
     resolved_yaml: str,
     manifest: dict[str, Any],
     mode: Literal["resume", "fresh"] = "resume",
-) -> Results:
+) -> ResultsWriter:
     """Open the folder of a campaign's results for writing.
 
     Parameters
@@ -276,7 +276,7 @@ def open_results(
 
     Returns
     -------
-    Results
+    ResultsWriter
         The folder, open for writing.
 
     Raises
@@ -297,7 +297,7 @@ def open_results(
         place.claim("run", RUN_FILES, manifest.get("asked_cases", ()))
         place.sweep()
         replace_file(folder / RESOLVED, resolved_yaml)
-        results = Results(place, {**manifest, **identity, "created": _now()})
+        results = ResultsWriter(place, {**manifest, **identity, "created": _now()})
         _write_json(folder / MANIFEST, results.manifest)
     return results
 

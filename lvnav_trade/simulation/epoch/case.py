@@ -64,18 +64,18 @@ run : (1,). Number of the run; None in linear covariance.
 rx : filter.receivers.receiver.Receiver. Receiver that computes its solution; in linear covariance the covariance that
 it reports.
 open_loop : filter.policies.open_loop.OpenLoop. Open-loop correction.
-watch : filter.policies.mode_logic.Watch. Mode logic.
+watch : filter.policies.mode_logic.ModeState. Mode logic.
 past : (n_place + 1, N_PAST). Stored states of delay compensation, see filter.policies.delay.
-motion : filter.policies.imu_samples.Motion. IMU samples as measurements, or reported.
+motion : filter.policies.imu_samples.ImuSampleWork. IMU samples as measurements, or reported.
 held : Held. Reported error of the receiver's solution.
 missed : Misses. Error of the filter's transition.
 units : UnitWork. IMU array.
 backup : filter.policies.backup.Backup. Backup strapdown, which is never corrected.
-earlier : filter.policies.epoch_differences.Earlier. Differences of two epochs.
+earlier : filter.policies.epoch_differences.PreviousEpoch. Differences of two epochs.
 last : (n_sat, n_kind). Observables of the epoch before, from which differences are formed.
-points : filter.policies.unscented.Points. Sigma points.
+points : filter.policies.unscented.SigmaPoints. Sigma points.
 monitor : filter.policies.integrity.state.Monitor. Tests for faults.
-again : filter.policies.iterated.Again. Iterated update.
+again : filter.policies.iterated.IterationWork. Iterated update.
 tape : simulation.tape.Tape. Record of one run.
 """
 
@@ -140,7 +140,7 @@ def hold_solution(work, parts, joint, solved, solver, report, epoch):
     joint : Joint, or None in a run
     solved : (n_epoch,) whether the receiver has a solution on the nominal flight; None in a run
     solver : Solver, or None in linear covariance
-    report : Report, or None if the errors of the solution are not reported
+    report : ReportedSolution, or None if the errors of the solution are not reported
     epoch : index
     """
     if report is not None:

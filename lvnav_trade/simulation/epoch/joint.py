@@ -38,7 +38,7 @@ class Joint(NamedTuple):
 class NominalFlight(NamedTuple):
     """Nominal flight of a pass: inputs that the epochs of the filter do not need.
 
-    unit : Unit. Truth-side model of the IMU.
+    unit : ImuTruth. Truth-side model of the IMU.
     reference : Reference. True motion on the ticks of the IMU.
     chain : Chain. Error propagation of the receiver's solution; None without a reported covariance.
     ticks : lincov.workspace.SampleScratch. Work arrays of IMU samples as measurements; None without.
@@ -185,7 +185,7 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
 
 @jit
 def _correct_clones(gain, clone, late):
-    """Extend the gain to the clones of stored states, which the filter corrects as well (Late, or None)."""
+    """Extend the gain to the clones of stored states, which the filter corrects as well (DelayProcessing, or None)."""
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:

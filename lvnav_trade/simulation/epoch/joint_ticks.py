@@ -129,7 +129,7 @@ def deviations(z, true, unit, units, reference, tick):
     Parameters
     ----------
     z : (6,) rad/s and m/s^2, set here
-    true, unit : Components, Unit
+    true, unit : Components, ImuTruth
     units : Units of an IMU array; None for one IMU
     reference : Reference, true motion
     tick : index
@@ -234,7 +234,7 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
     Parameters
     ----------
     joint, flight : Joint, NominalFlight
-    motion : Motion, with P h' and weights of the filter's update
+    motion : ImuSampleWork, with P h' and weights of the filter's update
     model, vehicle : FilterModel, VehicleModel
     units : Units of an IMU array; None for one IMU
     tick : index

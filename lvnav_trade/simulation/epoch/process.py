@@ -183,7 +183,7 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
 def process_receiver(work, parts, case, joint, again, epoch, gate_squared, starts):
     """Decorrelate the receiver's rows, test them for faults and update; an iterated filter repeats the update.
 
-    again : Again, whose rows are linearised at the result of the last update, or None; the others as in
+    again : IterationWork, whose rows are linearised at the result of the last update, or None; the others as in
     `update_receiver`
     """
     options = case.options
@@ -212,7 +212,7 @@ def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
 
 @inlined
 def _process_sensor(work, parts, case, joint, again, k, epoch, gate_squared):
-    """Update by the measurements of sensor k; an iterated filter (Again, or None) repeats the update."""
+    """Update by the measurements of sensor k; an iterated filter (IterationWork, or None) repeats the update."""
     late = case.options.late
     fill_sensor_rows(work, parts, case, parts.points, late, k, epoch)
     hold(again, work, epoch)

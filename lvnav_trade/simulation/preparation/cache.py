@@ -6,7 +6,7 @@ import numpy as np
 
 from lvnav_trade.gnss.faults import delay
 from lvnav_trade.gnss.satellites import content as content_of_sky
-from lvnav_trade.gnss.visibility import Heard, heard_in, with_noise
+from lvnav_trade.gnss.visibility import ReceivedSatellites, heard_in, with_noise
 from lvnav_trade.imu.array import equivalent
 from lvnav_trade.quantities.reads import remembered, remembered_by_reads
 from lvnav_trade.quantities.records import Floats, Reference, Sky
@@ -45,13 +45,13 @@ def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
     return reference(built(identity, card), rate)
 
 
-class _Same(NamedTuple):
+class _ByIdentity(NamedTuple):
     """Wrapper of a trajectory that is compared by identity, not by its splines."""
 
     flight: Trajectory
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.flight is other.flight
+        return isinstance(other, _ByIdentity) and self.flight is other.flight
 
     def __hash__(self) -> int:
         return id(self.flight)
@@ -70,12 +70,12 @@ def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: 
         s since lift-off. Earliest time of validity.
     """
     key = content_of_sky(scenario.constellation)
-    heard = _heard(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)
+    heard = _heard(key, scenario, _ByIdentity(trajectory), t_epoch.tobytes(), start)
     return with_noise(heard, scenario.receiver, trajectory)
 
 
 @remembered_by_reads(6)
-def _heard(key: str, scenario: Scenario, flown: _Same, epochs: bytes, start: float) -> Heard:
+def _heard(key: str, scenario: Scenario, flown: _ByIdentity, epochs: bytes, start: float) -> ReceivedSatellites:
     """Return the received satellites at the times of validity; the arguments are the key of the cache."""
     t_epoch, trajectory = np.frombuffer(epochs).copy(), flown.flight
     receiver, above = scenario.receiver, scenario.constellation

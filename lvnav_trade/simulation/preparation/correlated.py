@@ -14,9 +14,9 @@ from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout, standing_for
 from lvnav_trade.scenario.filter_models import solves
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.receiver_observables import LEVER_AXES, PHASES, Channels, Geometry, members, partial
+from lvnav_trade.sensors.receiver_observables import LEVER_AXES, PHASES, Channels, MeasurementGeometry, members, partial
 from lvnav_trade.sensors.sensor import CorrelatedError
-from lvnav_trade.simulation.preparation.inputs import Shared
+from lvnav_trade.simulation.preparation.inputs import CorrelatedErrors
 from lvnav_trade.simulation.preparation.options import direct
 from lvnav_trade.simulation.preparation.sensors import Sensor
 
@@ -38,7 +38,11 @@ class EnteringError(NamedTuple):
 
 
 def entering_errors(
-    scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures, devices: tuple[Sensor, ...] = ()
+    scenario: Scenario,
+    geometry: MeasurementGeometry,
+    channels: Channels,
+    failed: Failures,
+    devices: tuple[Sensor, ...] = (),
 ) -> tuple[EnteringError, ...]:
     """Return the correlated measurement errors of a case: receiver and satellites, sensors, wild samples.
 
@@ -144,7 +148,7 @@ def _of_satellites(part: Part, channels: Channels) -> list[CorrelatedError]:
     return errors
 
 
-def _entering(error: CorrelatedError, geometry: Geometry, channels: Channels) -> EnteringError:
+def _entering(error: CorrelatedError, geometry: MeasurementGeometry, channels: Channels) -> EnteringError:
     """Return an error of the receiver's measurements with the channels that its components enter, by its kind."""
     labels, member = members(error.kind, channels)
     component = [error.labels.index(label) if label in error.labels else -1 for label in labels]
@@ -191,7 +195,7 @@ def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
 
 def shared_of(
     entering: Sequence[EnteringError], layout: StateLayout, interval: float, shape: tuple[int, int]
-) -> Shared:
+) -> CorrelatedErrors:
     """Return the correlated measurement errors as arrays for the kernels, one family per error.
 
     Parameters
@@ -214,7 +218,7 @@ def shared_of(
     sigma = np.array([error.sigma for error in errors], dtype=float)
     times = [error.time_constant for error in errors]
     factor = np.array([math.exp(-interval / time) if time > 0.0 else 0.0 for time in times], dtype=float)
-    return Shared(
+    return CorrelatedErrors(
         member=np.array(
             [np.where(item.member >= 0, at + item.member, -1) for item, at in zip(entering, first, strict=True)],
             dtype=np.int64,

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filter.model import FilterModel, build_filter_model, initial_covariance
-from lvnav_trade.filter.policies.stored_gains import Gains
-from lvnav_trade.filter.states import Taken, state_layout
+from lvnav_trade.filter.policies.stored_gains import StoredGains
+from lvnav_trade.filter.states import FilterMeasurements, state_layout
 from lvnav_trade.filter.strapdown import strapdown_of
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
@@ -16,13 +16,13 @@ from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.scenario.filter_models import filter_models, has_covariance, measured, solves
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.inputs import Start
+from lvnav_trade.simulation.preparation.inputs import InitialState
 from lvnav_trade.simulation.preparation.options import every, gains_of
 from lvnav_trade.simulation.preparation.times import Times
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 
-class Filtering(NamedTuple):
+class CaseFilter(NamedTuple):
     """Filter of a case.
 
     layout : States of the filter.
@@ -34,16 +34,16 @@ class Filtering(NamedTuple):
 
     layout: StateLayout
     model: FilterModel
-    gains: Gains | None
+    gains: StoredGains | None
     C_n_i: Floats
     P: Floats
 
 
-def taken_of(scenario: Scenario, flight: Flight) -> Taken:
+def taken_of(scenario: Scenario, flight: TrueFlight) -> FilterMeasurements:
     """Return sensor models, channels and measurements that the filter of a case is built from."""
     imu, receiver, initial = filter_models(scenario)
     lever_b = np.array(scenario.receiver.lever_b)
-    return Taken(
+    return FilterMeasurements(
         imu=imu,
         receiver=receiver,
         channels=flight.channels,
@@ -56,12 +56,12 @@ def taken_of(scenario: Scenario, flight: Flight) -> Taken:
     )
 
 
-def layout_of(scenario: Scenario, flight: Flight) -> StateLayout:
+def layout_of(scenario: Scenario, flight: TrueFlight) -> StateLayout:
     """Return the states of the filter of a case."""
     return state_layout(scenario.filter, taken_of(scenario, flight))
 
 
-def filtering_of(scenario: Scenario, flight: Flight, layout: StateLayout, times: Times) -> Filtering:
+def filtering_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout, times: Times) -> CaseFilter:
     """Return the filter of a case for the windows of its schedule."""
     card, ref, trajectory = scenario.filter, flight.reference, flight.trajectory
     gains = gains_of(scenario, layout, flight.channels, flight.epochs.t, trajectory.events)
@@ -77,19 +77,19 @@ def filtering_of(scenario: Scenario, flight: Flight, layout: StateLayout, times:
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     _, _, initial = filter_models(scenario)
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
-    return Filtering(layout, model, gains, C_n_i, P)
+    return CaseFilter(layout, model, gains, C_n_i, P)
 
 
-def start_of(scenario: Scenario, ref: Reference, filtering: Filtering) -> Start:
+def start_of(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> InitialState:
     """Return the true state at tick 0, and the covariances of the initial error."""
     initial, C_n_i = scenario.initial, filtering.C_n_i
     attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
     roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
     words = np.array([source_word(f"initial {name}") for name in ("attitude", "velocity", "position")], dtype=np.uint64)
-    return Start(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, filtering.P)
+    return InitialState(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, filtering.P)
 
 
-def _strapdown(scenario: Scenario, flight: Flight) -> Strapdown:
+def _strapdown(scenario: Scenario, flight: TrueFlight) -> Strapdown:
     """Return the strapdown algorithm, with Earth rotation angle and position at the start of the flight."""
     card, ref = scenario.filter, flight.reference
     angle = float(earth_angle(flight.trajectory.theta0, ref.t[0]))

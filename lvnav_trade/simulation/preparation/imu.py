@@ -18,16 +18,16 @@ from lvnav_trade.imu.array import ImuSet, equivalent, terms_of, triads_of
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OWN_0
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.error_sources import IMU_NOISE
 from lvnav_trade.quantities.per_axis import axes
 from lvnav_trade.quantities.records import Reference
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.imu_arrays import arriving, elements, fused, units_of, white_of
-from lvnav_trade.simulation.preparation.imu_inputs import Unit, Units
+from lvnav_trade.simulation.preparation.imu_inputs import ImuArray, ImuTruth
 from lvnav_trade.simulation.preparation.imu_redundancy import Profile, redundant_of
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.trajectory.disturbances import disturbance
 
 _STEPS = {
@@ -50,11 +50,11 @@ class TrueImu(NamedTuple):
     """
 
     terms: tuple[ErrorTerm, ...]
-    unit: Unit
-    units: Units | None
+    unit: ImuTruth
+    units: ImuArray | None
 
 
-def imu_of(scenario: Scenario, flight: Flight, layout: StateLayout) -> TrueImu:
+def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueImu:
     """Return the true IMU of a case; layout: states of the filter, which may include differences of two IMUs."""
     ref, course = flight.reference, flight.trajectory.course
     terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
@@ -64,14 +64,14 @@ def imu_of(scenario: Scenario, flight: Flight, layout: StateLayout) -> TrueImu:
     return TrueImu(terms, unit_of(scenario, ref, terms, course, units), units)
 
 
-def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: Course) -> int:
+def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile) -> int:
     """Return the first tick after the hand-over of a prime IMU that is stated by its time; -1 without."""
     if isinstance(card, ImuCard) or card.hand_over is None:
         return -1
     return math.ceil((course.time(card.hand_over, "imu.hand_over") - ref.t[0]) * card.rate - _ROUNDING)
 
 
-def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
+def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: FlightProfile) -> list[Profile]:
     """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step."""
     profiles: list[Profile] = []
     owners = [0] if isinstance(card, ImuCard) else [triad.unit for triad in triads_of(card)]
@@ -94,8 +94,8 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Cour
 
 
 def unit_of(
-    scenario: Scenario, ref: Reference, terms: Sequence[ErrorTerm], course: Course, units: Units | None = None
-) -> Unit:
+    scenario: Scenario, ref: Reference, terms: Sequence[ErrorTerm], course: FlightProfile, units: ImuArray | None = None
+) -> ImuTruth:
     """Return the true IMU as arrays for the kernels.
 
     Parameters
@@ -129,7 +129,7 @@ def unit_of(
         dtheta, dvel = elements(sensed, equivalent_card, np.eye(3), 0, scenario.faults, course, ref.t[1:])
     else:
         dtheta, dvel = fused(units, dt)
-    return Unit(
+    return ImuTruth(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
         biases_only=all(b.driver == CONSTANT for b in inertial) and all(p[1] == CONSTANT for p in profiles),

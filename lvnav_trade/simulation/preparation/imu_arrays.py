@@ -11,17 +11,17 @@ from lvnav_trade.gnss.fault_cards import AnyFault, DeadAxis, DroppedSamples
 from lvnav_trade.gnss.faults import periods
 from lvnav_trade.imu.array import ImuSet, keyed, terms_of, triads_of
 from lvnav_trade.imu.differences import difference
-from lvnav_trade.imu.error_model import Dead, ImuCard, lag, put_out
+from lvnav_trade.imu.error_model import DeadElement, ImuCard, lag, put_out
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_2, SQUARE
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.error_sources import IMU_NOISE
 from lvnav_trade.quantities.per_axis import axes
 from lvnav_trade.quantities.records import Floats, Reference
 from lvnav_trade.quantities.state_layout import RELATIVE, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
-from lvnav_trade.simulation.preparation.imu_inputs import Units
+from lvnav_trade.simulation.preparation.imu_inputs import ImuArray
 from lvnav_trade.simulation.preparation.sensors import Sensor
 
 _kept: OrderedDict[tuple[int, float | None, float], tuple[Floats, Floats]] = OrderedDict()
@@ -43,7 +43,7 @@ def arriving(
     ref: Reference,
     card: ImuCard,
     faults: Sequence[AnyFault],
-    course: Course,
+    course: FlightProfile,
     unit: int = 0,
     beside: Floats | None = None,
 ) -> list[Floats]:
@@ -87,7 +87,7 @@ def elements(
     axes: Floats,
     first: int,
     faults: Sequence[AnyFault],
-    course: Course,
+    course: FlightProfile,
     t: Floats,
     unit: int = 0,
 ) -> list[Floats]:
@@ -111,7 +111,7 @@ def elements(
     increments_out = []
     for name, increments, triad in zip(("gyro", "accelerometer"), sensed, (card.gyro, card.accel), strict=True):
         dead = [
-            Dead(fault.axis - 1 - first, (t > start + 1e-9) & (t <= end + 1e-9), fault.output == "last")
+            DeadElement(fault.axis - 1 - first, (t > start + 1e-9) & (t <= end + 1e-9), fault.output == "last")
             for number, fault in enumerate(faults)
             if isinstance(fault, DeadAxis) and fault.unit == unit + 1 and fault.sensor == name
             if first < fault.axis <= first + len(axes)
@@ -134,8 +134,8 @@ def swing(ref: Reference, lever: Floats) -> Floats:
 
 
 def units_of(
-    scenario: Scenario, ref: Reference, course: Course, devices: tuple[Sensor, ...], layout: StateLayout
-) -> Units | None:
+    scenario: Scenario, ref: Reference, course: FlightProfile, devices: tuple[Sensor, ...], layout: StateLayout
+) -> ImuArray | None:
     """Return the IMUs of an array as arrays for the kernels; None for one IMU.
 
     Parameters
@@ -176,7 +176,7 @@ def units_of(
     ]
     keys = [keyed(f"{IMU_NOISE} {k}" if k else IMU_NOISE, unit) for unit, k in zip(owner, part, strict=True)]
     lever = np.array([card.units[unit].lever_arm for unit in owner], dtype=float)
-    return Units(
+    return ImuArray(
         dtheta=np.array([increments[GYRO] for increments in out]),
         dvel=np.array([increments[ACCEL] for increments in out]),
         n_axis=np.array([triad.n_axis for triad in triads], dtype=np.int64),
@@ -195,7 +195,7 @@ def units_of(
 
 
 def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> dict[str, Any]:
-    """Return the measured differences of two IMUs, by name of the field of `Units`."""
+    """Return the measured differences of two IMUs, by name of the field of `ImuArray`."""
     state = {extra.name: extra.offset for extra in layout.extras}
     pairs: list[tuple[int, Floats, int]] = []
     of = np.full(max(1, len(devices)), -1, dtype=np.int64)
@@ -220,7 +220,7 @@ def white_of(unit: ImuCard, dt: float) -> Floats:
     return np.array([*noise, unit.gyro.quantisation, unit.accel.quantisation])
 
 
-def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
+def along_axes(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     """Return angle and velocity increments along the sensing axes, (n_triad, n_imu, 3) each, without errors.
 
     Lever arms are compensated as in the kernel (`simulation.imu_array.swung`).
@@ -234,14 +234,14 @@ def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
     return angles, np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(swung))
 
 
-def fused(units: Units, dt: float) -> tuple[Floats, Floats]:
+def fused(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     """Return angle and velocity increments of the combined triad without errors, (n_imu, 3) each, body axes."""
     combined = (_solved(units, k, along) for k, along in enumerate(along_axes(units, dt)))
     angle, velocity = (np.ascontiguousarray(mean + units.shift[units.stage, k]) for k, mean in enumerate(combined))
     return angle, velocity
 
 
-def _solved(units: Units, sensor: int, along: Floats) -> Floats:
+def _solved(units: ImuArray, sensor: int, along: Floats) -> Floats:
     """Return the combined increments (n_imu, 3) from increments along the sensing axes (n_triad, n_imu, 3)."""
     combined = np.einsum("tic,tnc->ni", units.solved[0, :, sensor], along)
     for stage in np.unique(units.stage[units.stage > 0]):
@@ -250,7 +250,7 @@ def _solved(units: Units, sensor: int, along: Floats) -> Floats:
     return np.asarray(combined)
 
 
-def inputs_of(units: Units, dt: float, driver: int, triad: int, sensor: int) -> Floats:
+def inputs_of(units: ImuArray, dt: float, driver: int, triad: int, sensor: int) -> Floats:
     """Return the driver of the parameters of a triad times the tick, (n_imu, 3) by sensing axis.
 
     Parameters

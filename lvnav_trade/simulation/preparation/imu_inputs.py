@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from lvnav_trade.quantities.records import Floats, Ints
 
 
-class Unit(NamedTuple):
+class ImuTruth(NamedTuple):
     """Truth-side model of an IMU: ideal increments and true error parameters.
 
     For an IMU array it has the blocks of all IMUs, with sensor number 2 * triad + sensor, and the increments of the
-    combined triad; `Units` has the rest. A block is one error parameter of three axes.
+    combined triad; `ImuArray` has the rest. A block is one error parameter of three axes.
 
     dt : s. Sampling interval.
     noise_source : Key of the random draws of white noise.
@@ -60,7 +60,7 @@ class Unit(NamedTuple):
     start: float
 
 
-class Units(NamedTuple):
+class ImuArray(NamedTuple):
     """An IMU array, triad by triad (up to three sensing axes of an IMU), and how its axes are combined.
 
     A stage is a part of the flight with the same combination; without redundancy the flight is one stage. A pair is a
@@ -73,7 +73,7 @@ class Units(NamedTuple):
     solved : (n_stage, n_triad, 2, 3, 3). Weights of each axis of gyro and accelerometer in the combined triad.
     lever : (n_triad, 3) m. Compensated lever arm, body axes; zero without compensation.
     noise_sources : (n_triad,). Keys of the random draws of white noise.
-    white : (n_triad, 8). As `Unit.white`.
+    white : (n_triad, 8). As `ImuTruth.white`.
     triads : (n_block,). Triad of each block of error parameters.
     pair_sensor : (n_pair,). GYRO or ACCEL.
     pair_solved : (n_pair, n_triad, 3, 3). Weights by which each axis enters the difference.
@@ -83,7 +83,7 @@ class Units(NamedTuple):
     shift : (n_stage, 2, 3) rad, m/s. Mean error of a combined increment.
     stage : (n_imu,). Stage of each tick in linear covariance.
     flown : (n_imu,). Stage of each tick if no IMU were excluded; a simulation run excludes IMUs itself.
-    redundant : Redundant. Test and selection of the IMUs; None without both.
+    redundant : ImuRedundancy. Test and selection of the IMUs; None without both.
     """
 
     dtheta: Floats
@@ -106,7 +106,7 @@ class Units(NamedTuple):
     redundant: Any = None
 
 
-class Redundant(NamedTuple):
+class ImuRedundancy(NamedTuple):
     """Parity test of redundant IMUs, and selection of their middle value or of a prime IMU.
 
     middle : Whether the middle value of the IMUs is used in place of their mean.

@@ -14,12 +14,12 @@ from scipy.special import chdtri
 
 from lvnav_trade.imu.array import ImuSet, axis_weights, least_squares, own_solutions, terms_of, triads_of
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.imu.redundancy import Middle, ParityCard, middle
+from lvnav_trade.imu.redundancy import MedianModel, ParityCard, middle
 from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.quantities.per_axis import squares
 from lvnav_trade.quantities.records import Floats, Ints, Reference
 from lvnav_trade.simulation.preparation.imu_arrays import along_axes, inputs_of
-from lvnav_trade.simulation.preparation.imu_inputs import Redundant, Units
+from lvnav_trade.simulation.preparation.imu_inputs import ImuArray, ImuRedundancy
 
 STAGE = 1.0
 """Interval (s) at which the statistics of the middle value are evaluated."""
@@ -45,7 +45,7 @@ class _Axes(NamedTuple):
 
 
 class ParityTest(NamedTuple):
-    """Parity test on the nominal flight; fields as in `Redundant`.
+    """Parity test on the nominal flight; fields as in `ImuRedundancy`.
 
     ticks : Ticks summed for a test.
     weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment.
@@ -62,8 +62,8 @@ class ParityTest(NamedTuple):
 
 
 def redundant_of(
-    card: ImuCard | ImuSet, units: Units | None, ref: Reference, profiles: Sequence[Profile], hand_over: int = -1
-) -> Units | None:
+    card: ImuCard | ImuSet, units: ImuArray | None, ref: Reference, profiles: Sequence[Profile], hand_over: int = -1
+) -> ImuArray | None:
     """Return the IMU array with its parity test and selection; unchanged if it has neither.
 
     Parameters
@@ -92,7 +92,7 @@ def redundant_of(
     lost = failed(along + errors, units.frames[:, :, 0], test) if tested else [(hand_over, 0)] * (hand_over >= 0)
     excluded = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
     spread, walk = _of_biases(card)
-    redundant = Redundant(
+    redundant = ImuRedundancy(
         middle=card.selection == "mid_value",
         prime=axes.prime,
         excludes=excludes,
@@ -110,11 +110,11 @@ def redundant_of(
         lost=np.array([at for at, _ in lost], dtype=np.int64),
         mean=np.array([_mean(units, axes, out).solved for out in excluded]),
     )
-    statistics = _Looked(card, units, axes, ref, along, errors) if redundant.middle else None
+    statistics = _MedianStatistics(card, units, axes, ref, along, errors) if redundant.middle else None
     return _staged(units, axes, statistics, lost, redundant)
 
 
-def _test(card: ImuSet, units: Units, owner: Ints, dt: float) -> ParityTest:
+def _test(card: ImuSet, units: ImuArray, owner: Ints, dt: float) -> ParityTest:
     """Return the parity test of an array; without one, that of the default card, which gives the weights."""
     parity = card.parity or ParityCard()
     ticks = max(1, round(parity.window / dt))
@@ -135,7 +135,7 @@ def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
     return spread, walk
 
 
-def _known(units: Units, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
+def _known(units: ImuArray, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
     """Return the errors of increments along the axes by deterministic profiles, (2, n_triad, n_tick, 3)."""
     n_triad, n_tick = units.dtheta.shape[:2]
     errors = np.zeros((2, n_triad, n_tick, 3))
@@ -146,7 +146,7 @@ def _known(units: Units, profiles: Sequence[Profile], t: Floats, dt: float) -> F
     return errors * (np.arange(3) < units.n_axis[:, None])[None, :, None, :]
 
 
-def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, Floats]:
+def _spread(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tuple[Floats, Floats]:
     """Return the variances of increments along the axes, summed over windows of some ticks.
 
     Returns
@@ -171,7 +171,7 @@ def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, 
     return lasting, np.broadcast_to(white[None], lasting.shape)
 
 
-def _variance(card: ImuSet, units: Units, dt: float, ticks: int) -> Floats:
+def _variance(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> Floats:
     """Return the variance (n_window, 2, n_triad, 3) of a summed increment along an axis; infinite without an axis."""
     lasting, white = _spread(card, units, dt, ticks)
     return np.asarray(np.where(np.arange(3) < units.n_axis[:, None], lasting + white, np.inf))
@@ -227,7 +227,7 @@ def _over(
     return float(residual @ residual / tests.limits[dof])
 
 
-class _Stage(NamedTuple):
+class _CombinationStage(NamedTuple):
     """Combination of the IMUs in a stage of the flight.
 
     solved : (n_triad, 2, 3, 3). Weights of each axis in the combined triad.
@@ -241,18 +241,22 @@ class _Stage(NamedTuple):
 
 
 def _staged(
-    units: Units, own: _Axes, looked: "_Looked | None", lost: list[tuple[int, int]], redundant: Redundant
-) -> Units:
+    units: ImuArray,
+    own: _Axes,
+    looked: "_MedianStatistics | None",
+    lost: list[tuple[int, int]],
+    redundant: ImuRedundancy,
+) -> ImuArray:
     """Return the IMU array with the stages of the flight, tick by tick: with exclusions, and without.
 
     looked : statistics of the middle value; None if the mean is used
     lost : ticks from which IMUs are excluded, and their numbers
     """
     n_tick = units.dtheta.shape[1]
-    stages: list[_Stage] = []
+    stages: list[_CombinationStage] = []
     index: dict[tuple[bytes, bytes, bytes], int] = {}
 
-    def number(stage: _Stage) -> int:
+    def number(stage: _CombinationStage) -> int:
         key = (stage.solved.tobytes(), stage.noisy.tobytes(), stage.shift.tobytes())
         if key not in index:
             index[key] = len(stages)
@@ -275,7 +279,7 @@ def _staged(
     )
 
 
-def _mean(units: Units, own: _Axes, out: set[int]) -> _Stage:
+def _mean(units: ImuArray, own: _Axes, out: set[int]) -> _CombinationStage:
     """Return the stage with the mean of the IMUs that are not in `out`; of a prime IMU, with the first of them."""
     solved = units.solved[0]
     if out:
@@ -288,13 +292,13 @@ def _mean(units: Units, own: _Axes, out: set[int]) -> _Stage:
         for sensor, shares in enumerate(own.shares):
             A = least_squares(units.frames[triad, axis, 0], shares[triad])
             solved[triad, sensor, :, axis] = A.T
-    return _Stage(solved, np.ones((2, 2, 3)), np.zeros((2, 3)))
+    return _CombinationStage(solved, np.ones((2, 2, 3)), np.zeros((2, 3)))
 
 
-class _Looked:
+class _MedianStatistics:
     """Statistics of the middle value along a flight."""
 
-    def __init__(self, card: ImuSet, units: Units, own: _Axes, ref: Reference, along: Floats, known: Floats) -> None:
+    def __init__(self, card: ImuSet, units: ImuArray, own: _Axes, ref: Reference, along: Floats, known: Floats) -> None:
         dt = 1.0 / card.rate
         self.step = step = min(units.dtheta.shape[1], max(1, round(STAGE / dt)))
         lasting, white = _spread(card, units, dt, step)
@@ -322,7 +326,7 @@ class _Looked:
             variances[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
         return variances
 
-    def at(self, tick: int, out: set[int]) -> _Stage:
+    def at(self, tick: int, out: set[int]) -> _CombinationStage:
         """Return the stage of a tick without the IMUs in `out`."""
         window = min(tick // self.step, self._off.shape[2] - 1)
         used = [unit for unit in range(self._n) if unit not in out]
@@ -338,10 +342,10 @@ class _Looked:
                         solved[triad, sensor, axis] = gain * self._alone[triad][axis]
                 noisy[sensor, :, axis] = selection.lasting, selection.white
                 shift[sensor, axis] = white[0] * selection.mean - selection.gains @ (off - np.median(off))
-        return _Stage(solved, noisy, shift)
+        return _CombinationStage(solved, noisy, shift)
 
 
-def _rounded(off: Floats, white: Floats, lasting: Floats) -> Middle:
+def _rounded(off: Floats, white: Floats, lasting: Floats) -> MedianModel:
     """Return the statistics of the middle value for rounded ratios, so that they can be cached.
 
     Quantities are in units of the first noise: deterministic errors about their median are rounded to a tenth and
@@ -354,7 +358,7 @@ def _rounded(off: Floats, white: Floats, lasting: Floats) -> Middle:
 
 
 @lru_cache(maxsize=4096)
-def _remembered(steps: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> Middle:
+def _remembered(steps: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> MedianModel:
     lasting_sigma, white_sigma = np.exp(np.array(exponents) / 10.0), np.array(white)
     statistics = middle(np.array(steps) / 10.0, white_sigma, lasting_sigma)
     lasting, noise = (np.sum((statistics.gains * sigma) ** 2) for sigma in (lasting_sigma, white_sigma))

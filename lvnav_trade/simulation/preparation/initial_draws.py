@@ -14,7 +14,7 @@ _ZERO = np.uint64(0)
 INITIAL = ("initial attitude", "initial velocity", "initial position")
 
 
-class StartDraws(NamedTuple):
+class InitialDraws(NamedTuple):
     """Draws of initial and turn-on errors.
 
     runs : (n_run,). Numbers of the runs.
@@ -35,7 +35,7 @@ class StartDraws(NamedTuple):
             yield self._replace(runs=self.runs[block], values=self.values[block])
 
 
-def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:
+def start_draws(prepared: Prepared, seed: int, n_run: int) -> InitialDraws:
     """Return the draws of initial and turn-on errors of runs 0 to n_run - 1; draws without effect are omitted.
 
     Draws depend on keys and not on an order, so these are the numbers of the simulation, without simulating.
@@ -58,7 +58,7 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:
         (name, axis) for name, _, drawn in keyed_draws for axis, is_drawn in zip("xyz", drawn, strict=True) if is_drawn
     ]
     names, axes = zip(*pairs, strict=True)
-    return StartDraws(np.arange(n_run), names, axes, values[:, on])
+    return InitialDraws(np.arange(n_run), names, axes, values[:, on])
 
 
 @jit

@@ -29,7 +29,7 @@ class Schedule(NamedTuple):
     linearised: Ints
 
 
-class Shared(NamedTuple):
+class CorrelatedErrors(NamedTuple):
     """Correlated measurement errors: random errors that last, or that several measurements share.
 
     A family is one physical cause; its components are Gauss-Markov processes or constants.
@@ -117,10 +117,10 @@ class Signals(NamedTuple):
     reference: Ints
     shift: int
     sources: NDArray[np.uint64]
-    shared: Shared
+    shared: CorrelatedErrors
 
 
-class Further(NamedTuple):
+class FurtherObservables(NamedTuple):
     """Truth of the further satellite observables: carrier phase and differences of two epochs.
 
     phase : (n_epoch, n_sat) m. Carrier phase without clock and random errors, minus the corrections of the filter.
@@ -139,7 +139,7 @@ class Further(NamedTuple):
     source: np.uint64
 
 
-class Start(NamedTuple):
+class InitialState(NamedTuple):
     """True state at tick 0, and covariances of the initial error.
 
     nav : (10,). True navigation state, frame i.
@@ -154,7 +154,7 @@ class Start(NamedTuple):
     P: Floats
 
 
-class Record(NamedTuple):
+class HistoryTruth(NamedTuple):
     """True motion at the ticks of the history times.
 
     r, v : (n_hist, 3) m, m/s. Position and velocity, frame i.
@@ -197,7 +197,7 @@ class Sensors(NamedTuple):
     sources: NDArray[np.uint64]
 
 
-class Samples(NamedTuple):
+class ReportedSamples(NamedTuple):
     """Inputs of the reported errors of IMU samples.
 
     rate, force : (n_imu, 3) rad/s, m/s^2. True mean angular rate and specific force over each tick, body axes.
@@ -213,7 +213,7 @@ class Samples(NamedTuple):
     variance: Floats
 
 
-class Report(NamedTuple):
+class ReportedSolution(NamedTuple):
     """Inputs of the reported errors of the receiver's solution.
 
     point : (n_epoch, 6) m, m/s. True position and velocity of the point that the receiver solves for, frame i.
@@ -233,21 +233,21 @@ class Options(NamedTuple):
     An option is passed to kernels as its own argument: the compiler drops `if option is None` for arguments only.
 
     solver : filter.receivers.receiver.Solver. The receiver computes position and velocity itself.
-    rules : filter.policies.mode_logic.Rules. Mode logic of the filter.
-    late : filter.policies.delay.Late. Delay compensation.
-    gains : filter.policies.stored_gains.Gains. Stored gains.
+    rules : filter.policies.mode_logic.ModeRules. Mode logic of the filter.
+    late : filter.policies.delay.DelayProcessing. Delay compensation.
+    gains : filter.policies.stored_gains.StoredGains. Stored gains.
     vehicle : filter.policies.imu_samples.VehicleModel. IMU samples are processed as measurements.
-    samples : Samples. Errors of IMU samples are reported.
-    report : Report. Errors of the receiver's solution are reported.
+    samples : ReportedSamples. Errors of IMU samples are reported.
+    report : ReportedSolution. Errors of the receiver's solution are reported.
     misses : True. The error of the filter's transition is recorded in place of estimation errors.
-    units : Units. Several IMUs are combined.
+    units : ImuArray. Several IMUs are combined.
     direct : True. The filter corrects its total state after each scalar measurement.
     backup : int. First output of the backup strapdown, which is never corrected.
-    further : Further. Carrier phases or differences of two epochs are measured.
-    delayed : filter.policies.epoch_differences.Delayed. Differences of two epochs are measured.
+    further : FurtherObservables. Carrier phases or differences of two epochs are measured.
+    delayed : filter.policies.epoch_differences.DifferenceProcessing. Differences of two epochs are measured.
     unscented : True. Sigma points in place of Jacobians.
-    integrity : filter.policies.integrity.state.Tests. Tests for faults.
-    iterated : filter.policies.iterated.Passes. Iterated measurement update.
+    integrity : filter.policies.integrity.state.FaultTests. Tests for faults.
+    iterated : filter.policies.iterated.IterationSettings. Iterated measurement update.
     """
 
     solver: Any = None

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.policies.epoch_differences import Delayed
-from lvnav_trade.filter.policies.mode_logic import Rules
+from lvnav_trade.filter.policies.epoch_differences import DifferenceProcessing
+from lvnav_trade.filter.policies.mode_logic import ModeRules
 from lvnav_trade.filter.receivers.receiver import Solver
 from lvnav_trade.gnss.satellites import time_offsets
 from lvnav_trade.quantities.line_of_sight import pdop
@@ -14,25 +14,25 @@ from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, ha
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import EnteringError, entering_errors, shared_of
-from lvnav_trade.simulation.preparation.filtering import Filtering
-from lvnav_trade.simulation.preparation.inputs import Further, Signals
+from lvnav_trade.simulation.preparation.filtering import CaseFilter
+from lvnav_trade.simulation.preparation.inputs import FurtherObservables, Signals
 from lvnav_trade.simulation.preparation.mode_logic import failing, satellites_taken, watched
 from lvnav_trade.simulation.preparation.options import solver_of
 from lvnav_trade.simulation.preparation.signals.doppler import doppler_left, relativity_left
 from lvnav_trade.simulation.preparation.signals.phases_and_differences import delayed_of, further_of, references_of
-from lvnav_trade.simulation.preparation.signals.recorded_errors import Recorded, recorded
+from lvnav_trade.simulation.preparation.signals.recorded_errors import RecordedErrors, recorded
 from lvnav_trade.simulation.preparation.signals.signals import (
-    Assumed,
-    InUse,
-    Received,
+    AssumedNoise,
+    TrueSignals,
+    UsedSatellites,
     assumed_of,
     geometry_of,
     received_of,
     signals_of,
 )
 from lvnav_trade.simulation.preparation.signals.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
-from lvnav_trade.simulation.preparation.signals.solution import Chain, chain_of
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel, chain_of
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 
 class Measurements(NamedTuple):
@@ -51,13 +51,13 @@ class Measurements(NamedTuple):
 
     signals: Signals
     errors: tuple[CorrelatedError, ...]
-    recorded: Recorded
+    recorded: RecordedErrors
     failing: Ints
-    rules: Rules | None
+    rules: ModeRules | None
     solver: Solver | None
-    chain: Chain | None
-    further: Further | None
-    delayed: Delayed | None
+    chain: SolutionErrorModel | None
+    further: FurtherObservables | None
+    delayed: DifferenceProcessing | None
 
 
 class _Ranging(NamedTuple):
@@ -70,14 +70,14 @@ class _Ranging(NamedTuple):
     offsets : (n_epoch, n_sat, 2) m, m/s. Offsets of satellite clocks and system times.
     """
 
-    received: Received
+    received: TrueSignals
     entering: tuple[EnteringError, ...]
-    recorded: Recorded
+    recorded: RecordedErrors
     smoothing: Floats | None
     offsets: Floats
 
 
-def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Measurements:
+def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> Measurements:
     """Return the measurements of a case: of the receiver and of the sensors that its filter uses."""
     card, channels, seen = scenario.filter, flight.channels, flight.sky
     ranging = _ranging(scenario, flight, filtering)
@@ -90,7 +90,7 @@ def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) ->
     _, receiver, _ = filter_models(scenario)
     solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)
-    in_use = InUse(received.used, satellites_taken(rules, received.n_used, chain), received.frozen)
+    in_use = UsedSatellites(received.used, satellites_taken(rules, received.n_used, chain), received.frozen)
     errors = tuple(item.error for item in ranging.entering)
     further = further_of(scenario, flight, in_use, errors, ranging.offsets[..., 0])
     delayed = delayed_of(scenario, flight, filtering, in_use)
@@ -100,7 +100,7 @@ def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) ->
     return Measurements(signals, errors, ranging.recorded, check, rules, solver, chain, further, delayed)
 
 
-def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Ranging:
+def _ranging(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> _Ranging:
     """Return the measurements of the receiver; of the filter only the states that model errors are used."""
     seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
@@ -117,8 +117,8 @@ def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Rangi
     return _Ranging(received, entering, tabled, gain, offsets)
 
 
-def _with_reported(assumed: Assumed, chain: Chain) -> Assumed:
+def _with_reported(assumed: AssumedNoise, chain: SolutionErrorModel) -> AssumedNoise:
     """Return the noise model of the filter with the variances that the receiver reports for its solution."""
     variance = assumed.variance.copy()
     variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
-    return Assumed(variance, assumed.scale, assumed.beta, assumed.partial)
+    return AssumedNoise(variance, assumed.scale, assumed.beta, assumed.partial)

@@ -8,13 +8,13 @@ import numpy as np
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.model import FilterModel
 from lvnav_trade.filter.policies.cards import AFTER_STOP, CHECKS, IntegrityCard, LogicCard, thresholds_of
-from lvnav_trade.filter.policies.integrity.state import Tests
-from lvnav_trade.filter.policies.mode_logic import DATA_LOST, Rules
+from lvnav_trade.filter.policies.integrity.state import FaultTests
+from lvnav_trade.filter.policies.mode_logic import DATA_LOST, ModeRules
 from lvnav_trade.gnss.faults import Failures
 from lvnav_trade.quantities.records import FIRST_CHECK, Floats, Ints
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.simulation.preparation.inputs import Signals
-from lvnav_trade.simulation.preparation.signals.solution import Chain
+from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
 
 _ERRORS = ("data_loss", "residual", "covariance")
 _UNGUARDED = LogicCard(check_flags=())
@@ -51,7 +51,7 @@ def failing(
     return numbers
 
 
-def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> Rules | None:
+def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> ModeRules | None:
     """Return the rules of a filter's mode logic; None without a mode logic and without a start from the receiver.
 
     Parameters
@@ -69,7 +69,7 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> R
         return None
     logic = card.logic or _UNGUARDED
     position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
-    return Rules(
+    return ModeRules(
         interval=1.0 / card.update_rate,
         good=failing == 0,
         limits=np.tile([position, velocity, *[math.inf] * len(channels.further)], len(channels.satellites))
@@ -86,7 +86,7 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> R
     )
 
 
-def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate: float) -> Tests:
+def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate: float) -> FaultTests:
     """Return the thresholds of the tests for faults.
 
     The number of tests is the number of receiver rows on the nominal flight.
@@ -104,7 +104,7 @@ def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate
     return thresholds_of(card, int(np.sum(per_epoch)), signals.used.shape[1], 1.0 / rate)
 
 
-def satellites_taken(rules: Rules | None, n_used: Ints, chain: Chain | None) -> Ints:
+def satellites_taken(rules: ModeRules | None, n_used: Ints, chain: SolutionErrorModel | None) -> Ints:
     """Return the number of satellites that the filter uses at the epochs, (n_epoch,).
 
     It is zero where a sample fails the input checks, so that linear covariance has no row there either.

@@ -7,9 +7,9 @@ import numpy as np
 
 from lvnav_trade.filter.assumed import ReceiverModel
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.policies.delay import Late
-from lvnav_trade.filter.policies.iterated import Passes
-from lvnav_trade.filter.policies.stored_gains import Gains, gains_at
+from lvnav_trade.filter.policies.delay import DelayProcessing
+from lvnav_trade.filter.policies.iterated import IterationSettings
+from lvnav_trade.filter.policies.stored_gains import StoredGains, gains_at
 from lvnav_trade.filter.receivers.carrier_smoothing import Smoothing
 from lvnav_trade.filter.receivers.receiver import (
     FilterSettings,
@@ -18,7 +18,7 @@ from lvnav_trade.filter.receivers.receiver import (
     point_model,
     receiver_filter,
 )
-from lvnav_trade.gnss.receiver_cards import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
+from lvnav_trade.gnss.receiver_cards import BancroftSolution, ComputedCovariance, DirectSolution, FilteredSolution
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout, state_names
@@ -29,7 +29,7 @@ from lvnav_trade.simulation.preparation.inputs import Schedule
 from lvnav_trade.simulation.preparation.sensors import Sensor
 
 
-class DelayTaken(NamedTuple):
+class CompensatedDelay(NamedTuple):
     """Delay that the filter compensates.
 
     sensor : Number of the sensor; -1 the receiver.
@@ -40,11 +40,11 @@ class DelayTaken(NamedTuple):
     delay: Floats
 
 
-def passes_of(card: FilterCard, layout: StateLayout) -> Passes | None:
+def passes_of(card: FilterCard, layout: StateLayout) -> IterationSettings | None:
     """Return the settings of an iterated update; None without."""
     if card.algorithm != "iterated":
         return None
-    return Passes(card.iterations - 1, layout.clone if layout.clone >= 0 else layout.n_state)
+    return IterationSettings(card.iterations - 1, layout.clone if layout.clone >= 0 else layout.n_state)
 
 
 class CloneTimes(NamedTuple):
@@ -76,7 +76,7 @@ def every(scenario: Scenario) -> int:
 
 def gains_of(
     scenario: Scenario, layout: StateLayout, channels: Channels, t_epoch: Floats, events: Mapping[str, float]
-) -> Gains | None:
+) -> StoredGains | None:
     """Return the stored gains of a filter at the epochs; None without a schedule.
 
     Parameters
@@ -120,7 +120,7 @@ def gains_of(
             gain[:, at], stored[at] = scheduled[:, k], True
     if not stored.any():
         raise _about("filter.gains", f"the schedule {schedule.name!r} has no gains for {', '.join(channels.names[:6])}")
-    return Gains(np.ascontiguousarray(gain), stored)
+    return StoredGains(np.ascontiguousarray(gain), stored)
 
 
 def _about(path: str, message: str) -> InputError:
@@ -133,7 +133,7 @@ def _reported(
 ) -> ReportedCovariance:
     """Return the settings of the reported covariance; a filter with its own receiver model uses the sigmas of that."""
     reported = card.reported_covariance if isinstance(scenario.filter.receiver, str) else model
-    if isinstance(reported, OwnCovariance):
+    if isinstance(reported, ComputedCovariance):
         return ReportedCovariance(correlated=reported.correlated, factor=reported.factor)
     return ReportedCovariance(False, False, 1.0, reported.position_sigma**2, reported.velocity_sigma**2)
 
@@ -156,7 +156,7 @@ def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Sm
 
 def delays_taken(
     scenario: Scenario, t_epoch: Floats, t_valid: Floats, devices: Sequence[Sensor] = ()
-) -> tuple[DelayTaken, ...]:
+) -> tuple[CompensatedDelay, ...]:
     """Return the delays that the filter compensates, that of the receiver first; empty without compensation.
 
     Parameters
@@ -174,13 +174,17 @@ def delays_taken(
     of_receiver = []
     if scenario.filter.tight or scenario.filter.loose:
         stamped = isinstance(card.delay, str)
-        of_receiver.append(DelayTaken(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
-    return (*of_receiver, *(DelayTaken(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
+        of_receiver.append(CompensatedDelay(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
+    return (*of_receiver, *(CompensatedDelay(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
 
 
 def late_of(
-    scenario: Scenario, delays: Sequence[DelayTaken], kept: Sequence[CloneTimes], schedule: Schedule, channels: Channels
-) -> Late | None:
+    scenario: Scenario,
+    delays: Sequence[CompensatedDelay],
+    kept: Sequence[CloneTimes],
+    schedule: Schedule,
+    channels: Channels,
+) -> DelayProcessing | None:
     """Return the delay compensation as arrays for the kernels; None without.
 
     Parameters
@@ -201,7 +205,7 @@ def late_of(
     ticks, sensors = scenario.imu.rate * epoch_interval(scenario), [item.sensor for item in delays]
     n_ring = np.array([_stored_at_once(at, ticks) for at in kept], dtype=np.int64)
     extrapolated = card.kind == "extrapolated" and sensors[0] < 0
-    return Late(
+    return DelayProcessing(
         extrapolated=extrapolated,
         receiver=0 if sensors[0] < 0 else -1,
         line=_line_of_channels(sensors, channels),
@@ -247,7 +251,7 @@ def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
 
 
 def clone_times(
-    scenario: Scenario, t_epoch: Floats, delays: Sequence[DelayTaken], t: Floats, group: int
+    scenario: Scenario, t_epoch: Floats, delays: Sequence[CompensatedDelay], t: Floats, group: int
 ) -> tuple[CloneTimes, ...]:
     """Return the times at which states are stored for each delay.
 

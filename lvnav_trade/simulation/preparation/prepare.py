@@ -2,7 +2,7 @@
 
 from lvnav_trade.quantities.records import Floats, Reference
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.filtering import Filtering, filtering_of, layout_of, start_of
+from lvnav_trade.simulation.preparation.filtering import CaseFilter, filtering_of, layout_of, start_of
 from lvnav_trade.simulation.preparation.imu import TrueImu, imu_of
 from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.preparation.measurements import Measurements, measurements_of
@@ -12,11 +12,11 @@ from lvnav_trade.simulation.preparation.prepared_case import Prepared as Prepare
 from lvnav_trade.simulation.preparation.reporting import Reporting, reporting_of, solution_of
 from lvnav_trade.simulation.preparation.sensors import for_kernels
 from lvnav_trade.simulation.preparation.times import Times, times_of
-from lvnav_trade.simulation.preparation.true_flight import Flight, flight_of
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight, flight_of
 from lvnav_trade.simulation.preparation.vehicle import samples_of, vehicle_of
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.flight import Trajectory
-from lvnav_trade.trajectory.guided.reference import Plan, plan_of
+from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_of
 
 GUIDED_HISTORY = 1.0
 """Longest step (s) between history times of a guided ascent. Guidance runs once per second and reads the navigation
@@ -92,7 +92,7 @@ def _is_guided(scenario: Scenario) -> bool:
     return isinstance(card, VehicleAscent) and card.guidance != "nominal"
 
 
-def _plan(scenario: Scenario) -> Plan | None:
+def _plan(scenario: Scenario) -> GuidancePlan | None:
     """Return the guidance plan computed before lift-off; None if every run has the nominal ascent."""
     card = scenario.trajectory
     return plan_of(card) if isinstance(card, VehicleAscent) and _is_guided(scenario) else None
@@ -100,9 +100,9 @@ def _plan(scenario: Scenario) -> Plan | None:
 
 def _options(
     scenario: Scenario,
-    flight: Flight,
+    flight: TrueFlight,
     times: Times,
-    filtering: Filtering,
+    filtering: CaseFilter,
     measured: Measurements,
     imu: TrueImu,
     reporting: Reporting,

@@ -10,14 +10,14 @@ from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.sensors.sensor import CorrelatedError
-from lvnav_trade.simulation.preparation.imu_inputs import Unit
-from lvnav_trade.simulation.preparation.inputs import Options, Record, Schedule, Sensors, Signals, Start
+from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
+from lvnav_trade.simulation.preparation.inputs import HistoryTruth, InitialState, Options, Schedule, Sensors, Signals
 from lvnav_trade.simulation.preparation.sensors import Sensor
 from lvnav_trade.simulation.preparation.signals.atmosphere import Delays
-from lvnav_trade.simulation.preparation.signals.recorded_errors import Recorded
-from lvnav_trade.simulation.preparation.signals.solution import Chain
+from lvnav_trade.simulation.preparation.signals.recorded_errors import RecordedErrors
+from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
 from lvnav_trade.trajectory.flight import Trajectory
-from lvnav_trade.trajectory.guided.reference import Plan
+from lvnav_trade.trajectory.guided.reference import GuidancePlan
 
 
 class Prepared(NamedTuple):
@@ -33,24 +33,24 @@ class Prepared(NamedTuple):
     sources: tuple[ErrorTerm, ...]  # true error parameters of the IMU, three axes each
     families: tuple[CorrelatedError, ...]  # correlated measurement errors by cause
     schedule: Schedule  # windows of IMU ticks
-    unit: Unit  # truth-side model of the IMU
+    unit: ImuTruth  # truth-side model of the IMU
     signals: Signals  # true measurements and their noise at the epochs
-    start: Start  # true state at tick 0 and the covariance of the filter's initial error
-    record: Record  # true state at the ticks of the history times
+    start: InitialState  # true state at tick 0 and the covariance of the filter's initial error
+    record: HistoryTruth  # true state at the ticks of the history times
     motion: Motion  # true motion at the history times, some of which lie between two ticks
     t_hist: Floats  # (n_hist,) s since lift-off, history times
     t_epoch: Floats  # (n_epoch,) s since lift-off, epochs
     lengths: Floats  # (n_length,) s, window lengths that occur
     delays: Delays  # tropospheric and ionospheric delays, true and modelled by the filter
-    recorded: Recorded  # recorded errors of the receiver's solution
+    recorded: RecordedErrors  # recorded errors of the receiver's solution
     options: Options  # optional features; None where the case has none
-    chain: Chain | None  # error propagation of the receiver's solution; None without a reported covariance
+    chain: SolutionErrorModel | None  # error propagation of the receiver's solution; None without a reported covariance
     devices: tuple[Sensor, ...]  # sensors other than the receiver that the filter uses
     sensors: Sensors | None  # these as arrays; None without sensors
     channels: Channels  # measurement channels of the filter
     channel_names: tuple[str, ...]  # names of all innovations
     failing: Ints  # (n_epoch,) number of the input check that the receiver's sample fails, 0 none
-    plan: Plan | None  # guidance plan computed before lift-off; None without guidance
+    plan: GuidancePlan | None  # guidance plan computed before lift-off; None without guidance
 
     @property
     def hist_tick(self) -> Ints:

@@ -12,10 +12,10 @@ from lvnav_trade.quantities.state_layout import StateLayout, backup_outputs, out
 from lvnav_trade.scenario.filter_models import measured, reported, solves
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import Channels
-from lvnav_trade.simulation.preparation.inputs import Record, Report
-from lvnav_trade.simulation.preparation.signals.solution import Chain
+from lvnav_trade.simulation.preparation.inputs import HistoryTruth, ReportedSolution
+from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
 from lvnav_trade.simulation.preparation.times import Times
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.trajectory.truth import motion
 
 
@@ -32,14 +32,14 @@ class Reporting(NamedTuple):
 
     outputs: tuple[Output, ...]
     backup: int | None
-    solution: Report | None
+    solution: ReportedSolution | None
     channel_names: tuple[str, ...]
-    record: Record
+    record: HistoryTruth
     motion: Motion
 
 
 def reporting_of(
-    scenario: Scenario, flight: Flight, times: Times, layout: StateLayout, solution: Report | None
+    scenario: Scenario, flight: TrueFlight, times: Times, layout: StateLayout, solution: ReportedSolution | None
 ) -> Reporting:
     """Return the reported quantities of a case; solution: of `solution_of`."""
     frame, trajectory = scenario.frame, flight.trajectory
@@ -56,17 +56,17 @@ def reporting_of(
 
 
 def solution_of(
-    scenario: Scenario, chain: Chain | None, channels: Channels, layout: StateLayout, solver: Solver | None
-) -> Report | None:
+    scenario: Scenario, chain: SolutionErrorModel | None, channels: Channels, layout: StateLayout, solver: Solver | None
+) -> ReportedSolution | None:
     """Return the inputs of the reported errors of the receiver's solution; None if they are not reported."""
     if chain is None or not reported(scenario):
         return None
     first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
     n_own = 2 * len(channels.satellites) if solver is not None and solver.filter is not None else 0
-    return Report(chain.point, len(outputs(layout, scenario.frame)), first, n_own)
+    return ReportedSolution(chain.point, len(outputs(layout, scenario.frame)), first, n_own)
 
 
-def _channel_names(scenario: Scenario, channels: Channels, report: Report | None) -> tuple[str, ...]:
+def _channel_names(scenario: Scenario, channels: Channels, report: ReportedSolution | None) -> tuple[str, ...]:
     """Return the names of all innovations: filter channels, IMU samples, receiver's filter."""
     if not measured(scenario) and not solves(scenario):
         return ("none",)
@@ -76,7 +76,7 @@ def _channel_names(scenario: Scenario, channels: Channels, report: Report | None
     return (*channels.names, *(f"{sensor} {axis}" for sensor in sensors for axis in "xyz"), *receiver_names)
 
 
-def _record(scenario: Scenario, flight: Flight, times: Times) -> Record:
+def _record(scenario: Scenario, flight: TrueFlight, times: Times) -> HistoryTruth:
     ticks, ref = times.hist_tick, flight.reference
     t, r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.t, ref.r_i, ref.v_i, ref.q_b_i))
     theta0 = flight.trajectory.theta0
@@ -84,4 +84,4 @@ def _record(scenario: Scenario, flight: Flight, times: Times) -> Record:
     shown = reporting_axes(scenario.frame, t, r, v, theta0, pad_e)
     marks = np.concatenate([[0], flight.epochs.tick])
     since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
-    return Record(r, v, q, np.ascontiguousarray(shown), t, since, scenario.diverged)
+    return HistoryTruth(r, v, q, np.ascontiguousarray(shown), t, since, scenario.diverged)

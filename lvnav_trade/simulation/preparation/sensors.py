@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.quantities.conditions import Course, inside
+from lvnav_trade.quantities.conditions import FlightProfile, inside
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, geodetic_from_ecef
 from lvnav_trade.quantities.records import Bools, Floats
@@ -100,7 +100,7 @@ def _states(
     )
 
 
-def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> Bools:
+def measures(scenario: Scenario, card: SensorCard, course: FlightProfile, t_epoch: Floats) -> Bools:
     """Return whether a sensor measures at the epochs, (n_epoch,).
 
     It measures at multiples of its interval since lift-off that are epochs of the filter.

@@ -10,9 +10,9 @@ from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.inputs import Schedule
-from lvnav_trade.simulation.preparation.options import CloneTimes, DelayTaken, clone_times, delays_taken
-from lvnav_trade.simulation.preparation.true_flight import Flight, ticks_of
-from lvnav_trade.simulation.preparation.tuning import Windows, injections, linearisations
+from lvnav_trade.simulation.preparation.options import CloneTimes, CompensatedDelay, clone_times, delays_taken
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight, ticks_of
+from lvnav_trade.simulation.preparation.tuning import TickWindows, injections, linearisations
 
 _SAME_TICK = 1e-6
 """Fraction of a step by which a time may follow a tick and still count as at the tick."""
@@ -36,7 +36,7 @@ def _history_ticks(t_hist: Floats, events: Floats, start: float, rate: float, n_
     return np.asarray(np.maximum.accumulate(ticks))
 
 
-class _Cut(NamedTuple):
+class _Windows(NamedTuple):
     """Windows of a flight, (n_window,) each: first tick, number of ticks; epoch, history time at the end (-1 none)."""
 
     first_tick: Ints
@@ -45,7 +45,7 @@ class _Cut(NamedTuple):
     hist: Ints
 
 
-def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int) -> _Cut:
+def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int) -> _Windows:
     """Divide the flight into windows.
 
     Windows end at covariance steps (rounded to strapdown steps of `group` ticks), epochs, history times, and ticks at
@@ -64,7 +64,7 @@ def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: I
     none = np.zeros(np.count_nonzero(seconds), dtype=np.int64)
     more = np.stack([hist_tick[seconds], none, none - 1, np.flatnonzero(seconds)], axis=1)
     order = np.argsort(np.concatenate([bounds[kept_rows], hist_tick[seconds]]), kind="stable")
-    return _Cut(*np.ascontiguousarray(np.concatenate([rows, more])[order].T))
+    return _Windows(*np.ascontiguousarray(np.concatenate([rows, more])[order].T))
 
 
 def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
@@ -90,12 +90,12 @@ class Times(NamedTuple):
     schedule: Schedule
     lengths: Floats
     injected: Floats
-    delayed: tuple[DelayTaken, ...]
+    delayed: tuple[CompensatedDelay, ...]
     kept: tuple[CloneTimes, ...]
 
 
 def times_of(
-    scenario: Scenario, flight: Flight, layout: StateLayout, history: float, every_step_beside: Floats | None = None
+    scenario: Scenario, flight: TrueFlight, layout: StateLayout, history: float, every_step_beside: Floats | None = None
 ) -> Times:
     """Return the schedule of a flight.
 
@@ -126,7 +126,7 @@ def times_of(
         [np.zeros(0, dtype=np.int64), *(ticks for at in stored_times for ticks in (at.valid, at.early))]
     )
     cut = _cut(n_imu, per_window, hist_tick, tick, stored, group)
-    windows = Windows(cut.first_tick, cut.n_tick)
+    windows = TickWindows(cut.first_tick, cut.n_tick)
     lengths, length = np.unique(cut.n_tick, return_inverse=True)
     imu, *_ = filter_models(scenario)
     injection, injected = injections(card, flight.trajectory, ref, windows, layout, imu)

@@ -33,7 +33,7 @@ class Epochs(NamedTuple):
     group: int
 
 
-class Flight(NamedTuple):
+class TrueFlight(NamedTuple):
     """True flight of a case, the same in every run and independent of the filter's estimates.
 
     trajectory : True flight.
@@ -64,7 +64,7 @@ class Flight(NamedTuple):
     biased: Floats
 
 
-def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = None) -> Flight:
+def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = None) -> TrueFlight:
     """Return the true flight of a scenario.
 
     Parameters
@@ -83,7 +83,7 @@ def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = N
     lines = lines_of(trajectory, np.array(scenario.receiver.lever_b), seen)
     failed = failures(scenario.faults, course, t, seen.names, seen.elevation, seen.tracked)
     spoofed = feigned(scenario.faults, trajectory, t, lines.position, lines.sight)
-    return Flight(
+    return TrueFlight(
         trajectory=trajectory,
         reference=ref,
         epochs=epochs,

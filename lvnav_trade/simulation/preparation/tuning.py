@@ -11,14 +11,14 @@ from lvnav_trade.filter.measurement_tuning import ProcessNoiseTable, RegionNoise
 from lvnav_trade.filter.states import TYPES
 from lvnav_trade.gnss.reception import dynamics_at
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
-from lvnav_trade.quantities.conditions import ROUNDING, Course, inside
+from lvnav_trade.quantities.conditions import ROUNDING, FlightProfile, inside
 from lvnav_trade.quantities.records import Bools, Floats, Ints, Reference
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.trajectory.flight import Trajectory
 
 
 def weights(
-    cards: Sequence[UnderweightingCard], course: Course, row_type: Ints, t_epoch: Floats
+    cards: Sequence[UnderweightingCard], course: FlightProfile, row_type: Ints, t_epoch: Floats
 ) -> tuple[Floats, Floats]:
     """Return underweighting and noise factors of the measurements.
 
@@ -50,7 +50,7 @@ def weights(
     return beta, factor
 
 
-class Windows(NamedTuple):
+class TickWindows(NamedTuple):
     """Windows of IMU ticks, (n_window,) each: first tick, and number of ticks."""
 
     first_tick: Ints
@@ -61,7 +61,7 @@ def injections(
     card: FilterCard,
     trajectory: Trajectory,
     ref: Reference,
-    windows: Windows,
+    windows: TickWindows,
     layout: StateLayout,
     imu: ImuModel,
 ) -> tuple[Ints, Floats]:
@@ -101,7 +101,7 @@ def injections(
     return number, added[at] if at.size else np.zeros((1, layout.n_state))
 
 
-def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints, end: Ints) -> Bools:
+def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first: Ints, end: Ints) -> Bools:
     """Return whether the operating region changes within each window, (n,); first, end (n,): ticks of the windows."""
     intervals = course.holding(card)
     if card.force_change is None and card.rate_change is None:
@@ -153,7 +153,7 @@ def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floa
     return variance
 
 
-def linearisations(card: FilterCard, rate: float, windows: Windows) -> Ints:
+def linearisations(card: FilterCard, rate: float, windows: TickWindows) -> Ints:
     """Return the code of `transition.linearise` for each window, (n_window,); rate: Hz, of the IMU."""
     codes = np.full(windows.n_tick.size, EVERY_WINDOW, dtype=np.int64)
     if card.transition_rate is None:

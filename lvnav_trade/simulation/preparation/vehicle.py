@@ -14,7 +14,7 @@ from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.inputs import Samples
+from lvnav_trade.simulation.preparation.inputs import ReportedSamples
 from lvnav_trade.trajectory.guided.course import changes
 from lvnav_trade.trajectory.truth import Trajectory
 
@@ -58,7 +58,7 @@ def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layou
     )
 
 
-def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Samples | None:
+def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> ReportedSamples | None:
     """Return the inputs of the reported errors of IMU samples; None if they are not reported."""
     if not layout.samples:
         return None
@@ -67,7 +67,7 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Sampl
     numbers = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
     par = np.array([numbers.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
     bias = [layout.parameters[p].offset + i if p >= 0 else -1 for p in par for i in range(3)]
-    return Samples(
+    return ReportedSamples(
         rate=ref.dtheta / dt,
         force=ref.dvel / dt,
         par=par,

@@ -10,7 +10,7 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import ecef_from_geodetic, rotation_e_n
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, Recording
+from lvnav_trade.simulation.recorded.navigation_log import NavigationData, NavigationLog
 
 _UPRIGHT = math.cos(math.radians(30.0))  # x axis within 30 degrees of the vertical: its heading is ill-defined
 _WRONG_FORCE = 0.03  # largest error of the mean specific force at rest, as a fraction of gravity
@@ -35,7 +35,7 @@ class Alignment(NamedTuple):
     heading_sigma: float
 
 
-def align(log: Recording, card: NavigationLog) -> Alignment:
+def align(log: NavigationData, card: NavigationLog) -> Alignment:
     """Return the alignment at the end of the rest.
 
     Raises
@@ -71,7 +71,7 @@ def align(log: Recording, card: NavigationLog) -> Alignment:
     return Alignment(end, C_b_n, bias, heading, sigma)
 
 
-def increments_to(log: Recording, t: Floats, sums: Floats) -> Floats:
+def increments_to(log: NavigationData, t: Floats, sums: Floats) -> Floats:
     """Return the summed increments (n, 3) of a log at times t (n,) s, interpolated linearly between its rows."""
     return np.column_stack([np.interp(t, log.t, axis) for axis in sums.T])
 
@@ -92,7 +92,7 @@ def _levelled(down: Floats) -> Floats:
 
 
 def _heading_of_motion(
-    log: Recording, card: NavigationLog, level: Floats, rate: Floats, weight: float
+    log: NavigationData, card: NavigationLog, level: Floats, rate: Floats, weight: float
 ) -> tuple[float, float]:
     """Return the heading that best fits the horizontal velocity of the IMU to that of the receiver, and its sigma, rad.
 

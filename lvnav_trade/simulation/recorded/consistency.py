@@ -20,7 +20,7 @@ from lvnav_trade.quantities.line_of_sight import sight
 from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.recorded.alignment import increments_to
-from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, Recording
+from lvnav_trade.simulation.recorded.navigation_log import NavigationData, NavigationLog
 
 _LONGEST = 2.0  # s, largest interval between solutions that are compared
 _WINDOW, _FEWEST = 10.0, 6  # length (s) and smallest number of intervals of a window with one attitude
@@ -68,7 +68,7 @@ class _Intervals(NamedTuple):
     turn: Floats
 
 
-def inertial_fixes(log: Recording, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
+def inertial_fixes(log: NavigationData, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
     """Return the solutions of a log in the inertial frame.
 
     Parameters
@@ -92,7 +92,7 @@ def inertial_fixes(log: Recording, start: float, theta0: float) -> tuple[Floats,
     return t, r_i, eci_from_ecef(v_e, theta) + np.cross([0.0, 0.0, OMEGA], r_i)
 
 
-def consistent(log: Recording, card: NavigationLog, lever: Floats) -> Recording:
+def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> NavigationData:
     """Return a log without the solutions whose velocities contradict the IMU.
 
     Parameters
@@ -147,19 +147,19 @@ def _both_sides(found: _Intervals, bad: Bools, n: int) -> Bools:
     return np.asarray((wrong == sides) & (wrong > 0) & ((sides > 1) | (np.arange(n) % (n - 1) == 0)))
 
 
-def _kept(log: Recording, kept: Bools) -> Recording:
+def _kept(log: NavigationData, kept: Bools) -> NavigationData:
     lines = tuple(line for line, is_kept in zip(log.lines, kept, strict=False) if is_kept)
     return log._replace(
         t_fix=log.t_fix[kept], place=log.place[kept], moving=log.moving[kept], sigma=log.sigma[kept], lines=lines
     )
 
 
-def _rest_rate(log: Recording, still: tuple[float, float]) -> Floats:
+def _rest_rate(log: NavigationData, still: tuple[float, float]) -> Floats:
     begin, end = increments_to(log, np.array(still), log.turned)
     return np.asarray((end - begin) / (still[1] - still[0]))
 
 
-def _refuse_units(log: Recording, card: NavigationLog, lever: Floats, bias: Floats) -> None:
+def _refuse_units(log: NavigationData, card: NavigationLog, lever: Floats, bias: Floats) -> None:
     """Raise InputError if rates in another unit or with another sign fit the receiver, and those of the log do not."""
     part = _kept(log, np.asarray(log.t_fix <= card.still[1] + _SEARCHED))
     stated = _typical(part, lever, bias, np.ones(3))
@@ -179,7 +179,7 @@ def _refuse_units(log: Recording, card: NavigationLog, lever: Floats, bias: Floa
         )
 
 
-def _typical(log: Recording, lever: Floats, bias: Floats, factor: Floats) -> float:
+def _typical(log: NavigationData, lever: Floats, bias: Floats, factor: Floats) -> float:
     """Return the median residual (m/s) between solutions a step or more apart, with rates multiplied by a factor."""
     scaled = log._replace(turned=log.turned * factor)
     intervals = _intervals(scaled, lever, bias * factor, _STEP)
@@ -187,7 +187,7 @@ def _typical(log: Recording, lever: Floats, bias: Floats, factor: Floats) -> flo
     return float(np.median(residuals)) if residuals.size else 0.0
 
 
-def _intervals(log: Recording, lever: Floats, bias: Floats, step: float) -> _Intervals:
+def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) -> _Intervals:
     """Return the intervals between solutions that are at least a step (s), and not too far, apart."""
     inside = np.flatnonzero((log.t_fix >= log.t[0]) & (log.t_fix <= log.t[-1]))
     picked = inside[:1].tolist()
@@ -272,7 +272,7 @@ _READINGS = (
 )
 
 
-class Measured(NamedTuple):
+class RecordedRanges(NamedTuple):
     """Recorded ranges and range rates.
 
     observed : (n_epoch, n_sat, 2) m, m/s. As measured.
@@ -287,7 +287,7 @@ class Measured(NamedTuple):
     needed: list[int]
 
 
-def compared(prepared: Prepared, log: Measured, file: str) -> tuple[Bools, tuple[str, ...]]:
+def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools, tuple[str, ...]]:
     """Return whether measurements are used (n_epoch, n_sat), and notes on those that contradict the solutions.
 
     Raises
@@ -370,7 +370,7 @@ def _range_hint(left: Floats, rate: Floats) -> str:
     return "are the epoch, the constellation (of that day) and the unit right?"
 
 
-def _rate_hint(log: Measured, rate: Floats, near: Bools, typical: float) -> str:
+def _rate_hint(log: RecordedRanges, rate: Floats, near: Bools, typical: float) -> str:
     """Return a hint on the interpretation of the range-rate column that fits, if there is one."""
     for factor, hint in _READINGS:
         residuals = _left(factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate, near)

@@ -136,7 +136,7 @@ Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 _GAP = 0.1  # s; longest gap between IMU rows that increments may bridge
 
 
-class UnitFile(Card):
+class ImuFile(Card):
     """The file of the IMU."""
 
     file: str
@@ -161,7 +161,7 @@ class NavigationLog(NamedCard):
         "1980-01-06, unix for 1970-01-01; with another epoch it is required if a leap second lies between"
         " epoch and log",
     )
-    imu: UnitFile  # file of IMU data and its columns
+    imu: ImuFile  # file of IMU data and its columns
     gnss: ReceiverFile  # file of the receiver's solutions and its columns
     ranges: RangesFile | None = None  # file of ranges; none: solutions alone
     still: tuple[Duration, Duration] = Field(
@@ -183,7 +183,7 @@ class NavigationLog(NamedCard):
             yield "time_scale: gps: GPS time begins 1980-01-06, the epoch is before it"
 
 
-class Recording(NamedTuple):
+class NavigationData(NamedTuple):
     """Recorded IMU and receiver data; times in s from the receiver's first row of the file.
 
     t : (n,) s. Start of the first sampling interval of the IMU, then the end of each.
@@ -222,7 +222,7 @@ def turning(axes: tuple[str, ...]) -> Floats:
     return matrix
 
 
-def read_recording(card: NavigationLog, folder: Path) -> Recording:
+def read_recording(card: NavigationLog, folder: Path) -> NavigationData:
     """Return the usable data of a log.
 
     folder : Folder to which the file names of the card are relative.
@@ -240,7 +240,7 @@ def read_recording(card: NavigationLog, folder: Path) -> Recording:
     turned, pushed = (np.cumsum(np.vstack([np.zeros(3), means * step]), axis=0) for means in (log.gyro, log.accel))
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
     notes = solutions.notes + (ranges.notes if ranges is not None else ())
-    return Recording(
+    return NavigationData(
         t - zero,
         turned @ turn,
         pushed @ turn,

@@ -21,8 +21,8 @@ from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 from lvnav_trade.simulation.preparation.signals.signals import slots
 from lvnav_trade.simulation.recorded.alignment import Alignment, increments_to
-from lvnav_trade.simulation.recorded.consistency import Measured, compared, inertial_fixes
-from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, Ranges, Recording, satellite_name
+from lvnav_trade.simulation.recorded.consistency import RecordedRanges, compared, inertial_fixes
+from lvnav_trade.simulation.recorded.navigation_log import NavigationData, NavigationLog, Ranges, satellite_name
 from lvnav_trade.trajectory.truth import Phase, Trajectory, attitude_spline
 
 _FLIGHT_TIME = 0.075  # s, signal travel time of a missing range, for a clock correction that is not used
@@ -66,7 +66,7 @@ def with_ranges(
         raise InputError(
             f"ranges: at no epoch of the case {_START} satellites that it tracks; it has {orbiting}, the log {logged}"
         )
-    tracked, notes = compared(prepared, Measured(observed, added, tracked, needed), ranges.file)
+    tracked, notes = compared(prepared, RecordedRanges(observed, added, tracked, needed), ranges.file)
     corrected = observed + added
     epoch = int(np.argmax(tracked.sum(axis=1) >= _START))
     clock = _clock(prepared, corrected, tracked, epoch, fixes)
@@ -149,14 +149,14 @@ def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
         raise InputError("receiver: several antennas; a log is of one")
 
 
-class Replay(NamedTuple):
+class LogReplay(NamedTuple):
     """Case prepared for a replay of a log, and notes on omitted parts of the log."""
 
     prepared: Prepared
     notes: tuple[str, ...] = ()
 
 
-def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: Alignment) -> Replay:
+def replayed(scenario: Scenario, log: NavigationData, card: NavigationLog, aligned: Alignment) -> LogReplay:
     """Return a case prepared for a replay of a log, from the end of its rest on.
 
     The truth side is the log: its increments without further errors, the receiver's solutions, and the path through
@@ -192,13 +192,13 @@ def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: A
     prepared = prepare(scenario, epoch_interval(scenario), flown=(trajectory, reference))
     prepared = _on_log(prepared, fixes, log, card)
     if log.ranges is None or not scenario.filter.tight:
-        return Replay(prepared)
-    return Replay(*with_ranges(prepared, log.ranges, start, fixes))
+        return LogReplay(prepared)
+    return LogReplay(*with_ranges(prepared, log.ranges, start, fixes))
 
 
 def _reference(
     scenario: Scenario,
-    log: Recording,
+    log: NavigationData,
     aligned: Alignment,
     fixes: tuple[Floats, Floats, Floats],
     lever: Floats,
@@ -248,7 +248,9 @@ def _accumulated(C: Floats, dtheta: Floats) -> Floats:
     return matrices_of(quaternions(attitudes))
 
 
-def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recording, card: NavigationLog) -> Prepared:
+def _on_log(
+    prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: NavigationData, card: NavigationLog
+) -> Prepared:
     """Return a prepared case whose IMU and receiver output the contents of the log, without draws."""
     rate, epochs = prepared.scenario.imu.rate, prepared.sky.t  # times of validity of the measurements
     at = _nearest(fixes[0], epochs)
@@ -297,7 +299,7 @@ def _nearest(t: Floats, wanted: Floats) -> Ints:
     return np.where(wanted - t[after - 1] < t[after] - wanted, after - 1, after)
 
 
-def _variances(log: Recording, fixes: tuple[Floats, Floats, Floats], at: Ints, theta0: float) -> Floats:
+def _variances(log: NavigationData, fixes: tuple[Floats, Floats, Floats], at: Ints, theta0: float) -> Floats:
     """Return the variances (n_epoch, 6) of the log's solutions along the axes of frame i, SI squared."""
     place, sigma = log.place[at], log.sigma[at]
     C_n_e = np.swapaxes(rotation_e_n(place[:, 0], place[:, 1]), 1, 2)

@@ -6,7 +6,7 @@ import numpy as np
 
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
-from lvnav_trade.trajectory.ascent.legs import Aim, Flight, fly_ascent, law_span
+from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns, fly_ascent, law_span
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, require_possible, solve
 from lvnav_trade.trajectory.ascent.vehicle import Boosters, Stage, VehicleAscent
 
@@ -15,7 +15,7 @@ _GROUND = 1e3  # m below the start, because the Earth is not a sphere
 _DEPLETION = 20  # largest number of corrections of the depletion time
 
 
-def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
+def flown(card: VehicleAscent) -> tuple[VehicleAscent, TargetingUnknowns, SimulatedAscent]:
     """Return vehicle, aim and ascent of a card, dispersed if the card says so.
 
     With guidance the result is nominal, because vehicles differ between runs. InputError if the nominal vehicle does
@@ -27,7 +27,9 @@ def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
     return fly_dispersed(card, aim, card.dispersion)
 
 
-def fly_dispersed(card: VehicleAscent, aim: Aim, dispersion: Dispersion) -> tuple[VehicleAscent, Aim, Flight]:
+def fly_dispersed(
+    card: VehicleAscent, aim: TargetingUnknowns, dispersion: Dispersion
+) -> tuple[VehicleAscent, TargetingUnknowns, SimulatedAscent]:
     """Return the dispersed vehicle, its aim and its ascent.
 
     A stage cut off in orbit burns as long as the nominal one, or until it is empty.
@@ -44,7 +46,7 @@ def fly_dispersed(card: VehicleAscent, aim: Aim, dispersion: Dispersion) -> tupl
     return vehicle, aim, flight
 
 
-def _require_aloft(flight: Flight) -> None:
+def _require_aloft(flight: SimulatedAscent) -> None:
     """Raise InputError if a flight falls more than a kilometre below its start."""
     start = float(np.linalg.norm(flight.legs[0].y[0, :3]))
     for leg in flight.legs:
@@ -83,7 +85,7 @@ def _motor(motor: Stage | Boosters, dispersion: Dispersion) -> Stage | Boosters:
     return motor.model_copy(update=update)
 
 
-def pitched(aim: Aim, up: float) -> Aim:
+def pitched(aim: TargetingUnknowns, up: float) -> TargetingUnknowns:
     """Return an aim with the pitch programme raised by an angle `up` (rad): less kick, and a law of more elevation."""
     if up == 0.0:
         return aim
@@ -91,7 +93,7 @@ def pitched(aim: Aim, up: float) -> Aim:
     return aim._replace(kick=aim.kick - up, tangent=first, tangent_end=last)
 
 
-def _until_empty(card: VehicleAscent, aim: Aim, span: float, number: int, burn: str) -> Aim:
+def _until_empty(card: VehicleAscent, aim: TargetingUnknowns, span: float, number: int, burn: str) -> TargetingUnknowns:
     """Return the aim with the burn of a stage limited by its propellant."""
     stage = card.vehicle.stages[number - 1]
     flow = stage.full_thrust / stage.exhaust_speed

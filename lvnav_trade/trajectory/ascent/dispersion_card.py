@@ -24,7 +24,7 @@ SourceName = Literal[
 SOURCES: tuple[SourceName, ...] = get_args(SourceName)
 
 
-class SpreadsCard(units.NamedCard):
+class DispersionsCard(units.NamedCard):
     """Dispersions of the vehicle and the atmosphere, one sigma; zero: none.
 
     Motors, stages and their separations are drawn independently.
@@ -102,7 +102,7 @@ class Dispersion(units.Card):
             return SOURCES
         return () if self.draw == "none" else self.draw
 
-    def misfits(self, spreads: SpreadsCard | None) -> Iterator[str]:
+    def misfits(self, spreads: DispersionsCard | None) -> Iterator[str]:
         """Yield the input errors of settings that need a spread of the vehicle that is missing."""
         named = {*self.sigmas, *(self.draw if isinstance(self.draw, tuple) else ())}
         if spreads is None and (named or self.drawn):

@@ -31,7 +31,7 @@ class Unthrottled(NamedTuple):
 NOTHING = Unthrottled(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-class Engine(NamedTuple):
+class Propulsion(NamedTuple):
     """Propulsion of a leg: an engine that can be throttled, and motors that cannot.
 
     Of the engine: vacuum thrust (N), mass flow (kg/s), exit area (m^2), and limit of thrust over mass (m/s^2, infinite
@@ -62,7 +62,7 @@ def height_above(x: float, y: float, z: float) -> float:
 
 
 @jit
-def thrust_of(mass: float, pressure: float, engine: Engine, beside: float = 0.0) -> tuple[float, float]:
+def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 0.0) -> tuple[float, float]:
     """Return thrust (N) and throttle of what can be throttled, at a mass (kg) and ambient pressure (Pa).
 
     The limit, less the thrust `beside` (N) of other motors, is a smooth minimum over 2 % of it: the load bends within a
@@ -116,7 +116,7 @@ def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], dr
 
 
 @jit
-def rates(t: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Rates:
+def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Rates:
     """Return the time derivative of the state y (7,): position (m) and velocity (m/s) in frame i, mass (kg)."""
     r = (y[0], y[1], y[2])
     v = (y[3], y[4], y[5])
@@ -143,7 +143,7 @@ def _along(y: Floats, h: float, k: Rates) -> Floats:
 
 
 @making_arrays
-def step(t: float, h: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
+def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
     """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
     k1 = rates(t, y, steering, engine, drag)
     k2 = rates(t + 0.5 * h, _along(y, 0.5 * h, k1), steering, engine, drag)
@@ -157,7 +157,7 @@ def step(t: float, h: float, y: Floats, steering: Steering, engine: Engine, drag
 
 @making_arrays
 def fly(
-    t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Engine, drag: Drag
+    t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Propulsion, drag: Drag
 ) -> tuple[Floats, Floats]:
     """Return times (n_step + 1,) and states (n_step + 1, 7) over a leg that starts at t0 with state y0 (7,)."""
     t, y = np.empty(n_step + 1), np.empty((n_step + 1, 7))
@@ -173,7 +173,9 @@ def fly(
 
 
 @making_arrays
-def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Engine, drag: Drag) -> float:
+def time_to_mass(
+    t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Propulsion, drag: Drag
+) -> float:
     """Return the burn time (s) from t0, state y0 (7,), to a remaining `mass` (kg), integrated with step h (s)."""
     t, y = t0, y0
     while y[6] > mass:
@@ -189,7 +191,7 @@ def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steerin
 
 
 @making_arrays
-def accelerations(t: Floats, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
+def accelerations(t: Floats, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
     """Return the inertial acceleration (n, 3) at times t (n,) and states y (n, 7) of a leg."""
     out = np.empty((t.size, 3))
     for k in range(t.size):

@@ -9,7 +9,7 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dispersion import flown
 from lvnav_trade.trajectory.ascent.dynamics import accelerations
-from lvnav_trade.trajectory.ascent.legs import Aim, Flight, Leg, pad_state, site_axes
+from lvnav_trade.trajectory.ascent.legs import AscentLeg, SimulatedAscent, TargetingUnknowns, pad_state, site_axes
 from lvnav_trade.trajectory.ascent.record import differences
 from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, directions
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit
@@ -48,11 +48,11 @@ def pad_knots(hold: float, step: float) -> Floats:
     return np.linspace(-hold, 0.0, int(np.ceil(hold / step)) + 1)[:-1]
 
 
-def _accelerations(flight: Flight, leg: Leg, at: list[int] | slice = slice(None)) -> Floats:
+def _accelerations(flight: SimulatedAscent, leg: AscentLeg, at: list[int] | slice = slice(None)) -> Floats:
     return accelerations(leg.t[at], leg.y[at], flight.steering, leg.engine, flight.drag)
 
 
-def _attitude(card: VehicleAscent, aim: Aim, flight: Flight) -> BSpline:
+def _attitude(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> BSpline:
     """Return the attitude over pad and flight: x along the thrust, the rest by the roll programme."""
     up_e, _, right_e = site_axes(card.site, aim.azimuth)
     theta0 = flight.steering.theta0
@@ -63,7 +63,7 @@ def _attitude(card: VehicleAscent, aim: Aim, flight: Flight) -> BSpline:
     return ascent_attitude(np.concatenate([before, t]), x, right_e, theta0, card.roll)
 
 
-def _max_q(flight: Flight) -> tuple[float, float]:
+def _max_q(flight: SimulatedAscent) -> tuple[float, float]:
     """Return time (s) and value (Pa) of the greatest dynamic pressure, by a parabola through the top samples."""
     first = (leg for leg in flight.legs if leg.t[0] < flight.events["stage1_cutoff"])
     pressures = ((leg, _dynamic_pressure(leg, flight.steering.theta0)) for leg in first)
@@ -74,13 +74,15 @@ def _max_q(flight: Flight) -> tuple[float, float]:
     return float(leg.t[k] + shift * (leg.t[1] - leg.t[0])), float(q[k])
 
 
-def _dynamic_pressure(leg: Leg, theta0: float) -> Floats:
+def _dynamic_pressure(leg: AscentLeg, theta0: float) -> Floats:
     heights = frames.geodetic_from_ecef(frames.ecef_from_eci(leg.y[:, :3], frames.earth_angle(theta0, leg.t)))[2]
     density = np.array([atmosphere(height)[0] for height in heights])
     return np.asarray(0.5 * density * np.sum(frames.earth_velocity(leg.y[:, :3], leg.y[:, 3:6]) ** 2, axis=1))
 
 
-def _facts(card: VehicleAscent, aim: Aim, flight: Flight, max_q: float) -> dict[str, float | str]:
+def _facts(
+    card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent, max_q: float
+) -> dict[str, float | str]:
     a = np.concatenate([_accelerations(flight, leg) for leg in flight.legs])
     force = a - gravity_along(np.concatenate([leg.y[:, :3] for leg in flight.legs]))
     return {

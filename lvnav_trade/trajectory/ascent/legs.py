@@ -8,17 +8,17 @@ import numpy as np
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import NOTHING, Drag, Engine, Unthrottled, fly, time_to_mass
+from lvnav_trade.trajectory.ascent.dynamics import NOTHING, Drag, Propulsion, Unthrottled, fly, time_to_mass
 from lvnav_trade.trajectory.ascent.steering_law import Steering
 from lvnav_trade.trajectory.ascent.vehicle import Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
 
 _Burning = tuple[Motor, int, float]  # motor, number of motors, time of ignition
 STEP = 0.25  # s; step of the integration and of the knots; halving it moves injection by 0.3 m
-COASTING = Engine(0.0, 0.0, 0.0, 1.0)
+COASTING = Propulsion(0.0, 0.0, 0.0, 1.0)
 _SLIVER = 1e-9  # s; a piece of a burn shorter than this is rounding
 
 
-class Cut(NamedTuple):
+class BurnPoint(NamedTuple):
     """A point in the burn of a stage, `after` s from ignition: mass (kg) dropped there, and name of the event."""
 
     after: float
@@ -26,22 +26,22 @@ class Cut(NamedTuple):
     event: str = ""
 
 
-def cuts(vehicle: VehicleCard, number: int) -> list[Cut]:
+def cuts(vehicle: VehicleCard, number: int) -> list[BurnPoint]:
     """Return, in order, the points of the first burn of a stage at which thrust jumps or bends, or mass is dropped."""
     stage, fairing = vehicle.stages[number - 1], vehicle.fairing
-    points = [Cut(after) for after in _bends(stage)]
+    points = [BurnPoint(after) for after in _bends(stage)]
     if fairing is not None and fairing.stage == number:
-        points.append(Cut(fairing.after_ignition, fairing.mass, "fairing_separation"))
+        points.append(BurnPoint(fairing.after_ignition, fairing.mass, "fairing_separation"))
     for group in vehicle.boosters if number == 1 else ():
-        points += [Cut(group.ignition + after) for after in _bends(group)]
+        points += [BurnPoint(group.ignition + after) for after in _bends(group)]
         if group.ignition > 0.0:
-            points.append(Cut(group.ignition, event=f"{group.name}_ignition"))
-        points.append(Cut(group.ignition + group.full_burn, event=f"{group.name}_cutoff"))
-        points.append(Cut(group.gone, group.number * group.dry, f"{group.name}_separation"))
+            points.append(BurnPoint(group.ignition, event=f"{group.name}_ignition"))
+        points.append(BurnPoint(group.ignition + group.full_burn, event=f"{group.name}_cutoff"))
+        points.append(BurnPoint(group.gone, group.number * group.dry, f"{group.name}_separation"))
     return sorted(points, key=lambda cut: cut.after)
 
 
-def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Engine:
+def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Propulsion:
     """Return the propulsion between begin and end (s since lift-off) with stage `number` ignited at `ignition` (s).
 
     Between two successive `cuts` every thrust is linear in time. The end is infinite for a stage without bends.
@@ -54,10 +54,10 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
         if number == 1 and group.ignition < middle < group.ignition + group.full_burn
     ]
     if stage.profile is not None:
-        return Engine(0.0, 0.0, 0.0, math.inf, _together([(stage, 1, ignition), *burning], begin, end))
+        return Propulsion(0.0, 0.0, 0.0, math.inf, _together([(stage, 1, ignition), *burning], begin, end))
     limit = math.inf if stage.thrust is None or vehicle.max_load is None else vehicle.max_load
     beside = _together(burning, begin, end) if burning else NOTHING
-    return Engine(stage.full_thrust, stage.full_thrust / stage.exhaust_speed, stage.exit_area, limit, beside)
+    return Propulsion(stage.full_thrust, stage.full_thrust / stage.exhaust_speed, stage.exit_area, limit, beside)
 
 
 def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
@@ -120,7 +120,7 @@ def _together(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
     return Unthrottled(begin, *total.tolist())
 
 
-class Aim(NamedTuple):
+class TargetingUnknowns(NamedTuple):
     """Unknowns of the targeting: launch azimuth and kick (rad), steering law, burns and coasts (s).
 
     tangent and tangent_end are the tangents of the elevation at the start of the law, and `burn` s after the ignition
@@ -139,19 +139,19 @@ class Aim(NamedTuple):
     yaw: float = 0.0
 
 
-class Leg(NamedTuple):
+class AscentLeg(NamedTuple):
     """A phase of flight without a jump: times (n,) s, states (n, 7), engine. The steering is that of the ascent."""
 
     name: str
     t: Floats
     y: Floats
-    engine: Engine
+    engine: Propulsion
 
 
-class Flight(NamedTuple):
+class SimulatedAscent(NamedTuple):
     """A whole ascent: legs in order, the final steering, drag, times (s) of events."""
 
-    legs: list[Leg]
+    legs: list[AscentLeg]
     steering: Steering
     drag: Drag
     events: dict[str, float]
@@ -183,7 +183,7 @@ def mass_above(card: VehicleAscent, number: int) -> float:
     return float(sum(stage.propellant + stage.dry for stage in above) + card.vehicle.payload)
 
 
-def law_span(card: VehicleAscent, aim: Aim) -> float:
+def law_span(card: VehicleAscent, aim: TargetingUnknowns) -> float:
     """Return the approximate time (s) from the start of the steering law to the (first) cut-off in orbit.
 
     It only scales the law.
@@ -197,7 +197,7 @@ def law_span(card: VehicleAscent, aim: Aim) -> float:
 class Pilot:
     """Simulation of an ascent leg by leg, with its state, steering and events."""
 
-    def __init__(self, card: VehicleAscent, aim: Aim, span: float | None) -> None:
+    def __init__(self, card: VehicleAscent, aim: TargetingUnknowns, span: float | None) -> None:
         vehicle = card.vehicle
         self.span = law_span(card, aim) if span is None else span
         up, downrange, _ = site_axes(card.site, aim.azimuth)
@@ -221,16 +221,16 @@ class Pilot:
         )
         self.drag = Drag(vehicle.reference_area, np.array(vehicle.mach), np.array(vehicle.drag_coefficient))
         self.y = np.concatenate([*pad_state(card.site, float(earth_angle(theta0, 0.0))), [lift_off_mass(card)]])
-        self.legs: list[Leg] = []
+        self.legs: list[AscentLeg] = []
         self.events = {"liftoff": 0.0, "kick": card.vertical_rise}
 
-    def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+    def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         """Integrate a leg without a jump for a duration (s)."""
         if duration <= 0.0:
             return
         n_step = max(8, math.ceil(duration / STEP))
         t, y = fly(self.t, duration, n_step, self.y, self.steering, engine, self.drag)
-        self.legs.append(Leg(name, t, y, engine))
+        self.legs.append(AscentLeg(name, t, y, engine))
         self.t, self.y = float(t[-1]), y[-1].copy()
 
     def begin_law(self, k: int, tangent: float, rate: float, yaw: float = 0.0) -> None:
@@ -309,7 +309,9 @@ class Pilot:
         self.burn(last, self.aim.burn_2, again=number == last)
 
 
-def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True, span: float | None = None) -> Flight:
+def fly_ascent(
+    card: VehicleAscent, aim: TargetingUnknowns, final_coast: bool = True, span: float | None = None
+) -> SimulatedAscent:
     """Return the ascent of a vehicle with given steering, from lift-off to the end of the final coast.
 
     The last stage may burn more than its propellant: the caller checks for a shortfall.
@@ -317,7 +319,7 @@ def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True, span: fl
     Parameters
     ----------
     card : VehicleAscent
-    aim : Aim
+    aim : TargetingUnknowns
         Steering, burns and coasts.
     final_coast : bool
         Without it the last state is that of injection.
@@ -332,4 +334,4 @@ def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True, span: fl
     pilot.events.pop("stage1_ignition")  # it is the lift-off
     if final_coast:
         pilot.leg("final coast", card.coast_after_injection)
-    return Flight(pilot.legs, pilot.steering, pilot.drag, pilot.events)
+    return SimulatedAscent(pilot.legs, pilot.steering, pilot.drag, pilot.events)

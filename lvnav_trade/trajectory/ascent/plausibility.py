@@ -31,7 +31,7 @@ _SHOWN = {  # by field: limited quantity, unit in messages, its size in SI, and 
 }
 
 
-class OutsideFlight(FlightCard):
+class FileFlightCard(FlightCard):
     """Base of the cards of trajectories from a file: plausibility limits.
 
     A trajectory that exceeds a limit is refused. With a higher limit in its card it is accepted, and the report begins
@@ -75,7 +75,7 @@ def peaks(flight: Trajectory) -> tuple[Peak, ...]:
     return tuple(Peak(name, float(np.max(size)), float(t[np.argmax(size)])) for name, size in sizes.items())
 
 
-def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
+def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
     """Return a trajectory with remarks on values beyond the default limits.
 
     further : Peaks in addition to those of `peaks`.
@@ -97,7 +97,7 @@ def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: t
     return flight.remarked(BEYOND, [", ".join(beyond)] if beyond else [])
 
 
-def _usual(card: OutsideFlight, field: str) -> float:
+def _usual(card: FileFlightCard, field: str) -> float:
     """Return the default of a limit (SI)."""
     return float(type(card).model_fields[field].default)
 
@@ -112,7 +112,7 @@ def _described(peak: Peak) -> str:
     return f"{_SHOWN[peak.field][0]} of {_shown(peak.field, peak.size)} {when} {peak.time:.6g} s"
 
 
-def _refusal(card: OutsideFlight, file: str, peak: Peak, causes: list[str]) -> str:
+def _refusal(card: FileFlightCard, file: str, peak: Peak, causes: list[str]) -> str:
     allowed = getattr(card, peak.field)
     word = "usual" if allowed == _usual(card, peak.field) else "allowed"
     hints = "; ".join([_SHOWN[peak.field][3], *causes])

@@ -28,8 +28,16 @@ from lvnav_trade.quantities.units import (
 from lvnav_trade.trajectory.ascent.dynamics import Drag, accelerations, fly
 from lvnav_trade.trajectory.ascent.launch import achieved, pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import COASTING, site_axes
-from lvnav_trade.trajectory.ascent.plausibility import OutsideFlight, Peak, within_limits
-from lvnav_trade.trajectory.ascent.record import LONGEST_HOLE, Climb, Record, force_along, read, residual_facts, smooth
+from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, Peak, within_limits
+from lvnav_trade.trajectory.ascent.record import (
+    LONGEST_HOLE,
+    AscentRecord,
+    Climb,
+    force_along,
+    read,
+    residual_facts,
+    smooth,
+)
 from lvnav_trade.trajectory.ascent.steering_law import (
     Steering,
     ascent_attitude,
@@ -48,7 +56,7 @@ _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force
 _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
 
 
-class RecordedAscent(OutsideFlight):
+class RecordedAscent(FileFlightCard):
     """A trajectory rebuilt from a record of Earth-relative speed and altitude against time.
 
     The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude is
@@ -95,7 +103,7 @@ class RecordedAscent(OutsideFlight):
 Course = list[tuple[Floats, Floats, Floats]]  # of each stretch between breaks: t (n,), r_i and v_i (n, 3)
 
 
-class Stretch(NamedTuple):
+class RebuiltPhase(NamedTuple):
     """A phase of a rebuilt flight and its position spline, frame i."""
 
     name: str
@@ -167,21 +175,21 @@ def _injected(way: Course) -> dict[str, float]:
     return achieved(np.concatenate([r_i[-1], v_i[-1]]))
 
 
-def tracks_of(way: Course, coast: float) -> list[Stretch]:
+def tracks_of(way: Course, coast: float) -> list[RebuiltPhase]:
     """Return the phases to injection and the final coast of `coast` seconds.
 
     Velocity is interpolated and integrated to position, each phase from the end of the previous phase, so that both are
     continuous. The position differs from the fitted altitude by less than a millimetre.
     """
-    stretches: list[Stretch] = []
+    stretches: list[RebuiltPhase] = []
     for number, (t, r, v) in enumerate(way, start=1):
         position = make_interp_spline(t, v, k=5).antiderivative()
         position.c += stretches[-1].position(t[0]) if stretches else r[0]
-        stretches.append(Stretch(f"stretch {number}", float(t[0]), float(t[-1]), position))
+        stretches.append(RebuiltPhase(f"stretch {number}", float(t[0]), float(t[-1]), position))
     return [*stretches, _final_coast(stretches[-1], coast)]
 
 
-def _final_coast(last: Stretch, duration: float) -> Stretch:
+def _final_coast(last: RebuiltPhase, duration: float) -> RebuiltPhase:
     state = np.concatenate([last.position(last.end), last.position(last.end, 1), [1.0]])
     none, no_vectors = np.zeros(0), np.zeros((0, 3))
     # Without thrust and drag the steering has no effect.
@@ -189,11 +197,11 @@ def _final_coast(last: Stretch, duration: float) -> Stretch:
     vacuum = Drag(0.0, np.array([0.0, 1.0]), np.zeros(2))
     t, y = fly(last.end, duration, max(8, int(np.ceil(duration / _STEP))), state, idle, COASTING, vacuum)
     ends = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
-    return Stretch("final coast", last.end, float(t[-1]), position_spline(t, y[:, :3], y[[0, -1], 3:6], ends))
+    return RebuiltPhase("final coast", last.end, float(t[-1]), position_spline(t, y[:, :3], y[[0, -1], 3:6], ends))
 
 
 def _pointing(
-    card: RecordedAscent, azimuth: float, stretches: list[Stretch], coasts: list[tuple[float, float]]
+    card: RecordedAscent, azimuth: float, stretches: list[RebuiltPhase], coasts: list[tuple[float, float]]
 ) -> BSpline:
     """Return the attitude spline over pad and flight, x along the specific force of the powered stretches."""
     up_e, _, right_e = site_axes(card.site, azimuth)
@@ -255,14 +263,14 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     return within_limits(flight, card, card.file, (_misfit(card, record, climb),))
 
 
-def _misfit(card: RecordedAscent, record: Record, climb: Climb) -> Peak:
+def _misfit(card: RecordedAscent, record: AscentRecord, climb: Climb) -> Peak:
     """Return the normalised RMS misfit, with the time of the worst row."""
     speed = (climb.speed(record.t) - record.speed) / card.speed_noise
     altitude = (climb.altitude(record.t) - record.altitude) / card.altitude_noise
     return Peak("highest_misfit", climb.misfit, float(record.t[np.argmax(np.hypot(speed, altitude))]))
 
 
-def _until_injection(card: RecordedAscent, record: Record) -> tuple[Record, list[str]]:
+def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[AscentRecord, list[str]]:
     """Return the rows from lift-off, at rest, to injection, and the remarks on gaps in them."""
     injection = card.events["injection"]
     for name, time in card.events.items():
@@ -270,18 +278,18 @@ def _until_injection(card: RecordedAscent, record: Record) -> tuple[Record, list
             raise InputError(f"{card.name}: event {name!r} at {time:g} s is outside lift-off to injection")
     usual = float(np.median(np.diff(record.t)))
     if record.t[0] > 0.0:
-        record = Record(*(np.append(0.0, column) for column in record))
+        record = AscentRecord(*(np.append(0.0, column) for column in record))
     first, end = np.searchsorted(record.t, [0.0, injection], side="right")  # and a row on either side
-    record = Record(*(column[max(first - 1, 0) : end + 1] for column in record))
+    record = AscentRecord(*(column[max(first - 1, 0) : end + 1] for column in record))
     short, last = bridged(record.t, injection - usual, LONGEST_HOLE, card.file)
-    record = Record(*(column[: None if last is None else last.row + 1] for column in record))
+    record = AscentRecord(*(column[: None if last is None else last.row + 1] for column in record))
     if record.t[-1] < injection - usual:
         raise InputError(
             f"{card.file}: the record goes from {record.t[0]:g} to {record.t[-1]:g} s, lift-off to injection at "
             f"{injection:g} s is needed"
         )
     t = np.concatenate([[0.0], record.t[(record.t > 0.0) & (record.t < injection)], [injection]])
-    return Record(t, *(np.interp(t, record.t, column) for column in record[1:])), described(short)
+    return AscentRecord(t, *(np.interp(t, record.t, column) for column in record[1:])), described(short)
 
 
 def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:

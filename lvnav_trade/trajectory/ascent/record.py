@@ -16,7 +16,7 @@ from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from
 from lvnav_trade.quantities.input_files import decimal_or_endless, text_lines
 from lvnav_trade.quantities.limits import DATA_BYTES
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.vehicle import Recorded, Site
+from lvnav_trade.trajectory.ascent.vehicle import FlightRecords, Site
 from lvnav_trade.trajectory.truth import Trajectory, motion
 
 HEADER = ["time_s", "speed_m_s", "altitude_m"]
@@ -29,7 +29,7 @@ _UPRIGHT = 30.0  # m/s; a slower vehicle climbs vertically
 _STEEPEST = 1e-3  # m/s; below this speed its direction and derivative are undefined
 
 
-class Record(NamedTuple):
+class AscentRecord(NamedTuple):
     """A record: time since lift-off (n,) s, Earth-relative speed (n,) m/s, altitude over the site (n,) m."""
 
     t: Floats
@@ -37,7 +37,7 @@ class Record(NamedTuple):
     altitude: Floats
 
 
-def read(path: str) -> Record:
+def read(path: str) -> AscentRecord:
     """Return the record in a CSV file with the header ``time_s,speed_m_s,altitude_m``; # begins a comment line.
 
     InputError with file and line: no such file, wrong header, a field that is no finite number, a time that does not
@@ -52,7 +52,7 @@ def read(path: str) -> Record:
             raise InputError(f"{where}: the header is {quoted(','.join(fields))}, expected {','.join(HEADER)!r}")
     if len(rows) < 12:
         raise InputError(f"{path}: {len(rows)} rows of data, an ascent needs 12 or more")
-    return Record(*np.array(rows).T.copy())
+    return AscentRecord(*np.array(rows).T.copy())
 
 
 def _row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
@@ -75,7 +75,7 @@ def _row(fields: list[str], before: list[float] | None, where: str) -> list[floa
     return row
 
 
-def differences(recorded: Recorded, flight: Trajectory, site: Site) -> dict[str, float | str]:
+def differences(recorded: FlightRecords, flight: Trajectory, site: Site) -> dict[str, float | str]:
     """Return the facts of the comparison, flight minus record.
 
     For speed relative to the Earth (m/s) and altitude over the site (m) they are RMS, largest difference and its time
@@ -89,12 +89,14 @@ def differences(recorded: Recorded, flight: Trajectory, site: Site) -> dict[str,
         at = motion(flight, record.t[flown])
         speed = np.linalg.norm(earth_velocity(at.r_i, at.v_i), axis=1)
         height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(flight.theta0, at.t)))[2]
-        facts |= residual_facts("record", Record(*(column[flown] for column in record)), speed, height - site.height)
+        facts |= residual_facts(
+            "record", AscentRecord(*(column[flown] for column in record)), speed, height - site.height
+        )
     common = {name: time for name, time in recorded.events.items() if name in flight.events}
     return facts | {f"{name}_after_record_s": flight.events[name] - time for name, time in common.items()}
 
 
-def residual_facts(of: str, record: Record, speed: Floats, altitude: Floats) -> dict[str, float]:
+def residual_facts(of: str, record: AscentRecord, speed: Floats, altitude: Floats) -> dict[str, float]:
     """Return RMS and largest difference of speed (n,) m/s and altitude (n,) m from a record, and its time (s)."""
     facts: dict[str, float] = {}
     residuals = (("speed", "m_s", speed - record.speed), ("altitude", "m", altitude - record.altitude))
@@ -106,7 +108,7 @@ def residual_facts(of: str, record: Record, speed: Floats, altitude: Floats) -> 
     return facts
 
 
-def force_along(record: Record) -> Floats:
+def force_along(record: AscentRecord) -> Floats:
     """Return the mean specific force along the path (n - 1,) m/s^2 over each interval of a record.
 
     It is the acceleration plus the component of gravity along the path, which starts vertically. The Earth is assumed
@@ -152,7 +154,7 @@ class _Problem(NamedTuple):
         gravity (m/s^2).
     """
 
-    record: Record
+    record: AscentRecord
     noise: tuple[float, float]
     knots_h: Floats
     knots_u: Floats
@@ -231,7 +233,11 @@ def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
 
 
 def smooth(
-    record: Record, breaks: list[float], coasts: list[tuple[float, float]], noise_speed: float, noise_altitude: float
+    record: AscentRecord,
+    breaks: list[float],
+    coasts: list[tuple[float, float]],
+    noise_speed: float,
+    noise_altitude: float,
 ) -> Climb:
     """Return the smoothest climb (least integrated square of jerk) that fits the record within its noise.
 
@@ -239,7 +245,7 @@ def smooth(
 
     Parameters
     ----------
-    record : Record
+    record : AscentRecord
     breaks : list of float
         Times (s) within the record at which acceleration jumps.
     coasts : list of (float, float)
@@ -287,7 +293,7 @@ def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> cs
 
 
 def _problem(
-    record: Record, breaks: list[float], coasts: list[tuple[float, float]], noise: tuple[float, float]
+    record: AscentRecord, breaks: list[float], coasts: list[tuple[float, float]], noise: tuple[float, float]
 ) -> _Problem:
     """Return the least-squares problem; rest at the start means two zero coefficients of altitude and one of speed."""
     t = record.t

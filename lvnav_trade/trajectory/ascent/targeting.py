@@ -11,7 +11,15 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, elements_from_state
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dynamics import thrust_beside
-from lvnav_trade.trajectory.ascent.legs import Aim, Flight, engine, fly_ascent, impulse_speed, lift_off_mass, mass_above
+from lvnav_trade.trajectory.ascent.legs import (
+    SimulatedAscent,
+    TargetingUnknowns,
+    engine,
+    fly_ascent,
+    impulse_speed,
+    lift_off_mass,
+    mass_above,
+)
 from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
@@ -24,7 +32,7 @@ _PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload tha
 _UNKNOWN = np.array([1e-3, 0.1, 0.1, 1.0])  # rad, tan, tan, s: so are steps of one
 
 
-def solve(card: VehicleAscent) -> Aim:
+def solve(card: VehicleAscent) -> TargetingUnknowns:
     """Return the aim with which the vehicle reaches the card's orbit; InputError if it cannot.
 
     For a given kick there are four unknowns (azimuth, or yaw if that is prescribed; two of the tangent law; burn) and
@@ -76,13 +84,13 @@ def _first_guess(card: VehicleAscent) -> Floats:
     return np.array([azimuth, 0.5, -0.1, 0.8 * burn if twice else burn])
 
 
-def _aim(card: VehicleAscent, x: Floats, kick: float) -> Aim:
+def _aim(card: VehicleAscent, x: Floats, kick: float) -> TargetingUnknowns:
     first, tangent, tangent_end, burn = x.tolist()
-    aim = Aim(first, kick, tangent, tangent_end, burn)
+    aim = TargetingUnknowns(first, kick, tangent, tangent_end, burn)
     return aim if card.azimuth is None else aim._replace(azimuth=card.azimuth, yaw=first)
 
 
-class Point(NamedTuple):
+class InjectionPoint(NamedTuple):
     """Point at which an orbit is entered: radius (m), speed (m/s), flight-path angle (rad)."""
 
     radius: float
@@ -90,7 +98,7 @@ class Point(NamedTuple):
     climb: float = 0.0
 
 
-def _residuals(y: Floats, at: Point, inclination: float) -> Floats:
+def _residuals(y: Floats, at: InjectionPoint, inclination: float) -> Floats:
     """Return the residuals (4,) of a state y (7,): radius (m), speed (m/s), flight-path angle, inclination (rad)."""
     length, pace = (float(np.linalg.norm(part)) for part in (y[:3], y[3:6]))
     turn = float(elements_from_state(y[:3], y[3:6]).inclination) - inclination
@@ -102,14 +110,14 @@ def _climb(r_i: Floats, v: Floats) -> float:
     return math.asin(max(-1.0, min(1.0, float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v)))))
 
 
-def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> Point:
+def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> InjectionPoint:
     """Return the perigee or apogee of an orbit given by its altitudes (m)."""
     low, high = SEMI_MAJOR + perigee, SEMI_MAJOR + apogee
     radius = high if at_apogee else low
-    return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
+    return InjectionPoint(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
 
 
-def entry_of(card: VehicleAscent) -> Point:
+def entry_of(card: VehicleAscent) -> InjectionPoint:
     """Return the point of the target orbit at its card's true anomaly, or the perigee of the parking orbit."""
     orbit = card.target
     if card.parking is not None or orbit.anomaly == 0.0:
@@ -118,7 +126,7 @@ def entry_of(card: VehicleAscent) -> Point:
     e = (high - low) / (high + low)
     along, out = 1.0 + e * math.cos(orbit.anomaly), e * math.sin(orbit.anomaly)
     radius = low * (1.0 + e) / along
-    return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
+    return InjectionPoint(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
 
 
 def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> OptimizeResult:
@@ -140,7 +148,7 @@ def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> 
     return result
 
 
-def _state_at(flight: Flight, t: float) -> Floats:
+def _state_at(flight: SimulatedAscent, t: float) -> Floats:
     """Return the state y (7,) at the end of the leg that ends at time t."""
     return next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= t)
 
@@ -182,7 +190,7 @@ def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
     return float(brentq(climb, angles[k], angles[k + 1], xtol=1e-4))
 
 
-def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
+def _raise_orbit(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknowns:
     """Return the aim that cuts off at the parking perigee and a second time at the target's apogee.
 
     The given aim reaches the parking orbit for a spherical Earth after cut-off. Oblateness moves the apogee by some
@@ -193,10 +201,10 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     start = _second_burn(card, aim)
     first = start.azimuth if card.azimuth is None else start.yaw
     begin = np.array([first, start.tangent, start.tangent_end, start.burn])
-    low = Point(SEMI_MAJOR + card.parking.perigee, 0.0)
+    low = InjectionPoint(SEMI_MAJOR + card.parking.perigee, 0.0)
     high = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
 
-    def full(z: Floats) -> Aim:
+    def full(z: Floats) -> TargetingUnknowns:
         changed = _aim(card, begin + z[:4] * _UNKNOWN, aim.kick)
         return changed._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
 
@@ -213,7 +221,7 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     return full(result.x)
 
 
-def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
+def _second_burn(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknowns:
     """Return the aim with coast and second burn of a Hohmann transfer, as initial values."""
     assert card.parking is not None
     stage, mass = card.vehicle.stages[-1], mass_above(card, card.inserting)
@@ -227,7 +235,7 @@ def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
     return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
 
 
-def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:
+def _require_converged(card: VehicleAscent, aim: TargetingUnknowns, result: OptimizeResult) -> None:
     if np.linalg.norm(result.fun) <= _SMALL:
         return
     missed = np.asarray(result.fun) * _RESIDUAL[: len(result.fun)]
@@ -238,12 +246,12 @@ def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) ->
     )
 
 
-def propellant_left(card: VehicleAscent, aim: Aim, number: int) -> float:
+def propellant_left(card: VehicleAscent, aim: TargetingUnknowns, number: int) -> float:
     """Return the remaining usable propellant (kg) of a stage cut off in orbit; negative for a shortfall."""
     return left_in_orbit(card, fly_ascent(card, aim, final_coast=False), number)
 
 
-def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
+def left_in_orbit(card: VehicleAscent, flight: SimulatedAscent, number: int) -> float:
     """Return the remaining usable propellant (kg), as `propellant_left`, of an ascent that is already simulated."""
     y = flight.legs[-1].y[-1]
     if number < len(card.vehicle.stages):
@@ -251,7 +259,7 @@ def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
     return float(y[6] - card.vehicle.stages[number - 1].dry - mass_above(card, number))
 
 
-def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
+def _require_propellant(card: VehicleAscent, aim: TargetingUnknowns) -> None:
     """Raise InputError, with the missing delta-v, if an aim burns more propellant than available."""
     for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
         remaining = propellant_left(card, aim, number)

@@ -11,7 +11,7 @@ from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.conditions import Instant
 from lvnav_trade.quantities.units import Card, parse, require_rising
-from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion, SpreadsCard
+from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion, DispersionsCard
 from lvnav_trade.trajectory.control_cards import SteeredCard
 from lvnav_trade.trajectory.disturbances import OscillationCard
 
@@ -25,7 +25,7 @@ def refuse_drag_table(mach: tuple[float, ...], coefficient: tuple[float, ...]) -
     require_rising("mach", mach)
 
 
-class Profile(Card):
+class ThrustProfile(Card):
     """Shape of the thrust of a solid motor over its burn, linear between points.
 
     Only the shape is used: the mean thrust follows from propellant, specific impulse and burn time.
@@ -57,7 +57,7 @@ class Motor(Card):
     burn_time: units.TimeConstant | None = Field(None, description="time to burn all the propellant")
     specific_impulse: units.TimeConstant = Field(description="vacuum specific impulse")
     exit_area: units.Area = 0.0  # of the nozzle
-    profile: Profile | None = Field(None, description="shape of the thrust over the burn; none: constant thrust")
+    profile: ThrustProfile | None = Field(None, description="shape of the thrust over the burn; none: constant thrust")
     separation_delay: units.Pause = Field(0.0, description="coast between cut-off and separation")
 
     def _faults(self) -> Iterator[str]:
@@ -129,7 +129,7 @@ class VehicleCard(units.NamedCard):
         description="largest specific force; engines that can be throttled are throttled to stay below it; none: no "
         "throttling",
     )
-    dispersions: SpreadsCard | None = Field(
+    dispersions: DispersionsCard | None = Field(
         None,
         description="one-sigma dispersions from vehicle to vehicle",
     )
@@ -222,7 +222,7 @@ class Parking(Card):
     )
 
 
-class Recorded(Card):
+class FlightRecords(Card):
     """Records of such a flight, with which the facts of the trajectory compare it."""
 
     source: str
@@ -289,7 +289,7 @@ class VehicleAscent(FlightCard):
         "state, or at the nominal time",
         json_schema_extra={"digest_if_set": True},
     )
-    recorded: Recorded | None = Field(None, description="recorded flight to compare with")
+    recorded: FlightRecords | None = Field(None, description="recorded flight to compare with")
     pad_hold: units.Pause = 60.0  # rest on the pad before lift-off
     vertical_rise: units.TimeConstant = 8.0  # time from lift-off to the kick
     kick_duration: units.TimeConstant = 8.0  # time of the tilt from vertical

@@ -17,7 +17,7 @@ from lvnav_trade.quantities.units import (
     SpeedSigma,
     parse,
 )
-from lvnav_trade.trajectory.ascent.plausibility import OutsideFlight
+from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard
 from lvnav_trade.trajectory.ascent.vehicle import Roll
 from lvnav_trade.trajectory.disturbances import OscillationCard
 
@@ -108,7 +108,7 @@ class AttitudeColumns(Card):
             yield "unit is for Euler angles, and they need it"
 
 
-class TableTrajectory(OutsideFlight):
+class TableTrajectory(FileFlightCard):
     """A trajectory in a user's file, CSV or Parquet, with a row for each time.
 
     The specific force may jump at the events only. With velocity columns the true velocity is a spline through their

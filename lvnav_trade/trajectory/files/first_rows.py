@@ -12,21 +12,21 @@ from lvnav_trade.quantities.limits import STREAM
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.files.columns import AttitudeColumns, TableTrajectory
 from lvnav_trade.trajectory.files.j2000 import rotation_to_date
-from lvnav_trade.trajectory.files.rows import Rows, read_attitudes, si
+from lvnav_trade.trajectory.files.rows import TrajectoryRows, read_attitudes, si
 
 REST = 1.0  # m/s relative to the Earth; a slower vehicle is at rest
 _WALK = 10.0  # m/s; precession between two dates moves a point at rest by less (1.1 m/s in 2024)
 _LIFTOFF, _LATEST_LIFTOFF = 3.0, 60.0  # s; offset of lift-off from time zero without a remark, and without an error
 
 
-def rest_end(rows: Rows) -> float | None:
+def rest_end(rows: TrajectoryRows) -> float | None:
     """Return the time (s) of the last row at rest before motion; None if the first row moves or no row moves."""
     v = np.gradient(rows.r_i, rows.t, axis=0) if rows.v_i is None else rows.v_i
     moving = np.linalg.norm(earth_velocity(rows.r_i, v), axis=1) > REST
     return None if moving[0] or not moving.any() else float(rows.t[int(np.argmax(moving)) - 1])
 
 
-def clock_remark(card: TableTrajectory, rows: Rows) -> str:
+def clock_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
     """Return the warning about a file that begins at rest and lifts off at a time other than zero; empty for none.
 
     InputError if the offset exceeds a minute, or the first row is a day from lift-off: the clock of the file then has
@@ -48,7 +48,7 @@ def clock_remark(card: TableTrajectory, rows: Rows) -> str:
     return rests
 
 
-def axes_remark(card: TableTrajectory, rows: Rows) -> str:
+def axes_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
     """Return the warning that the first row moves in the card's inertial axes but rests in those of another date."""
     frame = card.position.frame
     if frame not in ("eci", "j2000") or rows.v_i is None or card.velocity is None or card.velocity.frame != frame:
@@ -75,7 +75,7 @@ _CERTAIN, _CLEAR = 0.1, 0.5
 _CERTAIN_ANGLE, _CLEAR_ANGLE = np.radians(1.0), np.radians(0.1)  # smaller angles are not significant
 
 
-class Reading(NamedTuple):
+class AttitudeInterpretation(NamedTuple):
     """An interpretation of the attitude columns.
 
     part : Settings of the interpretation.
@@ -98,7 +98,7 @@ def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield attitude | {"frame": frame, "turns": sense, "scalar": scalar}
 
 
-def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarray) -> list[Reading]:
+def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarray) -> list[AttitudeInterpretation]:
     """Return the interpretations of a card's attitude, that of the card first; an empty list without attitude.
 
     r_i : (n, 3) m, frame i. Positions of the rows.
@@ -113,11 +113,11 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
     for part, q_b_i in zip(parts, read_attitudes(card, parts, r_i), strict=True):
         if q_b_i is not None:
             cosine = np.einsum("ij,ij->i", along, matrices(q_b_i[strong])[:, :, 0])
-            candidates.append(Reading(part, float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))))
+            candidates.append(AttitudeInterpretation(part, float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))))
     return candidates
 
 
-def better(card: TableTrajectory, candidates: list[Reading]) -> str:
+def better(card: TableTrajectory, candidates: list[AttitudeInterpretation]) -> str:
     """Return the warning about an interpretation that fits the forces clearly better than that of the card.
 
     The text is empty if there is none. InputError if the fit is ten times better, unless the card sets

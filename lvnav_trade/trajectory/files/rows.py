@@ -15,7 +15,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import coarse, restored
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.trajectory.discontinuities import Hole, bridged, described
+from lvnav_trade.trajectory.discontinuities import RowGap, bridged, described
 from lvnav_trade.trajectory.files.columns import AttitudeColumns, PositionColumns, TableTrajectory, VelocityColumns
 from lvnav_trade.trajectory.files.j2000 import rotation_to_date
 
@@ -23,7 +23,7 @@ LONGEST_HOLE = 1.0  # s; longest gap that a spline bridges, as long as the row i
 _LARGEST_TURN = 1.0  # rad in a gap; the direction of a rotation near half a turn is ambiguous
 
 
-def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[Hole], list[str]]:
+def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[RowGap], list[str]]:
     """Return the number of usable rows at times t (n,) s, the gaps between them, and remarks on both.
 
     The flight ends at a gap that is too long to be bridged, if that is after the last event.
@@ -108,7 +108,7 @@ _JUMP = 1e-3  # m/s, rad; allowed difference of the two rows of an event, in add
 _SKEW = 1e-3  # allowed deviation of a quaternion's length from 1, or of a matrix from orthonormal
 
 
-class Rows(NamedTuple):
+class TrajectoryRows(NamedTuple):
     """Rows of a trajectory file in SI, frame i.
 
     t : (n,) s since lift-off.
@@ -129,7 +129,7 @@ class Rows(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def read_rows(card: TableTrajectory) -> Rows:
+def read_rows(card: TableTrajectory) -> TrajectoryRows:
     """Return the rows of a card's file.
 
     Raises
@@ -137,7 +137,7 @@ def read_rows(card: TableTrajectory) -> Rows:
     InputError
         The file cannot be read, or a row is impossible. The message names file, row and error.
     """
-    read = _Reader(card)
+    read = _ColumnReader(card)
     r_i, noise_r = read.positions(card.position)
     v_i, noise_v = (None, 0.0) if card.velocity is None else read.velocities(card.velocity, r_i)
     q_b_i, noise_q = (None, 0.0) if card.attitude is None else read.attitudes(card.attitude, r_i)
@@ -146,7 +146,7 @@ def read_rows(card: TableTrajectory) -> Rows:
     noise = tuple(rounded if sigma is None else sigma for rounded, sigma in zip(seen, stated, strict=True))
     read.refuse_jumps(card.events, (r_i, v_i, q_b_i), noise)
     kept = ~read.before
-    rows = Rows(
+    rows = TrajectoryRows(
         read.t[kept],
         r_i[kept],
         None if v_i is None else v_i[kept],
@@ -167,7 +167,7 @@ def read_attitudes(card: TableTrajectory, parts: Sequence[AttitudeColumns], r_i:
 
     r_i : (n, 3) m. Positions of the rows.
     """
-    read, attitudes = _Reader(card), list[Floats | None]()
+    read, attitudes = _ColumnReader(card), list[Floats | None]()
     positions = r_i[np.cumsum(~read.before) - 1 + read.before]  # both rows of an event have that of the second
     for part in parts:
         try:
@@ -186,7 +186,7 @@ def _rounding(table: Floats, *factors: float) -> float:
     return max(rounding(column) * factor for column, factor in zip(table.T, factors, strict=True))
 
 
-class _Reader:
+class _ColumnReader:
     """Columns of a card's file by name, with times t (n,) s and Earth angles theta (n,).
 
     before : (n,). First rows of pairs at a declared event; they end the phase before it and are not used otherwise.
@@ -258,7 +258,7 @@ class _Reader:
         Only the force and the reference point of the position can jump.
 
         motion : r_i (n, 3) m, v_i (n, 3) m/s and q_b_i (n, 4) of all rows.
-        noise : As in `Rows`.
+        noise : As in `TrajectoryRows`.
         """
         r_i, v_i, q_b_i = motion
         for k in np.flatnonzero(self.before).tolist():

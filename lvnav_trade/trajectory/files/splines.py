@@ -28,7 +28,7 @@ _COAST = 0.5  # m/s^2; a part with less specific force (median) is a coast
 _EDGE = 1e-9  # s; distance of the first and last time from the ends of a part, because force jumps there
 
 
-class Fit(NamedTuple):
+class SplineFit(NamedTuple):
     """A spline through rows.
 
     spline : Spline of m components.
@@ -41,7 +41,7 @@ class Fit(NamedTuple):
     misfit: float
 
 
-class _Rows(NamedTuple):
+class _FitProblem(NamedTuple):
     """Least-squares problem of the fit.
 
     values : Matrix from coefficients (and steps, as last columns) to values at the data.
@@ -65,7 +65,9 @@ class _Rows(NamedTuple):
         return c, float(np.sqrt(np.mean((self.values @ c - self.data) ** 2)))
 
 
-def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float, steps: Sequence[float] = ()) -> Fit:
+def fit(
+    t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float, steps: Sequence[float] = ()
+) -> SplineFit:
     """Return the smoothest spline through rows, within their noise.
 
     The smoothest spline has the least integrated square of derivative degree - 1: for a velocity of degree 4 and a
@@ -93,9 +95,9 @@ def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float
     rows = _rows(t, y, knots, degree, steps)
     size = len(knots) - degree - 1
 
-    def made(log_weight: float) -> Fit:
+    def made(log_weight: float) -> SplineFit:
         c, misfit = rows.solve(log_weight)
-        return Fit(BSpline(knots, c[:size], degree), c[size:], misfit)
+        return SplineFit(BSpline(knots, c[:size], degree), c[size:], misfit)
 
     exact = made(_EXACT)
     if noise <= exact.misfit:
@@ -119,7 +121,7 @@ def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
     return np.array([spans[0]] * (degree + 1) + inner + [spans[-1]] * (degree + 1))
 
 
-def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _Rows:
+def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _FitProblem:
     """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows."""
     values = csr_array(BSpline.design_matrix(t, knots, degree))
     ends = np.unique(knots)
@@ -133,7 +135,7 @@ def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[floa
         after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
         values = csr_array(block_array([[values, after]]))
         rough = block_array([[rough, csr_array((rough.shape[0], len(steps)))]])
-    return _Rows(values, csr_array(rough), y)
+    return _FitProblem(values, csr_array(rough), y)
 
 
 def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array:

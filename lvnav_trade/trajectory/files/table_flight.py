@@ -32,7 +32,7 @@ from lvnav_trade.trajectory.discontinuities import missing_events, suggested_eve
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import Residual, added
 from lvnav_trade.trajectory.files.first_rows import REST, axes_remark, better, clock_remark, compared
-from lvnav_trade.trajectory.files.rows import SAME, Rows, read_rows
+from lvnav_trade.trajectory.files.rows import SAME, TrajectoryRows, read_rows
 from lvnav_trade.trajectory.files.splines import along_path, fit
 from lvnav_trade.trajectory.truth import NOTE, PAD_STEP, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
 
@@ -41,7 +41,7 @@ _CLOSEST = 0.1  # s; smallest interval of the samples at rest before the rows
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
 
 
-class Jump(NamedTuple):
+class ReferencePointChange(NamedTuple):
     """A change of the reference point of the position rows: a step at an event, or a movement between two events.
 
     name : Event or pair of events.
@@ -54,7 +54,7 @@ class Jump(NamedTuple):
     shift: Floats
 
 
-class Fitted(NamedTuple):
+class RowFit(NamedTuple):
     """Fit of the rows.
 
     rows : The rows.
@@ -66,10 +66,10 @@ class Fitted(NamedTuple):
     missing : Warning about events that the card does not declare; empty for none.
     """
 
-    rows: Rows
+    rows: TrajectoryRows
     position: BSpline
     edges: list[float]
-    jumps: tuple[Jump, ...]
+    jumps: tuple[ReferencePointChange, ...]
     misfit: tuple[float, float, float]
     residuals: tuple[Residual, ...]
     missing: str = ""
@@ -110,7 +110,7 @@ def from_table(card: TableTrajectory) -> Trajectory:
     return flight
 
 
-def _reading_remark(card: TableTrajectory, path: Fitted) -> str:
+def _reading_remark(card: TableTrajectory, path: RowFit) -> str:
     """Return the warning that another interpretation of the attitude fits the forces better; InputError as `better`."""
     rows = path.rows
     if rows.q_b_i is None:
@@ -158,12 +158,12 @@ def content_of(file: str) -> str:
     return hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest()
 
 
-def _path_of(card: TableTrajectory) -> Fitted:
+def _path_of(card: TableTrajectory) -> RowFit:
     return _fitted((card.model_dump_json(), content_of(card.file)), card)
 
 
 @remembered(4)
-def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
+def _fitted(identity: tuple[str, str], card: TableTrajectory) -> RowFit:
     """Return the fit of a card's file, cached by `identity`: the card and the digest of the file."""
     rows = read_rows(card)
     marks = _marks(card.events, rows.t)
@@ -206,7 +206,7 @@ def _names_at(marks: Mapping[str, float], begin: float, end: float) -> str:
     return ", ".join(name for name, time in marks.items() if begin < time <= end)
 
 
-def _by_velocity(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
+def _by_velocity(card: TableTrajectory, rows: TrajectoryRows, edges: list[float], marks: Mapping[str, float]) -> RowFit:
     """Return the fit whose velocity is a spline through the velocity rows, and whose position is its integral."""
     v_i = np.asarray(rows.v_i)
     velocity = fit(rows.t, v_i, edges[1:-1], 4, rows.noise[1]).spline
@@ -221,11 +221,11 @@ def _by_velocity(card: TableTrajectory, rows: Rows, edges: list[float], marks: M
         "velocity", rows, edges, lambda here: np.linalg.norm(velocity(rows.t[here]) - v_i[here], axis=1)
     )
     in_order = tuple(sorted(jumps, key=lambda jump: jump.time))
-    return Fitted(rows, position, edges, in_order, _misfit(rows, apart), residuals)
+    return RowFit(rows, position, edges, in_order, _misfit(rows, apart), residuals)
 
 
 def _worst(
-    what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
+    what: str, rows: TrajectoryRows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
 ) -> tuple[Residual, ...]:
     """Return the worst residual of each part with two rows or more; `size` returns the residuals at given rows."""
     noise, residuals = rows.noise[("position", "velocity", "attitude").index(what)], []
@@ -243,7 +243,9 @@ def _angles(p: Floats, q: Floats) -> Floats:
     return np.asarray(4.0 * np.arcsin(np.minimum(1.0, 0.5 * np.linalg.norm(unit(p) - q, axis=1))))
 
 
-def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
+def _moved(
+    card: TableTrajectory, rows: TrajectoryRows, change: Floats, marks: Mapping[str, float]
+) -> list[ReferencePointChange]:
     """Remove the declared movements of the reference point from the `change` from row to row (n - 1, 3)."""
     jumps = []
     for first, last in card.moving_reference:
@@ -253,12 +255,14 @@ def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str
         here = (rows.t[1:] > times[0]) & (rows.t[:-1] < times[1])
         # an interval with a step is treated by `_stepped`
         here &= np.linalg.norm(change, axis=1) < card.smallest_jump
-        jumps.append(Jump(f"{first} to {last}", times[0], -np.sum(change[here], axis=0)))
+        jumps.append(ReferencePointChange(f"{first} to {last}", times[0], -np.sum(change[here], axis=0)))
         change[here] = 0.0
     return jumps
 
 
-def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
+def _stepped(
+    card: TableTrajectory, rows: TrajectoryRows, change: Floats, marks: Mapping[str, float]
+) -> list[ReferencePointChange]:
     """Remove the steps at events from the `change` from row to row (n - 1, 3); InputError for a step without event."""
     size = np.linalg.norm(change, axis=1)
     jumps = []
@@ -269,12 +273,12 @@ def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[s
                 f"{card.file}: the position steps by {size[k]:.3g} m beside its velocity between {rows.t[k]:.9g} and "
                 f"{rows.t[k + 1]:.9g} s, where no event is declared: is one missing, or a frame or unit wrong?"
             )
-        jumps.append(Jump(names, float(rows.t[k + 1]), -change[k]))
+        jumps.append(ReferencePointChange(names, float(rows.t[k + 1]), -change[k]))
         change[k] = 0.0
     return jumps
 
 
-def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
+def _by_position(card: TableTrajectory, rows: TrajectoryRows, edges: list[float], marks: Mapping[str, float]) -> RowFit:
     """Return the fit of a spline through the position rows, after removal of large steps at events."""
     breaks, noise = edges[1:-1], rows.noise[0]
     free = fit(rows.t, rows.r_i, breaks, 5, noise, breaks)
@@ -282,25 +286,25 @@ def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: M
     kept = [time for time, step in zip(breaks, size, strict=True) if step > card.smallest_jump + 10.0 * noise]
     fitted = fit(rows.t, rows.r_i, breaks, 5, noise, kept)
     names = [_names_at(marks, time - SAME, time + SAME) for time in kept]
-    jumps = tuple(Jump(*item) for item in zip(names, kept, fitted.steps, strict=True))
+    jumps = tuple(ReferencePointChange(*item) for item in zip(names, kept, fitted.steps, strict=True))
     offset = sum((np.outer(rows.t >= jump.time, jump.shift) for jump in jumps), start=np.zeros_like(rows.r_i))
-    return Fitted(rows, fitted.spline, edges, jumps, _misfit(rows, fitted.spline(rows.t) + offset - rows.r_i), ())
+    return RowFit(rows, fitted.spline, edges, jumps, _misfit(rows, fitted.spline(rows.t) + offset - rows.r_i), ())
 
 
-def _misfit(rows: Rows, apart: Floats) -> tuple[float, float, float]:
+def _misfit(rows: TrajectoryRows, apart: Floats) -> tuple[float, float, float]:
     size = np.linalg.norm(apart, axis=1)
     k = int(np.argmax(size))
     return float(np.sqrt(np.mean(size**2))), float(size[k]), float(rows.t[k])
 
 
-def _force(path: Fitted) -> tuple[Floats, Floats]:
+def _force(path: RowFit) -> tuple[Floats, Floats]:
     """Return times (n,) within the parts between edges, at most 0.05 s apart, and the specific forces there (n, 3)."""
     edges = path.edges
     t = np.concatenate([np.linspace(a, b, max(8, int((b - a) / 0.05)) + 2)[1:-1] for a, b in pairwise(edges)])
     return t, path.position(t, 2) - gravity_along(path.position(t))
 
 
-def _rows_force(rows: Rows) -> tuple[Floats, Floats, float]:
+def _rows_force(rows: TrajectoryRows) -> tuple[Floats, Floats, float]:
     """Return times (n,) s, the mean specific force (n - 1,) m/s^2 between them, and one sigma (m/s) of the velocities.
 
     The velocities are those of the rows, or differences of positions at the times between the rows.
@@ -314,12 +318,12 @@ def _rows_force(rows: Rows) -> tuple[Floats, Floats, float]:
     return t, np.linalg.norm(force, axis=1), noise
 
 
-def _turning(rows: Rows, t: Floats, q_b_i: Floats) -> BSpline:
+def _turning(rows: TrajectoryRows, t: Floats, q_b_i: Floats) -> BSpline:
     """Return the quaternion spline through rows of attitude q_b_i (n, 4) at t (n,), with the noise of the file."""
     return fit(t, q_b_i, [], 5, rows.noise[2] * _COMPONENTS).spline
 
 
-def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
+def _attitude(card: TableTrajectory, path: RowFit, hold: float) -> BSpline:
     """Return the quaternion spline through the rows of attitude, or else along the path."""
     rows = path.rows
     if rows.q_b_i is None:
@@ -336,7 +340,7 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
     return _turning(rows, t, q)
 
 
-def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str, float | str]:
+def _facts(card: TableTrajectory, path: RowFit, flight: Trajectory) -> dict[str, float | str]:
     """Return the facts for the report on the file and its fit, SI; InputError as in `_attitude_facts`."""
     t, force = _force(path)
     jerk = np.linalg.norm(path.position(t, 3), axis=1)
@@ -363,7 +367,7 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
 
 
 def _attitude_facts(
-    card: TableTrajectory, path: Fitted, flight: Trajectory, t: Floats, force: Floats
+    card: TableTrajectory, path: RowFit, flight: Trajectory, t: Floats, force: Floats
 ) -> dict[str, float]:
     """Return the interpolation error of the attitude rows, and the angle of the forces (n, 3) at t from the roll axis.
 

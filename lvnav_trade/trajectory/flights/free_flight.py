@@ -20,7 +20,7 @@ _TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an or
 _LONGEST_STEP = 20.0  # s; so that the integrator does not step over a thin layer of air
 
 
-class Mode(NamedTuple):
+class AttitudeLaw(NamedTuple):
     """An attitude law.
 
     start : s since lift-off. Start of the law.
@@ -33,7 +33,7 @@ class Mode(NamedTuple):
     axes: Axes
 
 
-def attitude(modes: Sequence[Mode], t: Floats, y: Floats) -> Floats:
+def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
     """Return quaternions q_b_i (n, 4), of continuous sign, at rising times t (n,) s and states y (n, 6 or more).
 
     A turn is about the axis of the rotation from one law's attitude to that of the next, with the angle a quintic in
@@ -55,7 +55,7 @@ def attitude(modes: Sequence[Mode], t: Floats, y: Floats) -> Floats:
     return q
 
 
-def nose(modes: Sequence[Mode], t: float, y: Floats) -> Floats:
+def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
     """Return the direction (3,) of the body x axis, frame i, at time t (s) and state y (6 or more)."""
     at, state = np.array([t]), y[None]
     begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
@@ -129,7 +129,7 @@ class Thrust(NamedTuple):
     direction: Law
 
 
-class Stretch(NamedTuple):
+class IntegratedPhase(NamedTuple):
     """An integrated phase of flight.
 
     name : Name of the phase.
@@ -187,7 +187,7 @@ def climb(y: Floats) -> float:
 
 def fly(
     name: str, t0: float, y0: Floats, rate: Law, longest: float, step: float, until: Condition | None = None
-) -> Stretch:
+) -> IntegratedPhase:
     """Return the integrated phase from time t0 (s) and state y0 (7,).
 
     Parameters
@@ -222,10 +222,10 @@ def fly(
     t = np.linspace(t0, end, max(8, int(np.ceil((end - t0) / step - 1e-9))) + 1)
     y = solution.sol(t).T
     y[0] = y0
-    return Stretch(name, t, y, rate)
+    return IntegratedPhase(name, t, y, rate)
 
 
-def phases(stretches: Sequence[Stretch], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
+def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
     """Return the phases of the true trajectory, with a position spline for each, and common attitude and roll angle."""
     ends = [np.array([s.rate(float(s.t[k]), s.y[k]) for k in (0, -1)]) for s in stretches]  # rates of the state
     return [
@@ -234,25 +234,25 @@ def phases(stretches: Sequence[Stretch], attitude: BSpline, spin: PPoly | None =
     ]
 
 
-def knots(stretches: Sequence[Stretch]) -> tuple[Floats, Floats]:
+def knots(stretches: Sequence[IntegratedPhase]) -> tuple[Floats, Floats]:
     """Return the times (n,) and states (n, 7) of successive phases, with each common sample only once."""
     return joined([s.t for s in stretches]), joined([s.y for s in stretches])
 
 
-def greatest_load(stretches: Sequence[Stretch]) -> float:
+def greatest_load(stretches: Sequence[IntegratedPhase]) -> float:
     """Return the largest specific force (m/s^2) of a flight, at its knots."""
     samples = [(s.rate(t, y)[3:6], y[:3]) for s in stretches for t, y in zip(s.t.tolist(), s.y, strict=True)]
     a, r = np.swapaxes(np.array(samples), 0, 1)
     return float(np.max(np.linalg.norm(a - gravity_along(r.copy()), axis=1)))
 
 
-class Flown:
+class FlightIntegration:
     """A flight during its integration: time (s), state y (7,), attitude laws (`modes`), phases and events (s)."""
 
     def __init__(self, theta0: float, y: Floats, air: Drag | None) -> None:
         self.t, self.theta0, self.y, self.air = 0.0, theta0, y, air
-        self.modes: list[Mode] = []
-        self.stretches: list[Stretch] = []
+        self.modes: list[AttitudeLaw] = []
+        self.stretches: list[IntegratedPhase] = []
         self.events: dict[str, float] = {}
 
     @property
@@ -264,17 +264,17 @@ class Flown:
         """Return the condition whose zero is at the height `mark` (m)."""
         return lambda t, y: height(t, y, self.theta0) - mark
 
-    def axes(self, modes: Sequence[Mode] = ()) -> Floats:
+    def axes(self, modes: Sequence[AttitudeLaw] = ()) -> Floats:
         """Return the present attitude C_b_i (3, 3), by the laws of the flight or other laws."""
         return np.asarray(frames.matrices(attitude(modes or self.modes, np.array([self.t]), self.y[None]))[0])
 
     def ahead(
         self, name: str, longest: float, step: float, thrust: Thrust | None = None, until: Condition | None = None
-    ) -> Stretch:
+    ) -> IntegratedPhase:
         """Return the phase from the present state, as `fly` does."""
         return fly(name, self.t, self.y, newton(self.air, thrust, self.theta0), longest, step, until)
 
-    def keep(self, stretch: Stretch) -> None:
+    def keep(self, stretch: IntegratedPhase) -> None:
         """Append a phase and advance to its end."""
         self.stretches.append(stretch)
         self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()

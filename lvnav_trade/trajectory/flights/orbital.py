@@ -25,9 +25,9 @@ from lvnav_trade.trajectory.ascent.launch import achieved
 from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard, refuse_drag_table
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.flights.free_flight import (
+    AttitudeLaw,
     Axes,
-    Flown,
-    Mode,
+    FlightIntegration,
     along_airspeed,
     along_velocity,
     attitude,
@@ -50,7 +50,7 @@ _SLEW = 60.0  # s
 _LONGEST = 20000.0  # s of a coast down: three orbits
 
 
-class Start(Card):
+class OrbitalStart(Card):
     """Osculating orbit at t = 0: altitudes above the equatorial radius, and the place at which the flight begins."""
 
     perigee: Length
@@ -67,7 +67,7 @@ class Start(Card):
             yield f"perigee: {self.perigee * 1e-3:.6g} km is below the Earth's centre; it counts from the surface"
 
 
-class Leg(Card):
+class OrbitalLeg(Card):
     """A coast or a burn, with an attitude law to which the body turns at its start.
 
     prograde, retrograde: x axis along or against the inertial velocity; horizontal: x axis level in the orbital plane;
@@ -130,12 +130,12 @@ class OrbitalFlight(FlightCard):
 
     kind: Literal["orbital"] = "orbital"
     epoch: Epoch = Field(description="t = 0, ISO 8601 UTC")
-    orbit: Start  # at t = 0
+    orbit: OrbitalStart  # at t = 0
     mass: Annotated[Mass, Field(gt=0.0)]  # at t = 0
     reference_area: Area = 0.0  # area that the drag coefficients refer to
     mach: tuple[float, ...] = Field((0.0, 1.0), min_length=2, description="Mach numbers of the drag table, increasing")
     drag_coefficient: tuple[float, ...] = Field((2.2, 2.2), min_length=2)  # at the Mach numbers
-    legs: tuple[Leg, ...] = Field(min_length=1)  # coasts and burns in order
+    legs: tuple[OrbitalLeg, ...] = Field(min_length=1)  # coasts and burns in order
     descent: Descent | None = None  # to the end altitude; none: the flight ends with its last leg
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
@@ -155,7 +155,7 @@ class OrbitalFlight(FlightCard):
 
 def orbit(card: OrbitalFlight) -> Trajectory:
     """Return the true trajectory of an orbital card; InputError if it does not come down, or comes down too early."""
-    flight = _Flight(card)
+    flight = _OrbitalIntegration(card)
     for leg in card.legs:
         flight.leg(leg)
     if card.descent is not None:
@@ -166,7 +166,7 @@ def orbit(card: OrbitalFlight) -> Trajectory:
     return Trajectory(tuple(flown), flight.events, flight.theta0, card.epoch, _facts(flight))
 
 
-class _Flight(Flown):
+class _OrbitalIntegration(FlightIntegration):
     def __init__(self, card: OrbitalFlight) -> None:
         self.card, at, theta0 = card, card.orbit, gmst(card.epoch)
         a, e = SEMI_MAJOR + 0.5 * (at.apogee + at.perigee), 0.5 * (at.apogee - at.perigee)
@@ -176,10 +176,10 @@ class _Flight(Flown):
         start = np.concatenate([*state_from_elements(elements), [card.mass]])
         super().__init__(theta0, start, air if card.reference_area > 0.0 else None)
 
-    def point(self, to: Leg | Descent) -> None:
+    def point(self, to: OrbitalLeg | Descent) -> None:
         """Turn to an attitude law at the present time; the first law applies from the start."""
         start, slew = (self.t, to.slew) if self.modes else (-math.inf, 0.0)
-        self.modes.append(Mode(start, slew, turned(self._law(to.attitude), to.pitch, to.yaw)))
+        self.modes.append(AttitudeLaw(start, slew, turned(self._law(to.attitude), to.pitch, to.yaw)))
 
     def _law(self, law: Pointing) -> Axes:
         if law == "inertial":
@@ -189,7 +189,7 @@ class _Flight(Flown):
             return along_airspeed(ecef_from_eci(across, earth_angle(self.theta0, self.t)), self.theta0)
         return level if law == "horizontal" else along_velocity(1.0 if law == "prograde" else -1.0)
 
-    def leg(self, leg: Leg) -> None:
+    def leg(self, leg: OrbitalLeg) -> None:
         self.point(leg)
         burning = leg.thrust is not None
         if burning and self._turn() > _WIDEST:
@@ -237,7 +237,7 @@ class _Flight(Flown):
                 self.keep(self.ahead("opening", 4.0, _CANOPY))
 
 
-def _facts(flight: _Flight) -> dict[str, float | str]:
+def _facts(flight: _OrbitalIntegration) -> dict[str, float | str]:
     first = achieved(flight.stretches[0].y[0])
     return {
         "perigee_at_start_m": first["perigee_m"],

@@ -22,8 +22,8 @@ from lvnav_trade.trajectory.ascent.legs import pad_state, site_axes
 from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.flights.free_flight import (
-    Flown,
-    Mode,
+    AttitudeLaw,
+    FlightIntegration,
     Thrust,
     along_airspeed,
     attitude,
@@ -172,7 +172,7 @@ def launch(card: SoundingFlight) -> Trajectory:
     return Trajectory(flown, events, flight.theta0, card.epoch, _facts(card, flight, pressure))
 
 
-class _Flight(Flown):
+class _SoundingIntegration(FlightIntegration):
     def __init__(self, card: SoundingFlight, elevation: float) -> None:
         up, downrange, right = site_axes(card.site, card.rail.azimuth)
         self.card, self.elevation, self.right_e, self.held = card, elevation, right, False
@@ -181,7 +181,7 @@ class _Flight(Flown):
         theta0 = frames.gmst(card.epoch)
         start = np.concatenate([*pad_state(card.site, float(frames.earth_angle(theta0, 0.0))), [mass]])
         super().__init__(theta0, start, Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient)))
-        self.modes.append(Mode(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
+        self.modes.append(AttitudeLaw(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
         self.events["liftoff"] = 0.0
 
     def motor(self, stage: SolidMotor) -> Thrust:
@@ -213,7 +213,7 @@ class _Flight(Flown):
 
     def nose_first(self, slew: float) -> None:
         """Turn the x axis along the airspeed, within `slew` seconds."""
-        self.modes.append(Mode(self.t, slew, along_airspeed(self.right_e, self.theta0)))
+        self.modes.append(AttitudeLaw(self.t, slew, along_airspeed(self.right_e, self.theta0)))
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
         """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
@@ -227,7 +227,7 @@ class _Flight(Flown):
     def hold(self, C_b_i: Floats, start: float | None = None) -> None:
         """Keep an inertial attitude from `start` (s) on; None: from the present time on."""
         self.held = True
-        self.modes.append(Mode(self.t if start is None else start, self.card.turn_time, fixed_to_stars(C_b_i)))
+        self.modes.append(AttitudeLaw(self.t if start is None else start, self.card.turn_time, fixed_to_stars(C_b_i)))
 
     def turn(self, elevation: float, coast: float) -> None:
         """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
@@ -282,9 +282,9 @@ def _acceleration_at_rest(y: Floats) -> Floats:
     return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
 
 
-def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _Flight:
+def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _SoundingIntegration:
     """Return the flight with rail at `elevation` and last stage turned to `turn` (rad); to apogee if not whole."""
-    flight = _Flight(card, elevation)
+    flight = _SoundingIntegration(card, elevation)
     flight.leave_rail(card.stages[0])
     for number, stage in enumerate(card.stages, start=1):
         goal = stage.elevation if number < len(card.stages) or turn is None else turn
@@ -305,7 +305,9 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
     if wanted is None:
         assert rail is not None
         return rail, None
-    _Flight(card, rail or math.radians(80.0)).leave_rail(card.stages[0])  # refuses what does not, before the search
+    _SoundingIntegration(card, rail or math.radians(80.0)).leave_rail(
+        card.stages[0]
+    )  # refuses what does not, before the search
 
     def excess(elevation: float) -> float:
         start, turn = (elevation, None) if rail is None else (rail, elevation)
@@ -325,7 +327,7 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
     return (elevation, None) if rail is None else (rail, elevation)
 
 
-def _max_q(flight: _Flight) -> tuple[float, float]:
+def _max_q(flight: _SoundingIntegration) -> tuple[float, float]:
     """Return time (s) and value (Pa) of the greatest dynamic pressure before the apogee."""
     best = (0.0, 0.0)
     for stretch in flight.stretches:
@@ -337,7 +339,7 @@ def _max_q(flight: _Flight) -> tuple[float, float]:
     return best[1], best[0]
 
 
-def _facts(card: SoundingFlight, flight: _Flight, max_q: float) -> dict[str, float | str]:
+def _facts(card: SoundingFlight, flight: _SoundingIntegration, max_q: float) -> dict[str, float | str]:
     apogee = next(s for s in flight.stretches if s.t[-1] == flight.events["apogee"])
     ends = (0.0, flight.stretches[0].y[0]), (flight.t, flight.y)
     begin_e, end_e = (frames.ecef_from_eci(y[:3], frames.earth_angle(flight.theta0, t)) for t, y in ends)

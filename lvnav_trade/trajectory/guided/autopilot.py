@@ -57,7 +57,7 @@ class Plant(NamedTuple):
     release: float
 
 
-class Law(NamedTuple):
+class ControlLaw(NamedTuple):
     """Controller, and a guidance of its own that turns the nominal attitude.
 
     gains : (n_stage, 3). Gains of attitude, rate (s) and integral (1/s).
@@ -80,7 +80,7 @@ class Law(NamedTuple):
     command_sigma: float
 
 
-class Feed(NamedTuple):
+class ControllerInputs(NamedTuple):
     """Measurements that the controller uses.
 
     rate : Source of the rate: TRUE, RAW or FILTERED.
@@ -123,16 +123,16 @@ class CommandedEnvelope(NamedTuple):
     nozzle_time: float
 
 
-class Settings(NamedTuple):
+class AutopilotSettings(NamedTuple):
     """Settings common to all runs of a launch: vehicle, controller, measurements and envelope."""
 
     plant: Plant
-    law: Law
-    feed: Feed
+    law: ControlLaw
+    feed: ControllerInputs
     model: CommandedEnvelope
 
 
-class Draws(NamedTuple):
+class DrawKeys(NamedTuple):
     """Keys of the draws of a run: two words of the seed, and the number of the run."""
 
     k0: np.uint64
@@ -140,7 +140,7 @@ class Draws(NamedTuple):
     run: np.uint64
 
 
-class Course(NamedTuple):
+class CommandedAttitude(NamedTuple):
     """The commanded attitude, stored before lift-off for n even ticks from lift-off on. Axes are pitch and yaw.
 
     t : (n,) s since lift-off.
@@ -165,7 +165,7 @@ class Course(NamedTuple):
     phase: Ints
 
 
-class Met(NamedTuple):
+class LateralForces(NamedTuple):
     """Forces and air at a moment. Pairs are of pitch and yaw; lateral means along `up` and `right` of the course.
 
     effectiveness : 1/s^2. Angular acceleration per nozzle angle.
@@ -194,7 +194,7 @@ class Met(NamedTuple):
     thruster: float
 
 
-class Control(NamedTuple):
+class ControlledAttitude(NamedTuple):
     """The controlled attitude of one run.
 
     course : Commanded attitude.
@@ -207,9 +207,9 @@ class Control(NamedTuple):
     sums : (2, N_PHASE, N_SUM). Sums over the ticks of each phase; updated.
     """
 
-    course: Course
-    settings: Settings
-    draws: Draws
+    course: CommandedAttitude
+    settings: AutopilotSettings
+    draws: DrawKeys
     memory: Floats
     counts: Ints
     every: int
@@ -217,7 +217,7 @@ class Control(NamedTuple):
     sums: Floats
 
 
-class Reaction(NamedTuple):
+class AxisMotion(NamedTuple):
     """Motion of an axis at a tick, with the bounds of the envelope of commanded motion."""
 
     turning: float  # angular acceleration, rad/s^2

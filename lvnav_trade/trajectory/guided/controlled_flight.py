@@ -13,9 +13,9 @@ from lvnav_trade.trajectory.ascent.launch import achieved, build_ascent
 from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
 from lvnav_trade.trajectory.control_cards import SteeredCard
 from lvnav_trade.trajectory.guided import autopilot
-from lvnav_trade.trajectory.guided.course import Ascent, ascend
+from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
 from lvnav_trade.trajectory.guided.missions import Launch, fly_mission, launch_along
-from lvnav_trade.trajectory.guided.pilots import Stretch, TurningPilot
+from lvnav_trade.trajectory.guided.pilots import PathSegment, TurningPilot
 from lvnav_trade.trajectory.truth import (
     Commands,
     Phase,
@@ -32,7 +32,7 @@ _LOAD_STEP = 0.05  # s between the times at which the largest load is looked for
 
 
 @remembered(2)
-def _solved(key: str, card: VehicleAscent) -> Ascent:
+def _solved(key: str, card: VehicleAscent) -> SolvedAscent:
     return ascend(card)
 
 
@@ -47,13 +47,13 @@ def flown_ascent(card: VehicleAscent) -> Trajectory:
     return fly_launch(ascent, launch_along(ascent, card.control), card.control)
 
 
-def fly_launch(ascent: Ascent, launch: Launch, card: SteeredCard) -> Trajectory:
+def fly_launch(ascent: SolvedAscent, launch: Launch, card: SteeredCard) -> Trajectory:
     """Return the trajectory of one launch, whose motors burn as long as on the nominal ascent.
 
     The body points as the controlled loop has it; roll is that of the ascent. Knots lie a tick apart.
     """
     nominal = ascent.trajectory
-    draws = autopilot.Draws(*seed_words(_SEED), np.uint64(card.realisation))
+    draws = autopilot.DrawKeys(*seed_words(_SEED), np.uint64(card.realisation))
     pilot = fly_mission(launch, card.feedback, draws, 1, path=True)
     control = pilot.turning.control
     t, rows = control.course.t[: len(control.history)], control.history
@@ -84,7 +84,7 @@ def _phases(nominal: Trajectory, pilot: TurningPilot) -> Iterator[Phase]:
         yield Phase(stretch.name, float(t[0]), float(t[-1]), position, attitude_spline(t, q))
 
 
-def _inside(stretch: Stretch, ticks: Floats) -> Floats:
+def _inside(stretch: PathSegment, ticks: Floats) -> Floats:
     """Return which ticks lie between the ends of a stretch, no nearer to them than half a tick."""
     half = 0.5 * (ticks[1] - ticks[0])
     return (ticks > stretch.t[0] + half) & (ticks < stretch.t[1] - half)

@@ -11,12 +11,12 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
 from lvnav_trade.trajectory.ascent.dispersion import flown
 from lvnav_trade.trajectory.ascent.launch import build_ascent
-from lvnav_trade.trajectory.ascent.legs import Leg
+from lvnav_trade.trajectory.ascent.legs import AscentLeg
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.control_cards import ControllerCard
-from lvnav_trade.trajectory.guided.autopilot import BURN, CHANGE, COAST, Course
-from lvnav_trade.trajectory.guided.reference import Plan, plan_along
+from lvnav_trade.trajectory.guided.autopilot import BURN, CHANGE, COAST, CommandedAttitude
+from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_along
 from lvnav_trade.trajectory.truth import Trajectory, motion
 
 PITCH, YAW = 0, 1
@@ -24,7 +24,7 @@ _BURN = re.compile(r"stage \d+ burn")
 _CHANGE = re.compile(r"stage\d+_(ignition|cutoff|separation)")
 
 
-class Ascent(NamedTuple):
+class SolvedAscent(NamedTuple):
     """A solved ascent.
 
     card : Vehicle and target.
@@ -35,14 +35,14 @@ class Ascent(NamedTuple):
 
     card: VehicleAscent
     trajectory: Trajectory
-    plan: Plan
-    legs: list[Leg]
+    plan: GuidancePlan
+    legs: list[AscentLeg]
 
 
-def ascend(card: VehicleAscent) -> Ascent:
+def ascend(card: VehicleAscent) -> SolvedAscent:
     """Return the solved ascent of a vehicle card; InputError if the orbit is out of reach."""
     vehicle, aim, flight = flown(card)
-    return Ascent(vehicle, build_ascent(card), plan_along(card, aim, flight), flight.legs)
+    return SolvedAscent(vehicle, build_ascent(card), plan_along(card, aim, flight), flight.legs)
 
 
 def changes(trajectory: Trajectory) -> Floats:
@@ -50,7 +50,9 @@ def changes(trajectory: Trajectory) -> Floats:
     return np.array([t for name, t in trajectory.events.items() if name == "liftoff" or _CHANGE.match(name)])
 
 
-def course_along(ascent: Ascent, controller: ControllerCard, envelope: EnvelopeCard, rate: float) -> Course:
+def course_along(
+    ascent: SolvedAscent, controller: ControllerCard, envelope: EnvelopeCard, rate: float
+) -> CommandedAttitude:
     """Return the commanded attitude along an ascent, on ticks at `rate` (Hz) from lift-off to the end.
 
     InputError if a turn starts at an unknown event.
@@ -63,7 +65,7 @@ def course_along(ascent: Ascent, controller: ControllerCard, envelope: EnvelopeC
     turn, turn_rate = _turns(controller, trajectory, t)
     phase = np.where(_burning(ascent.legs, t), BURN, COAST)
     phase[changing(envelope, t, changes(trajectory))] = CHANGE
-    return Course(
+    return CommandedAttitude(
         t=t,
         ahead=np.ascontiguousarray(C_b_i[:, :, 0]),
         up=np.ascontiguousarray(-C_b_i[:, :, 2]),
@@ -76,7 +78,7 @@ def course_along(ascent: Ascent, controller: ControllerCard, envelope: EnvelopeC
     )
 
 
-def _burning(legs: list[Leg], t: Floats) -> Floats:
+def _burning(legs: list[AscentLeg], t: Floats) -> Floats:
     """Return whether a motor burns at times t (n,)."""
     index = np.maximum(np.searchsorted([leg.t[0] for leg in legs], t, side="right") - 1, 0)
     return np.array([_BURN.match(leg.name) is not None for leg in legs])[index]

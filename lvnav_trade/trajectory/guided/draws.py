@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.kernels.random import normals, seed_words, source_word
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dispersion import dispersed
-from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, SpreadsCard
+from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, DispersionsCard
 from lvnav_trade.trajectory.ascent.vehicle import Boosters, Stage, VehicleAscent
 from lvnav_trade.trajectory.guided.dynamics import Wind
 
@@ -91,7 +91,7 @@ def vehicle_of(card: VehicleAscent, sigmas: Sigmas) -> VehicleAscent:
     return card.model_copy(update={"vehicle": vehicle.model_copy(update=update)})
 
 
-def _factor(spreads: SpreadsCard, sigmas: Sigmas, name: str, k: int) -> float:
+def _factor(spreads: DispersionsCard, sigmas: Sigmas, name: str, k: int) -> float:
     if name not in sigmas:
         return 1.0
     return max(_LEAST, 1.0 + float(sigmas[name][k]) * float(getattr(spreads, name)))
@@ -103,7 +103,7 @@ def density_of(card: VehicleAscent, sigmas: Sigmas) -> float:
     return 1.0 if spreads is None else _factor(spreads, sigmas, "density", 0)
 
 
-def _motor(motor: Stage | Boosters, spreads: SpreadsCard, sigmas: Sigmas, k: int) -> Stage | Boosters:
+def _motor(motor: Stage | Boosters, spreads: DispersionsCard, sigmas: Sigmas, k: int) -> Stage | Boosters:
     thrust, impulse, load, dry = (
         _factor(spreads, sigmas, name, k) for name in ("thrust", "specific_impulse", "propellant", "dry_mass")
     )
@@ -134,7 +134,7 @@ def deviations(card: VehicleAscent, sigmas: Sigmas) -> Deviations:
     )
 
 
-def wind_of(sigmas: Floats | None, spreads: SpreadsCard | None) -> Wind:
+def wind_of(sigmas: Floats | None, spreads: DispersionsCard | None) -> Wind:
     """Return the wind of draws (2 n_height,): a Gauss-Markov process over height, stationary from the ground on."""
     if sigmas is None or spreads is None:
         return Wind(WIND_STEP, np.zeros((1, 2)))

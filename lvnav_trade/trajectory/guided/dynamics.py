@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.kernels.earth import GM, OMEGA, gravity_j4
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import Drag, Engine, drag_factor, height_above, thrust_beside, thrust_of
+from lvnav_trade.trajectory.ascent.dynamics import Drag, Propulsion, drag_factor, height_above, thrust_beside, thrust_of
 from lvnav_trade.trajectory.ascent.steering_law import smoothstep
 from lvnav_trade.trajectory.guided.explicit import LAMBDA, REFERENCE, STARTED, TGO, TURN, Target, steer
 
@@ -18,7 +18,7 @@ WHOLE, CUT_OFF, EMPTY, DIVERGED = 0, 1, 2, 3
 _REFINED = 4  # secant steps to the cut-off within a step
 
 
-class Programme(NamedTuple):
+class AttitudeProgramme(NamedTuple):
     """The attitude programme that is stored before lift-off.
 
     step : s. Interval of its entries, the first of which is at lift-off.
@@ -29,7 +29,7 @@ class Programme(NamedTuple):
     u: Floats
 
 
-class Navigation(NamedTuple):
+class NavigationErrors(NamedTuple):
     """Navigation errors over a flight. From each of the times to the next one the error stays, and that of the position
     grows by that of the velocity: between two updates a strapdown only integrates.
 
@@ -41,7 +41,7 @@ class Navigation(NamedTuple):
     error: Floats
 
 
-PERFECT = Navigation(np.array([0.0, 1.0]), np.zeros((2, 9)))
+PERFECT = NavigationErrors(np.array([0.0, 1.0]), np.zeros((2, 9)))
 
 
 class Wind(NamedTuple):
@@ -70,7 +70,7 @@ class Cutoff(NamedTuple):
     empty: float
 
 
-class Law(NamedTuple):
+class GuidanceLaw(NamedTuple):
     """Explicit guidance of the last stage.
 
     start : s since lift-off. From then on it steers; infinite: never.
@@ -91,7 +91,7 @@ class Law(NamedTuple):
     kept: Floats
 
 
-class Surroundings(NamedTuple):
+class AscentInputs(NamedTuple):
     """What a piece of the ascent is flown with.
 
     programme : Attitude programme.
@@ -104,17 +104,17 @@ class Surroundings(NamedTuple):
         last three the direction of the body.
     """
 
-    programme: Programme
-    navigation: Navigation
+    programme: AttitudeProgramme
+    navigation: NavigationErrors
     drag: Drag
     wind: Wind
     misalignment: Floats
-    law: Law
+    law: GuidanceLaw
     lag: float = 0.0
 
 
 @making_arrays
-def error_at(t: float, navigation: Navigation) -> Floats:
+def error_at(t: float, navigation: NavigationErrors) -> Floats:
     """Return the navigation errors (9,) at a time (s)."""
     times = navigation.t
     k = max(0, int(np.searchsorted(times, t, side="right")) - 1)
@@ -131,7 +131,7 @@ def _unit(x: float, y: float, z: float) -> Vector:
 
 
 @jit
-def commanded(t: float, around: Surroundings) -> Vector:
+def commanded(t: float, around: AscentInputs) -> Vector:
     """Return the direction (frame i) in which guidance wants the thrust at a time (s)."""
     programme, law = around.programme, around.law
     last = programme.u.shape[0] - 1
@@ -150,7 +150,7 @@ def commanded(t: float, around: Surroundings) -> Vector:
 
 
 @jit
-def held_direction(t: float, around: Surroundings) -> Vector:
+def held_direction(t: float, around: AscentInputs) -> Vector:
     """Return the true direction of a body that has the commanded attitude by its navigation.
 
     C_true = (1 + [error x]) C_estimated.
@@ -177,7 +177,7 @@ def misaligned(u: Vector, r: Vector, misalignment: Floats) -> Vector:
 
 
 @jit
-def thrust_direction(t: float, r: Vector, around: Surroundings) -> Vector:
+def thrust_direction(t: float, r: Vector, around: AscentInputs) -> Vector:
     """Return the true direction of the thrust of a body that holds its command, with its misalignment."""
     return misaligned(held_direction(t, around), r, around.misalignment)
 
@@ -200,7 +200,7 @@ def velocity_of_air(r: Vector, wind: Wind) -> Vector:
 
 
 @making_arrays
-def rates(t: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
+def rates(t: float, y: Floats, engine: Propulsion, around: AscentInputs) -> Floats:
     """Return the time derivative of y (7 or 10,): inertial position (m), velocity (m/s), mass (kg), and with a lag the
     direction of the body.
     """
@@ -229,7 +229,7 @@ def rates(t: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
 
 
 @making_arrays
-def step(t: float, h: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
+def step(t: float, h: float, y: Floats, engine: Propulsion, around: AscentInputs) -> Floats:
     """Return y (7 or 10,) advanced by h with the classical Runge-Kutta step of fourth order."""
     k1 = rates(t, y, engine, around)
     k2 = rates(t + 0.5 * h, y + 0.5 * h * k1, engine, around)
@@ -239,7 +239,7 @@ def step(t: float, h: float, y: Floats, engine: Engine, around: Surroundings) ->
 
 
 @making_arrays
-def navigated_energy(t: float, y: Floats, navigation: Navigation) -> float:
+def navigated_energy(t: float, y: Floats, navigation: NavigationErrors) -> float:
     """Return the specific energy (J/kg) of the navigated state, two-body."""
     e = error_at(t, navigation)
     v, r = y[3:6] - e[3:6], y[:3] - e[6:9]
@@ -247,7 +247,7 @@ def navigated_energy(t: float, y: Floats, navigation: Navigation) -> float:
 
 
 @making_arrays
-def fly_piece(t: float, end: float, most: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
+def fly_piece(t: float, end: float, most: float, y: Floats, engine: Propulsion, around: AscentInputs) -> Floats:
     """Return the state (7,) after a piece of flight without cut-off; most: s, the longest step."""
     n = max(8, math.ceil((end - t) / most))
     h = (end - t) / n
@@ -257,7 +257,7 @@ def fly_piece(t: float, end: float, most: float, y: Floats, engine: Engine, arou
 
 
 @making_arrays
-def guide(t: float, y: Floats, engine: Engine, around: Surroundings) -> bool:
+def guide(t: float, y: Floats, engine: Propulsion, around: AscentInputs) -> bool:
     """Update explicit guidance at a true state y (7,); return whether it converges."""
     e, law = error_at(t, around.navigation), around.law
     if t < law.start or (law.kept[STARTED] > 0.0 and law.kept[TGO] < law.freeze):
@@ -270,7 +270,7 @@ def guide(t: float, y: Floats, engine: Engine, around: Surroundings) -> bool:
 
 @making_arrays
 def _stopped(
-    t: float, h: float, y: Floats, engine: Engine, around: Surroundings, cutoff: Cutoff
+    t: float, h: float, y: Floats, engine: Propulsion, around: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
     """Return how far a step of h (s) from y goes, the state there, and how it ends: the first of cut-off and depletion.
 
@@ -305,7 +305,7 @@ def _stopped(
 
 @making_arrays
 def fly_last(
-    t: float, end: float, most: float, y: Floats, engine: Engine, around: Surroundings, cutoff: Cutoff
+    t: float, end: float, most: float, y: Floats, engine: Propulsion, around: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7,) and how it ends, of a piece of the last burn that ends at `end` at the latest.
 

@@ -42,7 +42,7 @@ from lvnav_trade.trajectory.guided.autopilot import (
     TURNING,
     TURNING_BOUND,
     TURNING_RATIO,
-    Reaction,
+    AxisMotion,
 )
 from lvnav_trade.trajectory.guided.axis import (
     body_step,
@@ -288,7 +288,7 @@ def close(control):
     for axis in range(2):
         x = control.memory[axis]
         turning = (course.rate[before + 1, axis] + x[RATE_NOW] - x[_RATE_BEFORE]) / dt
-        found = Reaction(turning, x[_TURNING_BOUND], x[_JERK], x[_JERK_BOUND], x[_ERROR], x[_RATE_ERROR])
+        found = AxisMotion(turning, x[_TURNING_BOUND], x[_JERK], x[_JERK_BOUND], x[_ERROR], x[_RATE_ERROR])
         _account(control.sums[axis, course.phase[before]], found)
         if before % control.every == 0 and number < control.history.shape[0]:
             control.history[number, axis, TURNING] = turning

@@ -21,11 +21,11 @@ from lvnav_trade.trajectory.control_cards import (
     rate_noise,
 )
 from lvnav_trade.trajectory.guided import autopilot, loop
-from lvnav_trade.trajectory.guided.course import Ascent, course_along
+from lvnav_trade.trajectory.guided.course import SolvedAscent, course_along
 from lvnav_trade.trajectory.guided.draws import deviations
 from lvnav_trade.trajectory.guided.dynamics import PERFECT, Wind
 from lvnav_trade.trajectory.guided.pilots import TurningPilot
-from lvnav_trade.trajectory.guided.turning import Craft, Gusts, Turning
+from lvnav_trade.trajectory.guided.turning import AttitudeControl, Gusts, RotationalModel
 
 _RATES = {"true": autopilot.TRUE, "raw": autopilot.RAW, "filtered": autopilot.FILTERED}
 _AIR_STEP = 50.0  # m between the heights of wind and gusts
@@ -45,8 +45,8 @@ STILL = WindCard.model_construct(
 class Launch(NamedTuple):
     """What is common to all missions of a vehicle: its ascent, the attitude that is commanded on it, and cards."""
 
-    ascent: Ascent
-    course: autopilot.Course
+    ascent: SolvedAscent
+    course: autopilot.CommandedAttitude
     rotation: RotationCard
     controller: ControllerCard
     wind: WindCard
@@ -68,7 +68,7 @@ class Missions(NamedTuple):
 
 
 def prepare_launch(
-    ascent: Ascent,
+    ascent: SolvedAscent,
     rotation: RotationCard,
     controller: ControllerCard,
     wind: WindCard,
@@ -87,7 +87,7 @@ def prepare_launch(
     return Launch(ascent, course, rotation, controller, wind, imu, envelope)
 
 
-def launch_along(ascent: Ascent, card: SteeredCard) -> Launch:
+def launch_along(ascent: SolvedAscent, card: SteeredCard) -> Launch:
     """Return the launch of an ascent that a card steers."""
     wind = card.wind or STILL
     return prepare_launch(ascent, card.rotation, card.controller, wind, card.imu, card.envelope)
@@ -111,14 +111,14 @@ def fly_missions(
     sums = np.zeros((runs, 2, autopilot.N_PHASE, autopilot.N_SUM))
     movement = np.empty((runs, 2))
     for n in range(runs):
-        draws = autopilot.Draws(*seed_words(seed), np.uint64(first_run + n))
+        draws = autopilot.DrawKeys(*seed_words(seed), np.uint64(first_run + n))
         control = fly_mission(launch, feedback, draws, every).turning.control
         history[n], sums[n], movement[n] = control.history, control.sums, loop.movement(control)
     return Missions(launch.course.t[:n_tick:every], history, movement, sums)
 
 
 def fly_mission(
-    launch: Launch, feedback: FeedbackCard, draws: autopilot.Draws, every: int, path: bool = False
+    launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int, path: bool = False
 ) -> TurningPilot:
     """Return the pilot of one run, who has flown it; path: whether its state at every record is kept."""
     ascent = launch.ascent
@@ -133,12 +133,12 @@ def fly_mission(
 def turning_of(
     launch: Launch,
     feedback: FeedbackCard,
-    draws: autopilot.Draws,
+    draws: autopilot.DrawKeys,
     every: int = _ONCE,
     path: bool = False,
     by_run: bool = False,
     density: float = 1.0,
-) -> Turning:
+) -> AttitudeControl:
     """Return what one run of a launch is flown with.
 
     Parameters
@@ -157,25 +157,27 @@ def turning_of(
         feed = feed._replace(attitude=autopilot.OF_THE_RUN)
         control = control._replace(settings=control.settings._replace(feed=feed))
     stacks = np.array([_numbers(one) for one in rotation.stacks])
-    craft = Craft(stacks, density, rotation.thrusters.force * rotation.thrusters.arm)
-    return Turning(control, craft, _gusts(launch.wind), np.zeros((n_tick if path else 0, 7)))
+    craft = RotationalModel(stacks, density, rotation.thrusters.force * rotation.thrusters.arm)
+    return AttitudeControl(control, craft, _gusts(launch.wind), np.zeros((n_tick if path else 0, 7)))
 
 
 def _numbers(stack: Stack) -> tuple[float, float, float, float]:
-    """Return a row of `Craft.stacks`."""
+    """Return a row of `RotationalModel.stacks`."""
     length = stack.length
     return (stack.gyration * length) ** 2, stack.nozzle_arm * length, stack.normal_force, stack.pressure_arm * length
 
 
-def control_of(launch: Launch, feedback: FeedbackCard, draws: autopilot.Draws, every: int = _ONCE) -> autopilot.Control:
+def control_of(
+    launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int = _ONCE
+) -> autopilot.ControlledAttitude:
     """Return the controlled attitude of one run at lift-off."""
     n_record = (launch.course.t.size - 2) // every + 1
     envelope = autopilot.CommandedEnvelope(
         *(getattr(launch.envelope, name) for name in autopilot.CommandedEnvelope._fields)
     )
-    control = autopilot.Control(
+    control = autopilot.ControlledAttitude(
         launch.course,
-        autopilot.Settings(_plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope),
+        autopilot.AutopilotSettings(_plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope),
         draws,
         np.zeros((2, loop.N_MEMORY)),
         np.zeros(autopilot.N_COUNT, dtype=np.int64),
@@ -198,7 +200,7 @@ def _gusts(card: WindCard) -> Gusts:
     return Gusts(_AIR_STEP, np.append(sigma, 0.0), np.interp(np.append(height, np.inf), card.height, card.gust_length))
 
 
-def wind_of_launch(launch: Launch, draws: autopilot.Draws, other: Wind) -> Wind:
+def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, other: Wind) -> Wind:
     """Return the steady wind of a run: that of its card, which is drawn along and across its direction, and another."""
     card, (along, across) = launch.wind, loop.profile_draws(draws)
     top = max(card.height[-1], other.step * (len(other.speed) - 1))
@@ -227,14 +229,14 @@ def _plant(card: RotationCard) -> autopilot.Plant:
     )
 
 
-def _law(launch: Launch) -> autopilot.Law:
+def _law(launch: Launch) -> autopilot.ControlLaw:
     card, rate = launch.controller, launch.imu.rate
     gains = np.array([[one.attitude, one.rate, one.integral] for one in card.gains])
     guide = card.guidance
     if guide is None:
-        return autopilot.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
+        return autopilot.ControlLaw(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
     ticks = max(1, round(guide.period * rate))
-    return autopilot.Law(
+    return autopilot.ControlLaw(
         gains,
         card.command_time,
         guide.from_stage,
@@ -246,7 +248,7 @@ def _law(launch: Launch) -> autopilot.Law:
     )
 
 
-def _feed(launch: Launch, card: FeedbackCard) -> autopilot.Feed:
+def _feed(launch: Launch, card: FeedbackCard) -> autopilot.ControllerInputs:
     """Return the settings of sensing; the steady filter of the gyro's random walk weighs the attitude reference."""
     noise = rate_noise(launch.imu, card.noise)
     ticks = max(1, round(launch.imu.rate / card.reference_rate))
@@ -256,4 +258,6 @@ def _feed(launch: Launch, card: FeedbackCard) -> autopilot.Feed:
     modelled = card.attitude == "navigation"
     start = math.sqrt(gain) * card.reference_sigma if modelled else 0.0
     attitude = autopilot.MODELLED if modelled else autopilot.IDEAL
-    return autopilot.Feed(_RATES[card.rate], attitude, noise, bias, card.reference_sigma, ticks, gain, start)
+    return autopilot.ControllerInputs(
+        _RATES[card.rate], attitude, noise, bias, card.reference_sigma, ticks, gain, start
+    )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import Engine
+from lvnav_trade.trajectory.ascent.dynamics import Propulsion
 from lvnav_trade.trajectory.ascent.legs import COASTING, STEP, Pilot, cuts, engine
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.guided.autopilot import STACK
@@ -15,17 +15,17 @@ from lvnav_trade.trajectory.guided.dynamics import (
     CUT_OFF,
     DIVERGED,
     EMPTY,
+    AscentInputs,
     Cutoff,
-    Law,
-    Navigation,
-    Surroundings,
+    GuidanceLaw,
+    NavigationErrors,
     commanded,
     fly_last,
     fly_piece,
 )
 from lvnav_trade.trajectory.guided.explicit import N_KEPT
-from lvnav_trade.trajectory.guided.reference import Plan
-from lvnav_trade.trajectory.guided.turning import NEVER, Turning, acceleration, turn_piece
+from lvnav_trade.trajectory.guided.reference import GuidancePlan
+from lvnav_trade.trajectory.guided.turning import NEVER, AttitudeControl, acceleration, turn_piece
 
 INJECTED, DEPLETED, LOST, ADRIFT = "injected", "depleted", "guidance diverged", "navigation failed"
 _OUTCOMES = {CUT_OFF: INJECTED, EMPTY: DEPLETED, DIVERGED: LOST}
@@ -44,12 +44,14 @@ class GuidedPilot(Pilot):
     longest : s. Longest step of integration.
     """
 
-    def __init__(self, plan: Plan, flown: VehicleAscent, differs: Deviations, navigation: Navigation) -> None:
+    def __init__(
+        self, plan: GuidancePlan, flown: VehicleAscent, differs: Deviations, navigation: NavigationErrors
+    ) -> None:
         super().__init__(flown, plan.aim, None)
         self.plan, self.differs = plan, differs
         last = plan.card.vehicle.stages[-1]
-        law = Law(math.inf, plan.card.slew, _CYCLE, _FREEZE, last.exhaust_speed, plan.target, np.zeros(N_KEPT))
-        self.around = Surroundings(
+        law = GuidanceLaw(math.inf, plan.card.slew, _CYCLE, _FREEZE, last.exhaust_speed, plan.target, np.zeros(N_KEPT))
+        self.around = AscentInputs(
             plan.programme, navigation, self.drag, differs.wind, differs.misalignment[0].copy(), law, plan.lag
         )
         self.longest = STEP
@@ -57,7 +59,7 @@ class GuidedPilot(Pilot):
             self.y = np.append(self.y, commanded(0.0, self.around))
             self.longest = min(STEP, _OF_A_LAG * plan.lag)
 
-    def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+    def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         """Fly a stretch without a jump for a duration (s)."""
         if duration > 0.0:
             self.y = fly_piece(self.t, self.t + duration, self.longest, self.y, engine, self.around)
@@ -98,7 +100,7 @@ class GuidedPilot(Pilot):
                 cutoff = cutoff._replace(empty=cutoff.empty - cut.drop)
         return DEPLETED
 
-    def burn_until(self, end: float, push: Engine, cutoff: Cutoff) -> int:
+    def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
         """Fly a piece of the last burn that ends at `end` (s) at the latest; return how it ends, as `fly_last` does."""
         self.t, self.y, why = fly_last(self.t, end, self.longest, self.y, push, self.around, cutoff)
         return why
@@ -110,7 +112,7 @@ class GuidedPilot(Pilot):
         return self.last_burn()
 
 
-class Stretch(NamedTuple):
+class PathSegment(NamedTuple):
     """Both ends of a stretch of a path without a jump.
 
     name : Name of its leg.
@@ -133,13 +135,18 @@ class TurningPilot(GuidedPilot):
     """
 
     def __init__(
-        self, plan: Plan, flown: VehicleAscent, differs: Deviations, navigation: Navigation, turning: Turning
+        self,
+        plan: GuidancePlan,
+        flown: VehicleAscent,
+        differs: Deviations,
+        navigation: NavigationErrors,
+        turning: AttitudeControl,
     ) -> None:
         super().__init__(plan, flown, differs, navigation)
         self.turning = turning
-        self.stretches: list[Stretch] = []
+        self.stretches: list[PathSegment] = []
 
-    def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+    def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         """Fly a stretch without a jump for a duration (s), tick by tick."""
         if duration <= 0.0:
             return
@@ -151,9 +158,9 @@ class TurningPilot(GuidedPilot):
         self.t = end
         if self.turning.path.size:
             a = np.stack([start, acceleration(end, self.y, engine, self.around, self.turning)])
-            self.stretches.append(Stretch(name, np.array([begin, end]), np.stack([first, self.y]), a))
+            self.stretches.append(PathSegment(name, np.array([begin, end]), np.stack([first, self.y]), a))
 
-    def _turn(self, end: float, engine: Engine, cutoff: Cutoff = NEVER) -> int:
+    def _turn(self, end: float, engine: Propulsion, cutoff: Cutoff = NEVER) -> int:
         self.t, self.y, why = turn_piece(self.t, end, self.y, engine, self.around, self.turning, cutoff)
         return why
 
@@ -167,7 +174,7 @@ class TurningPilot(GuidedPilot):
         self.turning.control.counts[STACK] = number
         super().burn(number, duration, again)
 
-    def burn_until(self, end: float, push: Engine, cutoff: Cutoff) -> int:
+    def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
         """Fly a piece of the last burn, tick by tick."""
         return self._turn(end, push, cutoff)
 

@@ -11,17 +11,17 @@ from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dispersion import flown
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
-from lvnav_trade.trajectory.ascent.legs import Aim, Flight
+from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns
 from lvnav_trade.trajectory.ascent.steering_law import directions
 from lvnav_trade.trajectory.ascent.targeting import entry_of
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
-from lvnav_trade.trajectory.guided.dynamics import Programme
+from lvnav_trade.trajectory.guided.dynamics import AttitudeProgramme
 from lvnav_trade.trajectory.guided.explicit import Target
 
 _STEP = 0.05  # s, of the stored attitude: between its entries the direction is known to 1e-5 rad
 
 
-class Plan(NamedTuple):
+class GuidancePlan(NamedTuple):
     """A guided ascent before lift-off.
 
     card : The ascent.
@@ -38,8 +38,8 @@ class Plan(NamedTuple):
     """
 
     card: VehicleAscent
-    aim: Aim
-    programme: Programme
+    aim: TargetingUnknowns
+    programme: AttitudeProgramme
     target: Target
     energy: float
     cutoff: float
@@ -50,7 +50,7 @@ class Plan(NamedTuple):
     lag: float = 0.0
 
 
-def steering_times(plan: Plan, t: Floats) -> slice:
+def steering_times(plan: GuidancePlan, t: Floats) -> slice:
     """Return the part of the times (n,) of a nominal flight from which guidance takes navigation errors.
 
     It ends at the nominal cut-off. A run that burns longer keeps the errors of that time, because the nominal vehicle
@@ -59,7 +59,7 @@ def steering_times(plan: Plan, t: Floats) -> slice:
     return slice(0, int(np.searchsorted(t, plan.cutoff + 1e-6, side="right")))
 
 
-def plan_of(card: VehicleAscent) -> Plan:
+def plan_of(card: VehicleAscent) -> GuidancePlan:
     """Return the guidance data of an ascent; InputError if its vehicle does not reach the target."""
     how, spreads = card.dispersion, card.vehicle.dispersions
     named = () if how is None or spreads is None else (*how.drawn, *how.sigmas)
@@ -76,22 +76,22 @@ def plan_of(card: VehicleAscent) -> Plan:
 
 
 @remembered(4)
-def _planned(key: str, card: VehicleAscent) -> Plan:
+def _planned(key: str, card: VehicleAscent) -> GuidancePlan:
     _, aim, flight = flown(card)
     return plan_along(card, aim, flight)
 
 
-def plan_along(card: VehicleAscent, aim: Aim, flight: Flight) -> Plan:
+def plan_along(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> GuidancePlan:
     """Return the guidance data of a solved ascent."""
     last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= flight.events["injection"] + 1e-9)
     y = last.y[-1]
     entry = entry_of(card)
     target = Target(entry.radius, entry.speed, entry.climb, unit(np.cross(y[:3], y[3:6])), y[:3].copy())
     energy = 0.5 * float(y[3:6] @ y[3:6]) - GM / float(np.linalg.norm(y[:3]))
-    return Plan(card, aim, _programme(flight), target, energy, float(last.t[-1]), y.copy())
+    return GuidancePlan(card, aim, _programme(flight), target, energy, float(last.t[-1]), y.copy())
 
 
-def _programme(flight: Flight) -> Programme:
+def _programme(flight: SimulatedAscent) -> AttitudeProgramme:
     """Return the direction of the thrust of a flight on even times."""
     t = np.arange(0.0, flight.legs[-1].t[-1], _STEP)
     y = np.empty((t.size, 6))
@@ -99,4 +99,4 @@ def _programme(flight: Flight) -> Programme:
         inside = (t >= leg.t[0]) & (t <= leg.t[-1])
         y[inside, :3] = CubicHermiteSpline(leg.t, leg.y[:, :3], leg.y[:, 3:6])(t[inside])
         y[inside, 3:] = CubicSpline(leg.t, leg.y[:, 3:6])(t[inside])
-    return Programme(_STEP, directions(t, y, flight.steering))
+    return AttitudeProgramme(_STEP, directions(t, y, flight.steering))

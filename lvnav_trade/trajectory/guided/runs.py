@@ -8,13 +8,13 @@ from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.legs import mass_above
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
-from lvnav_trade.trajectory.guided.autopilot import Draws
+from lvnav_trade.trajectory.guided.autopilot import DrawKeys
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.draws import Sigmas, density_of, deviations, vehicle_of
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, Navigation, error_at
+from lvnav_trade.trajectory.guided.dynamics import PERFECT, NavigationErrors, error_at
 from lvnav_trade.trajectory.guided.missions import Launch, launch_along, turning_of, wind_of_launch
 from lvnav_trade.trajectory.guided.pilots import ADRIFT, INJECTED, GuidedPilot, TurningPilot
-from lvnav_trade.trajectory.guided.reference import Plan
+from lvnav_trade.trajectory.guided.reference import GuidancePlan
 
 
 class Injection(NamedTuple):
@@ -24,7 +24,7 @@ class Injection(NamedTuple):
     t : s since lift-off. Time of the cut-off, or of an earlier end of the flight.
     y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
     left : kg. Propellant left in the last stage.
-    error : (9,). Navigation errors at that time, as in `Navigation`.
+    error : (9,). Navigation errors at that time, as in `NavigationErrors`.
     """
 
     outcome: str
@@ -39,12 +39,14 @@ def empty_mass(flown: VehicleAscent) -> float:
     return flown.vehicle.stages[-1].dry + mass_above(flown, len(flown.vehicle.stages))
 
 
-def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT, draws: Draws | None = None) -> Injection:
+def inject(
+    plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors = PERFECT, draws: DrawKeys | None = None
+) -> Injection:
     """Fly one run.
 
     Parameters
     ----------
-    plan : Plan
+    plan : GuidancePlan
     sigmas : Draws of the vehicle's error sources, in sigmas, see `draws`.
     navigation : Navigation errors over the flight, from the filter on the nominal flight.
     draws : Keys of the noises, gusts and misalignments of a vehicle under attitude control; keys of zero if absent.
@@ -61,14 +63,14 @@ def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT, draws: 
 
 
 def _pilot(
-    plan: Plan, flown: VehicleAscent, sigmas: Sigmas, navigation: Navigation, draws: Draws | None
+    plan: GuidancePlan, flown: VehicleAscent, sigmas: Sigmas, navigation: NavigationErrors, draws: DrawKeys | None
 ) -> GuidedPilot:
     """Return the pilot for the attitude response of a vehicle."""
     differs, control = deviations(plan.card, sigmas), plan.card.control
     if control is None:
         return GuidedPilot(plan, flown, differs, navigation)
     launch = _launched(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
-    draws = draws or Draws(np.uint64(0), np.uint64(0), np.uint64(0))
+    draws = draws or DrawKeys(np.uint64(0), np.uint64(0), np.uint64(0))
     turning = turning_of(launch, control.feedback, draws, by_run=True, density=density_of(plan.card, sigmas))
     blown = differs._replace(wind=wind_of_launch(launch, draws, differs.wind))
     return TurningPilot(plan, flown, blown, navigation, turning)

@@ -16,15 +16,15 @@ from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats
-from lvnav_trade.trajectory.ascent.dynamics import Engine, height_above
+from lvnav_trade.trajectory.ascent.dynamics import Propulsion, height_above
 from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.guided.draws import NO_RUN, WIND_TOP, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
 from lvnav_trade.trajectory.guided.dynamics import (
     WHOLE,
+    AscentInputs,
     Cutoff,
-    Navigation,
-    Surroundings,
+    NavigationErrors,
     Wind,
     fly_last,
     guide,
@@ -34,7 +34,7 @@ from lvnav_trade.trajectory.guided.dynamics import (
 from lvnav_trade.trajectory.guided.explicit import LAMBDA, N_KEPT, REFERENCE, STARTED, TURN
 from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of, with_apsides
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot
-from lvnav_trade.trajectory.guided.reference import Plan, plan_of
+from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_of
 from lvnav_trade.trajectory.guided.runs import Injection, empty_mass, inject
 
 _CHUNK = 1.0  # s, of the pieces that are flown again with a number changed
@@ -51,14 +51,14 @@ _STEERING = np.array([*range(LAMBDA, LAMBDA + 3), *range(TURN, TURN + 3), REFERE
 """What of that the command between two passes depends on."""
 
 
-class Sensitivity(NamedTuple):
+class InjectionSensitivity(NamedTuple):
     """First-order change of an injection.
 
     why : Why there is none; empty where there is.
     reference : (n_number,). Numbers of `INJECTION` of the reference flight, SI.
     target : (n_orbit,). The target orbit, SI.
     navigation : (n_t, n_number, 9). Change by a navigation error at each of the times: attitude (rad), velocity (m/s)
-        and position (m), frame i, truth less estimate, see `dynamics.Navigation`.
+        and position (m), frame i, truth less estimate, see `dynamics.NavigationErrors`.
     knowledge : (n_t, n_orbit, 9). Change of the achieved orbit less the navigated one by the same.
     vehicle : Change (n_draw, n_number) by one sigma of each draw, by the name of the source.
     curvature : (n_draw, n_number). Second-order change by one sigma of each draw but those of the wind.
@@ -91,8 +91,8 @@ class _Piece(NamedTuple):
     y: Floats
     kept: Floats
     longest: float
-    engine: Engine
-    around: Surroundings
+    engine: Propulsion
+    around: AscentInputs
     steers: bool
 
 
@@ -196,11 +196,11 @@ def _motion_by_table(piece: _Piece, renewed: Floats, table: Floats, rows: tuple[
 class _Recorded(GuidedPilot):
     """Flies the reference, and keeps its pieces."""
 
-    def __init__(self, plan: Plan, sigmas: Sigmas, navigation: Navigation) -> None:
+    def __init__(self, plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors) -> None:
         super().__init__(plan, vehicle_of(plan.card, sigmas), deviations(plan.card, sigmas), navigation)
         self.pieces: list[_Piece] = []
 
-    def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+    def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         if duration <= 0.0:
             return
         edges = np.linspace(self.t, self.t + duration, max(1, math.ceil(duration / _CHUNK)) + 1).tolist()
@@ -209,7 +209,7 @@ class _Recorded(GuidedPilot):
             self.y = _moved(piece, piece.y, piece.kept)
         self.t = edges[-1]
 
-    def burn_until(self, end: float, push: Engine, cutoff: Cutoff) -> int:
+    def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
         why = WHOLE
         while self.t < end - 1e-9 and why == WHOLE:
             until = min(self.t + self.around.law.cycle, end)
@@ -218,7 +218,7 @@ class _Recorded(GuidedPilot):
             self.pieces[-1] = self.pieces[-1]._replace(end=self.t)
         return why
 
-    def _keep(self, begin: float, end: float, push: Engine, steers: bool = False) -> _Piece:
+    def _keep(self, begin: float, end: float, push: Propulsion, steers: bool = False) -> _Piece:
         kept = self.around.law.kept.copy()
         piece = _Piece(begin, end, self.y.copy(), kept, self.longest, push, self.around, steers)
         self.pieces.append(piece)
@@ -238,30 +238,30 @@ class _Ending(NamedTuple):
     knowledge: Floats
 
 
-def sensitivity(plan: Plan, t: Floats) -> Sensitivity:
+def sensitivity(plan: GuidancePlan, t: Floats) -> InjectionSensitivity:
     """Return the derivatives of the injection of an ascent.
 
     Parameters
     ----------
-    plan : Plan
+    plan : GuidancePlan
     t : (n_t,) s since lift-off. Times at which navigation errors are known.
     """
     return _remembered((plan.card.model_dump_json(exclude={"named_times"}), t.tobytes()), plan.card)
 
 
 @remembered(4)
-def _remembered(key: tuple[str, bytes], card: VehicleAscent) -> Sensitivity:
+def _remembered(key: tuple[str, bytes], card: VehicleAscent) -> InjectionSensitivity:
     if card.control is not None:
-        return Sensitivity("a vehicle under attitude control has draws and limits of its own, ask for runs")
+        return InjectionSensitivity("a vehicle under attitude control has draws and limits of its own, ask for runs")
     plan, t = plan_of(card), np.frombuffer(key[1]).copy()
     fixed, target = draw(card, 0, NO_RUN), orbit_of(plan.nominal[None])[0]
     drawn = () if card.dispersion is None else card.dispersion.drawn
     sources = [name for name, sigma in plan.spreads if name in drawn and sigma > 0.0]
     air = {"wind": np.zeros(numbers(card)["wind"])} if "wind" in sources else {}  # in which a gust can be changed
-    pilot = _Recorded(plan, air | fixed, Navigation(t, np.zeros((t.size, _ERROR_STEPS.size))))
+    pilot = _Recorded(plan, air | fixed, NavigationErrors(t, np.zeros((t.size, _ERROR_STEPS.size))))
     outcome = pilot.fly()
     if outcome != INJECTED:
-        return Sensitivity(f"the reference flight, without draws and navigation errors, ends as {outcome!r}")
+        return InjectionSensitivity(f"the reference flight, without draws and navigation errors, ends as {outcome!r}")
     ending = _ending(pilot, target)
     navigation, gusts = _by_flight(pilot.pieces, ending, t)
     reference = np.append(orbit_of(pilot.y[None])[0], [pilot.t, pilot.y[_MASS] - empty_mass(pilot.card)])
@@ -272,11 +272,11 @@ def _remembered(key: tuple[str, bytes], card: VehicleAscent) -> Sensitivity:
             continue
         ends = _by_draws(plan, fixed, name)
         if isinstance(ends, str):
-            return Sensitivity(ends)
+            return InjectionSensitivity(ends)
         high, low = (_changes(side, reference) for side in ends)
         vehicle.append((name, with_apsides(0.5 * (high - low), target)))
         curvature.append(0.5 * (high + low))
-    return Sensitivity(
+    return InjectionSensitivity(
         reference=reference,
         target=target,
         navigation=navigation + _by_nodes(t, pilot.t, ending.by_error),
@@ -368,7 +368,7 @@ def _by_nodes(t: Floats, time: float, by_error: Floats) -> Floats:
     return found
 
 
-def _by_draws(plan: Plan, fixed: Sigmas, name: str) -> tuple[list[Injection], list[Injection]] | str:
+def _by_draws(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[list[Injection], list[Injection]] | str:
     """Return whole flights with one sigma more, and one less, of each draw of a source, so that staging is in what
     differs; or why there are none.
     """

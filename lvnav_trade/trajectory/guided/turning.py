@@ -13,15 +13,15 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_j4
 from lvnav_trade.kernels.jit import inlined, making_arrays
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import Engine, coefficient_at, height_above, thrust_beside, thrust_of
-from lvnav_trade.trajectory.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, Control, Met
+from lvnav_trade.trajectory.ascent.dynamics import Propulsion, coefficient_at, height_above, thrust_beside, thrust_of
+from lvnav_trade.trajectory.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, ControlledAttitude, LateralForces
 from lvnav_trade.trajectory.guided.dynamics import (
     CUT_OFF,
     DIVERGED,
     EMPTY,
     WHOLE,
+    AscentInputs,
     Cutoff,
-    Surroundings,
     commanded,
     error_at,
     guide,
@@ -36,7 +36,7 @@ NEVER = Cutoff(False, 0.0, math.inf, 0.0)
 """A piece without cut-off, and without an empty stage."""
 
 
-class Craft(NamedTuple):
+class RotationalModel(NamedTuple):
     """Rotational properties of the vehicle.
 
     stacks : (n_stage, 4). Of the stack with each stage the lowest: square of the radius of gyration (m^2), arm of the
@@ -63,7 +63,7 @@ class Gusts(NamedTuple):
     length: Floats
 
 
-class Turning(NamedTuple):
+class AttitudeControl(NamedTuple):
     """Attitude control, body and gusts of a run; its surroundings are separate.
 
     control : The controlled attitude.
@@ -72,8 +72,8 @@ class Turning(NamedTuple):
     path : (n_record, 7). True state at every recorded tick; without rows if nothing is recorded; set.
     """
 
-    control: Control
-    craft: Craft
+    control: ControlledAttitude
+    craft: RotationalModel
     gusts: Gusts
     path: Floats
 
@@ -115,7 +115,7 @@ def axes_at(t, course):
 
 @inlined
 def meet(t, y, engine, around, turning):
-    """Return forces and air (`Met`) at a true state y (7,), and the time derivative of the state.
+    """Return forces and air (`LateralForces`) at a true state y (7,), and the time derivative of the state.
 
     Thrust acts along the body, turned by the nozzle angle and the misalignment. Drag acts along the body, and the
     normal force along `up` and `right`. The drag term is written against the airspeed; its component lateral to the
@@ -164,7 +164,7 @@ def meet(t, y, engine, around, turning):
     at = min(control.counts[NEXT], control.course.t.size - 1)
     nominal = control.course.velocity[at]
     past = (y[3] - nominal[0], y[4] - nominal[1], y[5] - nominal[2])
-    met = Met(
+    met = LateralForces(
         thrust / mass * nozzle / gyration,
         thrust / mass,
         force * arm / gyration,
@@ -238,7 +238,7 @@ def _short(t, y, around, cutoff, kind):
 
 @making_arrays
 def turn_piece(
-    t: float, end: float, y: Floats, engine: Engine, around: Surroundings, turning: Turning, cutoff: Cutoff
+    t: float, end: float, y: Floats, engine: Propulsion, around: AscentInputs, turning: AttitudeControl, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7,) and how it ends, of a piece of flight that ends at `end` at the latest.
 
@@ -289,7 +289,7 @@ def turn_piece(
 
 
 @making_arrays
-def acceleration(t: float, y: Floats, engine: Engine, around: Surroundings, turning: Turning) -> Floats:
+def acceleration(t: float, y: Floats, engine: Propulsion, around: AscentInputs, turning: AttitudeControl) -> Floats:
     """Return the acceleration (3,) in m/s^2, frame i, at a true state y (7,)."""
     _, slope = meet(t, y, engine, around, turning)
     return np.array([slope[3], slope[4], slope[5]])

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from lvnav_trade.campaign.definition.metric_names import known_metric, known_metrics, required_metrics, unit_of
-from lvnav_trade.campaign.definition.published import Measured
+from lvnav_trade.campaign.definition.published import MeasuredMetric
 from lvnav_trade.results.metric import BOTH, REQUIREMENTS
 from tests.cli.calling import call
 
@@ -42,7 +42,7 @@ def test_what_is_listed_can_be_named_in_a_statement(one) -> None:
         more |= {"below": f"1 {unit_of(f'{quantity}_error_3d')}"}
     if quantity == "mode":
         more = {"during": "flight", "mode": "aiding"}
-    assert Measured.model_validate({"metric": one.metric, **more}).metric == one.metric
+    assert MeasuredMetric.model_validate({"metric": one.metric, **more}).metric == one.metric
     assert unit_of(one.metric) in (one.unit, one.unit.replace("1", "dimensionless"))
 
 

@@ -5,22 +5,22 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.published import Published, event_of
+from lvnav_trade.campaign.definition.published import PublishedNumber, event_of
 
 NUMBER = {"source": "A paper", "metric": "velocity_error_3d", "value": 1.0, "unit": "m/s"}
 
 
 def test_a_number_without_a_place_is_of_injection():
-    found = Published(**NUMBER)
+    found = PublishedNumber(**NUMBER)
     assert (found.at, found.during, found.statistic, found.band) == ("injection", None, "rms", (0.5, 2.0))
 
 
 def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
-    found = Published(**NUMBER, during="stage1_cutoff to stage1_cutoff + 30 s", statistic="worst")
+    found = PublishedNumber(**NUMBER, during="stage1_cutoff to stage1_cutoff + 30 s", statistic="worst")
     assert found.events == ("stage1_cutoff", "stage1_cutoff")
-    assert Published.model_validate(found.model_dump(mode="json")) == found
-    assert Published(**NUMBER, during="flight").events == ()
-    assert Published(**NUMBER, during="start to liftoff").events == ("liftoff",)
+    assert PublishedNumber.model_validate(found.model_dump(mode="json")) == found
+    assert PublishedNumber(**NUMBER, during="flight").events == ()
+    assert PublishedNumber(**NUMBER, during="start to liftoff").events == ("liftoff",)
     assert event_of("injection - 5 s") == "injection"
 
 
@@ -44,4 +44,4 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
 )
 def test_a_statement_that_cannot_be_checked_is_refused(change, reported):
     with pytest.raises(ValidationError, match=reported):
-        Published(**NUMBER | change)
+        PublishedNumber(**NUMBER | change)

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.settings_read import Used
+from lvnav_trade.simulation.settings_read import EffectiveSettings
 
 CAMPAIGN = """\
 name: whole
@@ -254,7 +254,7 @@ def visited(file: Path, text: str) -> int:
     found = load(file)
     effects, known = Effects(found, cases(found)), {}
     while (case := effects.next(known)) is not None:
-        known[case.id] = Used(frozenset(), tuple(Scenario.model_fields), {})
+        known[case.id] = EffectiveSettings(frozenset(), tuple(Scenario.model_fields), {})
     return len(known)
 
 

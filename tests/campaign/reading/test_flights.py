@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights, switched
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
@@ -68,7 +68,7 @@ def _sky(tracked):
 
 
 def _fly(monkeypatch, tracked):
-    course = Course({"start": -60.0, "end": 560.0, **EVENTS})
+    course = FlightProfile({"start": -60.0, "end": 560.0, **EVENTS})
     flight = SimpleNamespace(course=course, start=-60.0, end=560.0)
     monkeypatch.setattr(switched, "trajectory_of", lambda _: flight)
     monkeypatch.setattr(switched, "_unable", lambda *_: iter(()))

@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases, probes
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.designs import DesignSpace
 from lvnav_trade.quantities.errors import InputError
 
 SAMPLED = """design: latin_hypercube
@@ -20,7 +20,7 @@ axes:
 def test_many_samples_store_metrics_unless_the_campaign_says_otherwise(study) -> None:
     study.append(SAMPLED)
     found = load(study.path)
-    assert (found.store, found.is_space, len(Designs(found))) == ("metrics", True, 600)
+    assert (found.store, found.is_space, len(DesignSpace(found))) == ("metrics", True, 600)
     few = load(study.path, ["samples=500"])
     assert (few.store, few.is_space, len(cases(few))) == (None, False, 500)
     assert load(study.path, ["samples=16", "store=metrics"]).is_space
@@ -38,7 +38,7 @@ def test_the_resolved_campaign_has_the_rule_and_the_same_designs(study, tmp_path
     again.write_text(text)
     read = load(again)
     assert read == found
-    assert [Designs(read).case(k).id for k in (0, 599)] == [Designs(found).case(k).id for k in (0, 599)]
+    assert [DesignSpace(read).case(k).id for k in (0, 599)] == [DesignSpace(found).case(k).id for k in (0, 599)]
 
 
 def test_the_ends_of_each_axis_alone_stand_for_all_designs(study) -> None:
@@ -54,16 +54,16 @@ def test_a_large_grid_stores_metrics_with_its_exclusions(study) -> None:
         "  - {path: filter.gate, linspace: [3, 9, 20]}\n"
     )
     study.append(axes)
-    assert len(Designs(load(study.path))) == 600
+    assert len(DesignSpace(load(study.path))) == 600
     study.append(axes + 'exclude:\n  - {gate: "3"}\n')
-    assert len(Designs(load(study.path))) == 570
+    assert len(DesignSpace(load(study.path))) == 570
     study.append(axes + 'constraints: ["gate < 8.9"]\n')
-    assert len(Designs(load(study.path))) == 570
+    assert len(DesignSpace(load(study.path))) == 570
 
 
 def test_constraints_of_samples_are_in_si(study) -> None:
     study.append(SAMPLED + 'constraints: ["heading < 0.001"]\n')
-    designs = Designs(load(study.path))
+    designs = DesignSpace(load(study.path))
     assert 0 < len(designs) < 600
     assert max(float(designs.values(k)[0].split()[0]) for k in range(len(designs))) < 0.001
 
@@ -102,7 +102,7 @@ def test_a_large_grid_that_is_to_be_stored_whole_is_told_what_stores_rows(study)
 def test_rows_are_stored_with_few_samples_too_where_the_campaign_says_so(study, store) -> None:
     study.append(SAMPLED)
     found = load(study.path, ["samples=16", f"store={store}"])
-    assert (found.store, found.is_space, len(Designs(found))) == (store, True, 16)
+    assert (found.store, found.is_space, len(DesignSpace(found))) == (store, True, 16)
     assert f"store: {store}" in resolved(found)
 
 

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights, switched
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from tests.building import SITE_R, hop
@@ -26,7 +26,7 @@ SOLUTION = "filter.measurements=[position, velocity]"
 def climbing(monkeypatch: pytest.MonkeyPatch) -> None:
     """The small study's vehicle does not reach its orbit; here it climbs at 400 m/s and gains 10 m/s each second."""
     instants = {"start": -60.0, "end": 560.0, **EVENTS}
-    course = Course(instants, lambda t: np.maximum(t, 0.0) * np.array([[400.0], [10.0], [1.0]]))
+    course = FlightProfile(instants, lambda t: np.maximum(t, 0.0) * np.array([[400.0], [10.0], [1.0]]))
     monkeypatch.setattr(switched, "trajectory_of", lambda _: SimpleNamespace(course=course))
     monkeypatch.setattr(switched, "_unable", lambda *_: iter(()))  # it needs a whole trajectory: `flying`
 

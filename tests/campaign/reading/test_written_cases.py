@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.definition.schema import Axis
-from lvnav_trade.campaign.reading.checks import Varied
+from lvnav_trade.campaign.reading.checks import WrittenAxis
 from lvnav_trade.campaign.reading.written_cases import first_cases
 from lvnav_trade.campaign.syntax.cards import nowhere
 from lvnav_trade.campaign.syntax.tree import Node
 
 
-def varied(path: str, *values: int) -> Varied:
-    return Varied(Axis(path=path, values=values), Node({}, nowhere("test")))
+def varied(path: str, *values: int) -> WrittenAxis:
+    return WrittenAxis(Axis(path=path, values=values), Node({}, nowhere("test")))
 
 
 def test_a_level_is_first_in_the_earliest_case_that_has_it() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.definition.published import Published
+from lvnav_trade.campaign.definition.published import PublishedNumber
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.reading.written_cases import single
 from lvnav_trade.campaign.running.replay import find
@@ -39,9 +39,9 @@ def test_its_resolved_campaign_reads_back_to_it(tmp_path: Path) -> None:
 
 
 def test_published_numbers_of_other_cases_are_left_out() -> None:
-    def published(**more: object) -> Published:
+    def published(**more: object) -> PublishedNumber:
         number = {"source": "s", "metric": "velocity_error_3d", "value": 1.0, "unit": "m/s"}
-        return Published.model_validate(number | more)
+        return PublishedNumber.model_validate(number | more)
 
     demo = load("demo")
     stated = (

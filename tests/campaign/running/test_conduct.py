@@ -12,7 +12,7 @@ from lvnav_trade.campaign.space import stage
 
 @pytest.mark.parametrize("name", ["evaluate", "finish", "names"])
 def test_the_designs_of_a_space_are_called_as_the_protocol_says(name: str) -> None:
-    required, offered = (inspect.signature(getattr(one, name)) for one in (conduct.Space, stage.Space))
+    required, offered = (inspect.signature(getattr(one, name)) for one in (conduct.DesignStage, stage.SpaceEvaluation))
     assert list(offered.parameters) == list(required.parameters)
     assert [one.default for one in offered.parameters.values()] == [one.default for one in required.parameters.values()]
 

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.conduct import whole
 from lvnav_trade.campaign.running.work import Job
-from lvnav_trade.quantities.records import Asked
+from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.results.tables import scratch
 
 
@@ -35,7 +35,7 @@ def job(study, fakes):
     def make(**how: Any) -> tuple[Any, Job]:
         fake = fakes.Fake(**how)
         results = fakes.store().open_results(Path(), "study", "", {}, "resume")
-        return fake, Job(fake.engine(), results, 7, 1.0, Asked(), Path("scratch"))
+        return fake, Job(fake.engine(), results, 7, 1.0, CovarianceRequest(), Path("scratch"))
 
     return make
 
@@ -82,7 +82,7 @@ def test_a_case_whose_tables_are_not_those_that_it_left_is_done_again(job, case:
     elif harm == "short":
         table.write_bytes(table.read_bytes()[:-1])
     else:
-        todo = todo._replace(asked=Asked(at="stage1_cutoff"))
+        todo = todo._replace(asked=CovarianceRequest(at="stage1_cutoff"))
     scratch.clear_cache()
     assert whole(todo, case) == found
     assert [call.what for call in fake.calls] == ["covariance", "explain"] * 2

@@ -17,7 +17,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import checking, execute
 from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.quantities.errors import InputError, Mistake
-from lvnav_trade.simulation.settings_read import Used
+from lvnav_trade.simulation.settings_read import EffectiveSettings
 from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, Remark
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
@@ -84,9 +84,9 @@ def test_a_mistake_that_shows_late_is_reported_at_its_place_before_anything_is_f
 
 def test_what_no_case_reads_is_reported_before_anything_is_flown(study, run, fakes, monkeypatch) -> None:
     study.edit("campaign.yaml", "filter: filters/near", "filter: {card: filters/near, gate: 5}")
-    nothing = Used(frozenset(), (), {})
+    nothing = EffectiveSettings(frozenset(), (), {})
 
-    def knowing(**known: Used | None):
+    def knowing(**known: EffectiveSettings | None):
         fake = fakes.Fake()
         monkeypatch.setattr(fake, "used", lambda prepared, read: known[prepared.name.split()[0]])
         return fake

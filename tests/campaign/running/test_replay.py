@@ -47,14 +47,14 @@ def test_runs_are_counted_from_zero(study, found: list[Case]) -> None:
 
 
 @pytest.fixture(scope="module")
-def again() -> replay.Replay:
+def again() -> replay.RunReplay:
     """Return run 3 of the smoke campaign's scenario, flown again on a short flight."""
     campaign = load("campaigns/smoke.yaml")
     with flying(hop()):
         return replay.replay(campaign, cases(campaign)[0], 3)
 
 
-def test_the_trace_holds_every_covariance_step_with_the_unit_in_every_name(again: replay.Replay) -> None:
+def test_the_trace_holds_every_covariance_step_with_the_unit_in_every_name(again: replay.RunReplay) -> None:
     t = again.trace.t_s.to_numpy()
     assert np.max(np.diff(t)) < 0.1 + 1e-9  # 10 Hz
     assert {"position_north_error_m", "position_north_sigma_m", "attitude_roll_error_rad"} <= set(again.trace.columns)
@@ -62,7 +62,7 @@ def test_the_trace_holds_every_covariance_step_with_the_unit_in_every_name(again
     assert again.failure == ""
 
 
-def test_the_events_come_in_time_order_in_the_units_of_people(again: replay.Replay) -> None:
+def test_the_events_come_in_time_order_in_the_units_of_people(again: replay.RunReplay) -> None:
     names = [name for name, *_ in again.at_events]
     assert names == ["liftoff", "end0", "end1"]
     _, t, sizes, units = again.at_events[-1]
@@ -72,19 +72,19 @@ def test_the_events_come_in_time_order_in_the_units_of_people(again: replay.Repl
     assert units == {"position": "m", "velocity": "m/s", "attitude": "mrad"}
 
 
-def test_the_trace_is_kept_beside_the_results(again: replay.Replay, found: list[Case], tmp_path: Path) -> None:
+def test_the_trace_is_kept_beside_the_results(again: replay.RunReplay, found: list[Case], tmp_path: Path) -> None:
     path = replay.write_trace(again, tmp_path, found[0], 3)
     assert path == tmp_path / "traces" / f"{found[0].id}-3.parquet"
     pd.testing.assert_frame_equal(pd.read_parquet(path), again.trace)
 
 
-def test_a_trace_that_cannot_be_written_is_reported(again: replay.Replay, found: list[Case], tmp_path: Path) -> None:
+def test_a_trace_that_cannot_be_written_is_reported(again: replay.RunReplay, found: list[Case], tmp_path: Path) -> None:
     (tmp_path / "traces").write_text("")
     with pytest.raises(InputError, match="cannot be written: "):
         replay.write_trace(again, tmp_path, found[0], 3)
 
 
-def test_a_worst_run_over_time_is_the_same_run(again: replay.Replay, tmp_path: Path) -> None:
+def test_a_worst_run_over_time_is_the_same_run(again: replay.RunReplay, tmp_path: Path) -> None:
     """Run 3 flown by a unit of work, against the run that was flown again for `again`."""
     written: dict[str, object] = {}
 
@@ -113,4 +113,4 @@ def test_a_worst_run_that_is_lost_is_named(found: list[Case], study, tmp_path: P
 
     engine = fakes.Fake().engine()
     job = work.job_of(load(study.path), engine, tmp_path)._replace(results=Results())
-    assert replay.trace(job, found[0], [0]) == work.Done(found[0].id, 0, 0, error="ValueError: no room")
+    assert replay.trace(job, found[0], [0]) == work.WorkOutcome(found[0].id, 0, 0, error="ValueError: no room")

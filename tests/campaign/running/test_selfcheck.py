@@ -8,7 +8,7 @@ from scipy import stats
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import selfcheck
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.covariance.selfcheck.check import FAMILY, Check
+from lvnav_trade.covariance.selfcheck.check import FAMILY, CheckResult
 
 AXES = "axes=[{path: filter, cards: [filters/loose, filters/tight]}]"
 
@@ -30,7 +30,10 @@ class Watch(Progress):
 def checked(monkeypatch):
     def fake(scenario, seed, history):
         own = 0.25 if scenario.filter.tight else 0.5
-        return [Check("draws", "shared", 0.1 * seed, law=stats.norm()), Check("Jacobian", "own", own, high=0.3)]
+        return [
+            CheckResult("draws", "shared", 0.1 * seed, law=stats.norm()),
+            CheckResult("Jacobian", "own", own, high=0.3),
+        ]
 
     monkeypatch.setattr(selfcheck, "check_scenario", fake)
     watch = Watch()

@@ -19,7 +19,7 @@ from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.quantities.errors import InputError, Mistake
-from lvnav_trade.quantities.records import Asked
+from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.results.tables import scratch
 
 
@@ -42,7 +42,7 @@ def job(study, fakes):
     def make(**how: Any) -> tuple[Any, Job]:
         fake = fakes.Fake(**how)
         results = fakes.store().open_results(Path(), "study", "", {}, "resume")
-        return fake, Job(fake.engine(), results, 7, 1.0, Asked(), Path("scratch"))
+        return fake, Job(fake.engine(), results, 7, 1.0, CovarianceRequest(), Path("scratch"))
 
     return make
 
@@ -171,7 +171,7 @@ def test_another_question_is_answered_anew(job, case: Case) -> None:
     fake, todo = job()
     work.answer(todo, case)
     work.explain(todo, case)
-    work.explain(todo._replace(asked=Asked(sensitivity=True)), case)
+    work.explain(todo._replace(asked=CovarianceRequest(sensitivity=True)), case)
     assert [call.what for call in fake.calls] == ["covariance", "explain", "explain"]
 
 
@@ -182,7 +182,7 @@ def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
     )
     campaign = load(study.path)
     runs = {"spot_check": 32, "seed": campaign.seed}
-    assert work.asked_of(campaign) == Asked("stage1_cutoff", ("liftoff",), sensitivity=True, **runs)
+    assert work.asked_of(campaign) == CovarianceRequest("stage1_cutoff", ("liftoff",), sensitivity=True, **runs)
 
 
 def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_statistics_in_memory(tmp_path) -> None:

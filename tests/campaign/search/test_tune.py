@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.searches import Tune, Variable
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.search.tune import Point, score, tune
+from lvnav_trade.campaign.search.tune import TuningPoint, score, tune
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.quantities.errors import InputError
 
@@ -20,14 +20,14 @@ def asked(**more) -> Tune:
 
 
 def test_the_goal_is_the_worst_or_the_mean_error_and_nees_beyond_its_bounds_costs() -> None:
-    found = [Point(0.5, 1.0), Point(2.0, 1.0)]
+    found = [TuningPoint(0.5, 1.0), TuningPoint(2.0, 1.0)]
     assert score(found, asked()) == pytest.approx(math.log(2.0))
     assert score(found, asked(over="mean")) == pytest.approx(math.log(1.25))
-    inside = [Point(1.0, 1.5)]
+    inside = [TuningPoint(1.0, 1.5)]
     assert score(inside, asked(nees=(0.5, 2.0))) == 0.0
-    assert score([Point(1.0, 4.0)], asked(nees=(0.5, 2.0))) == pytest.approx(10.0 * math.log(2.0))
-    assert score([Point(1.0, 0.25)], asked(nees=(0.5, 2.0))) == pytest.approx(10.0 * math.log(2.0))
-    assert score([Point(math.nan, 1.0)], asked()) > 1e5
+    assert score([TuningPoint(1.0, 4.0)], asked(nees=(0.5, 2.0))) == pytest.approx(10.0 * math.log(2.0))
+    assert score([TuningPoint(1.0, 0.25)], asked(nees=(0.5, 2.0))) == pytest.approx(10.0 * math.log(2.0))
+    assert score([TuningPoint(math.nan, 1.0)], asked()) > 1e5
 
 
 REQUIREMENT = "requirements=[{name: v, metric: velocity_error_3d, at: injection, probability: 0.95, below: 1 m/s}]"

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.search.point import frozen, look
-from lvnav_trade.campaign.space.designs import Designs
-from lvnav_trade.campaign.space.evaluate import Question, evaluate, metrics_of
+from lvnav_trade.campaign.space.designs import DesignSpace
+from lvnav_trade.campaign.space.evaluate import EvaluationRequest, evaluate, metrics_of
 from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.simulation.preparation.prepare import prepare
 
 
-def question(campaign, shared=()) -> Question:
-    return Question(tuple(one.model_dump(mode="json") for one in campaign.requirements), HISTORY, shared)
+def question(campaign, shared=()) -> EvaluationRequest:
+    return EvaluationRequest(tuple(one.model_dump(mode="json") for one in campaign.requirements), HISTORY, shared)
 
 
 def test_a_row_has_the_numbers_that_a_search_finds(campaign) -> None:
-    designs = Designs(campaign)
+    designs = DesignSpace(campaign)
     rows = evaluate(question(campaign), designs.part(range(4)))
     assert rows.passes == 4
     assert not any(rows.texts["reason"])
@@ -41,7 +41,7 @@ def test_designs_that_differ_in_true_sigmas_share_passes_and_have_the_same_rows(
     base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
     axes = campaign.axes[:2]
     alone = campaign.model_copy(update={"base": base, "axes": axes})
-    designs = Designs(alone)
+    designs = DesignSpace(alone)
     shared = shared_axes(designs, HISTORY)
     assert shared == (0, 1)
     together = evaluate(question(alone, shared), designs.part(range(40)))
@@ -54,7 +54,7 @@ def test_designs_that_differ_in_true_sigmas_share_passes_and_have_the_same_rows(
 
 
 def test_a_filter_that_follows_the_truth_shares_nothing(campaign) -> None:
-    assert shared_axes(Designs(campaign), HISTORY) == ()
+    assert shared_axes(DesignSpace(campaign), HISTORY) == ()
 
 
 def test_what_cannot_be_prepared_has_a_reason_and_no_digest(campaign, monkeypatch) -> None:
@@ -64,7 +64,7 @@ def test_what_cannot_be_prepared_has_a_reason_and_no_digest(campaign, monkeypatc
         raise ValueError("matrix 3 is not positive")
 
     monkeypatch.setattr(module, "prepare", none)
-    rows = evaluate(question(campaign), Designs(campaign).part(range(3)))
+    rows = evaluate(question(campaign), DesignSpace(campaign).part(range(3)))
     assert set(rows.texts["case"]) == {""}
     assert set(rows.texts["reason"]) == {"ValueError: matrix … is not positive"}
     assert set(rows.texts["verdict"]) == {""}
@@ -76,7 +76,7 @@ def asked(**fields: object) -> dict[str, object]:
 
 def row_of(campaign, requirements, every_event=False):
     prepared = prepare(campaign.base, HISTORY)
-    return metrics_of(Question(tuple(requirements), HISTORY, (), every_event), prepared, covariance(prepared))
+    return metrics_of(EvaluationRequest(tuple(requirements), HISTORY, (), every_event), prepared, covariance(prepared))
 
 
 def test_the_reasons_of_all_requirements_are_kept(campaign) -> None:

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.search.point import frozen
-from lvnav_trade.campaign.space.designs import Designs, made
-from lvnav_trade.campaign.space.passes import HISTORY, Passes, together_of
+from lvnav_trade.campaign.space.designs import DesignSpace, made
+from lvnav_trade.campaign.space.passes import HISTORY, CovariancePasses, together_of
 
 
 def designs_of(campaign):
     base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
-    return Designs(campaign.model_copy(update={"base": base, "axes": campaign.axes[:2]}))
+    return DesignSpace(campaign.model_copy(update={"base": base, "axes": campaign.axes[:2]}))
 
 
 def test_few_designs_have_passes_of_their_own(campaign) -> None:
     part = designs_of(campaign).part(range(4))
-    passes = Passes()
+    passes = CovariancePasses()
     assert together_of(part, list(made(part)), (0, 1), HISTORY, passes) is None
     assert passes.count == 0
 
 
 def test_passes_are_counted_and_shared(campaign) -> None:
     part = designs_of(campaign).part(range(8))
-    passes, designs = Passes(), list(made(part))
+    passes, designs = CovariancePasses(), list(made(part))
     together = together_of(part, designs, (0, 1), HISTORY, passes)
     assert together is not None
     assert (passes.count, together.axes) == (4, (0, 1))
@@ -39,7 +39,7 @@ def test_an_axis_that_is_no_true_sigma_is_found_out_by_the_trial(campaign) -> No
             "labels": tuple(f"{10.0 + 20.0 * k} s" for k in range(40)),
         }
     )
-    part = Designs(campaign.model_copy(update={"base": base, "axes": (axis,)})).part(range(40))
-    passes = Passes()
+    part = DesignSpace(campaign.model_copy(update={"base": base, "axes": (axis,)})).part(range(40))
+    passes = CovariancePasses()
     assert together_of(part, list(made(part)), (0,), HISTORY, passes) is None
     assert passes.count == 3

@@ -138,7 +138,7 @@ def test_designs_that_are_all_impossible_are_one_line(written, tmp_path) -> None
 
 
 def test_work_items_are_counted(written) -> None:
-    assert stage.Space(load(written, ["samples=201"])).parts == 3
+    assert stage.SpaceEvaluation(load(written, ["samples=201"])).parts == 3
 
 
 def test_shards_put_together_have_the_same_bytes(written, tmp_path, parts_of_five) -> None:

@@ -120,7 +120,7 @@ def test_the_nearest_known_word_is_offered_or_none(word: str, near: str) -> None
 
 
 def test_where_settings_were_written_makes_no_difference_to_what_they_say() -> None:
-    one, other = tree.Written(), tree.Written(tree.parse("a: 1", "f", Path()))
+    one, other = tree.SourceTree(), tree.SourceTree(tree.parse("a: 1", "f", Path()))
     assert one == other
     assert str(one.mistake("a", "is odd")) == "a: is odd"
     assert str(other.mistake("a", "is odd")) == "f:1:4: a: is odd"

@@ -8,12 +8,12 @@ import pytest
 from lvnav_trade.covariance.diagnostics.confirming_runs import alarms, furthest, with_alarms, with_nominal_alarms
 from lvnav_trade.covariance.diagnostics.protection import Protection, protection
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.quantities.records import OF_SEPARATION, Protecting
+from lvnav_trade.quantities.records import OF_SEPARATION, ProtectionRisks
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.covariance.diagnostics.test_protection import SEED, case, fault_of
 
 RUNS, START = 64, 2.0
-ASKED = Protecting(1e-3, 1e-3, 1.0, alarms=True)
+ASKED = ProtectionRisks(1e-3, 1e-3, 1.0, alarms=True)
 
 
 def of_limits(limits):

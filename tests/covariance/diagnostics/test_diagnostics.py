@@ -14,7 +14,7 @@ from lvnav_trade.covariance.diagnostics.diagnostics import FACTORS, explain, sca
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.sources import source_names
 from lvnav_trade.quantities.error_sources import SOURCES
-from lvnav_trade.quantities.records import Asked
+from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
 from tests.building import INERTIAL, LOOSE, MATCHED, case, flying, hop, loaded, prepare_hop, with_fields
@@ -45,7 +45,7 @@ ELSEWHERE = {
 def found():
     prepared = case()
     history = covariance(prepared)
-    asked = Asked(at="end1", events=("end0", "end1"))
+    asked = CovarianceRequest(at="end1", events=("end0", "end1"))
     return prepared, history, explain(prepared.scenario, prepared, history, asked)
 
 
@@ -92,7 +92,7 @@ def test_a_direction_of_a_state_without_an_initial_sigma_is_reported_all_the_sam
 @pytest.mark.slow  # a kernel of its own, most of half a minute to compile
 def test_a_filter_with_clones_is_explained_too():
     prepared = case("base.filter.measurements=[pseudorange, tdcp]")
-    asked = Asked(adjoint=False, sensitivity=False, error_bound=True)
+    asked = CovarianceRequest(adjoint=False, sensitivity=False, error_bound=True)
     what = explain(prepared.scenario, prepared, covariance(prepared), asked)
     assert len(what.phases[0].singular) == what.bound.states == len(prepared.layout.reported)
     assert what.unbounded.startswith("+1.00 ")
@@ -105,7 +105,9 @@ def test_every_event_has_its_nonlinearity():
 
 def test_what_is_not_asked_for_is_not_computed():
     prepared, history, _ = found()
-    what = explain(prepared.scenario, prepared, history, Asked(adjoint=False, observability=False, nonlinearity=False))
+    what = explain(
+        prepared.scenario, prepared, history, CovarianceRequest(adjoint=False, observability=False, nonlinearity=False)
+    )
     assert (what.adjoint, what.by_source, what.sensitivity, what.phases) == (None, (), (), ())
     assert what.nonlinear == ()
     assert what.event == "end1"  # no injection: the last event
@@ -121,7 +123,7 @@ def test_three_quantities_share_their_covariances_and_a_factor_of_one_changes_no
 
     monkeypatch.setattr("lvnav_trade.covariance.diagnostics.diagnostics.covariance", counted)
     with flying(hop()):
-        what = explain(prepared.scenario, prepared, history, Asked(sensitivity=True, observability=False))
+        what = explain(prepared.scenario, prepared, history, CovarianceRequest(sensitivity=True, observability=False))
     assert [part.quantity for part in what.sensitivity] == ["attitude", "velocity", "position"]
     sources = {source for part in what.sensitivity for source in part.sources}
     assert len(calls) == len(sources) * (len(FACTORS) - 1)

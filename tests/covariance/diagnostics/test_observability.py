@@ -11,7 +11,7 @@ from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.quantities.frames import matrices
-from lvnav_trade.quantities.records import Asked
+from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.scenario.filter_models import filter_models
 from tests.both_engines.modelled import BASELINE, modelled
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, assumed_receiver, case, loaded, prepare_hop
@@ -158,6 +158,6 @@ def _apart(prepared):
 
 def test_an_explanation_holds_the_windows_that_were_asked_for():
     prepared = modelled()
-    found = explain(prepared.scenario, prepared, covariance(prepared), Asked(window=10.0))
+    found = explain(prepared.scenario, prepared, covariance(prepared), CovarianceRequest(window=10.0))
     assert [phase.name for phase in found.phases] == ["0 s to 10 s", "10 s to 20 s", "20 s to 30 s"]
     assert found.adjoint is not None

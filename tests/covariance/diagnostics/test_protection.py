@@ -18,12 +18,12 @@ from lvnav_trade.covariance.diagnostics.protection import (
 )
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.gnss.fault_cards import RangeBias
-from lvnav_trade.quantities.records import Protecting
+from lvnav_trade.quantities.records import ProtectionRisks
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import loaded, prepare_hop
 
 RUNS, SEED, RISK = 3000, 11, 1e-3
-SURE = Protecting(RISK, 1e-3, 1.0)
+SURE = ProtectionRisks(RISK, 1e-3, 1.0)
 AT = (5, 15, 30)  # s
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.export.translation.program import Program, bound
-from lvnav_trade.export.translation.values import DOUBLE, INT, Array, Known, Scalar, Value
+from lvnav_trade.export.translation.values import DOUBLE, INT, Array, Constant, Scalar, Value
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on this machine")
 HEAD = """#include <math.h>
@@ -33,13 +33,13 @@ def value_of(name: str, argument: Any) -> Value:
         return Scalar(name, DOUBLE)
     if isinstance(argument, int) and not isinstance(argument, bool):
         return Scalar(name, INT)
-    return argument if isinstance(argument, Known) else Known(argument)
+    return argument if isinstance(argument, Constant) else Constant(argument)
 
 
 def code_of(function: Any, *arguments: Any) -> str:
     """Return the C of a kernel for arguments like these."""
     program = Program("state")
-    names = list(bound(function, [Known(0)] * len(arguments), {}))
+    names = list(bound(function, [Constant(0)] * len(arguments), {}))
     given = {name: value_of(name, argument) for name, argument in zip(names, arguments, strict=True)}
     program.translated(function, given, "entry")
     return program.text(["entry"])

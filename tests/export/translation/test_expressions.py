@@ -5,7 +5,16 @@ import pytest
 
 from lvnav_trade.export.translation.expressions import RingTooShort, constant_array
 from lvnav_trade.export.translation.program import Program
-from lvnav_trade.export.translation.values import ONLY, SAME, Array, Fields, Known, Scalar, TranslationError, table_of
+from lvnav_trade.export.translation.values import (
+    ONLY,
+    SAME,
+    Array,
+    Constant,
+    RecordValue,
+    Scalar,
+    TranslationError,
+    table_of,
+)
 
 
 def code(function, **given):
@@ -26,7 +35,7 @@ OUT, EPOCH = Array("out", (1,), "double"), Scalar("epoch", "int")
 
 
 def record(depth):
-    return Fields(f"record {depth}", {"here": Array("self->here", (depth, 3), "double", rings=(depth, 0))})
+    return RecordValue(f"record {depth}", {"here": Array("self->here", (depth, 3), "double", rings=(depth, 0))})
 
 
 def test_an_axis_of_the_present_epoch_has_no_index():
@@ -41,13 +50,13 @@ def test_an_index_that_reaches_back_needs_places():
 
 
 def test_along_an_axis_of_which_all_are_the_same_any_index_will_do():
-    same = Fields("record", {"here": table_of("HERE", np.array([1.0, 7.0, 2.0]), (SAME, 0), (1, 3))})
+    same = RecordValue("record", {"here": table_of("HERE", np.array([1.0, 7.0, 2.0]), (SAME, 0), (1, 3))})
     assert "out[0] = 0.0;" in code(before, out=OUT, record=same, epoch=EPOCH)
 
 
 def test_a_field_or_a_name_that_there_is_not_is_named():
     with pytest.raises(TranslationError, match=r"record has no field of that name here: record\.here"):
-        code(present, out=OUT, record=Fields("record", {}), epoch=EPOCH)
+        code(present, out=OUT, record=RecordValue("record", {}), epoch=EPOCH)
 
     def unknown(out):
         out[0] = nowhere  # noqa: F821
@@ -59,4 +68,4 @@ def test_a_field_or_a_name_that_there_is_not_is_named():
 def test_a_table_of_whole_numbers_is_one_of_integers():
     assert constant_array("T", (1, 2)).kind == "int"
     assert constant_array("T", (1, 2.5)).kind == "double"
-    assert Known(1) == Known(1)
+    assert Constant(1) == Constant(1)

@@ -5,19 +5,19 @@ import ast
 import pytest
 
 from lvnav_trade.export.translation.operators import binary, called, chosen, compared, joined, unary
-from lvnav_trade.export.translation.values import Known, Scalar, TranslationError
+from lvnav_trade.export.translation.values import Constant, Scalar, TranslationError
 from lvnav_trade.kernels.lanes import like, where
 
 A, B, N = Scalar("a", "double"), Scalar("b", "double"), Scalar("n", "int")
 
 
 def test_known_numbers_are_computed_at_once():
-    assert binary(ast.Div(), Known(1), Known(8)) == Known(0.125)
-    assert unary(ast.Not(), Known(0)) == Known(True)
-    assert compared(ast.NotIn(), Known(3), Known((1, 2))) == Known(True)
-    assert chosen(Known(False), A, B) is B
-    assert called(where, [Known(True), A, B]) is A
-    assert called(like, [A, Known(1)]) == Known(1.0)
+    assert binary(ast.Div(), Constant(1), Constant(8)) == Constant(0.125)
+    assert unary(ast.Not(), Constant(0)) == Constant(True)
+    assert compared(ast.NotIn(), Constant(3), Constant((1, 2))) == Constant(True)
+    assert chosen(Constant(False), A, B) is B
+    assert called(where, [Constant(True), A, B]) is A
+    assert called(like, [A, Constant(1)]) == Constant(1.0)
 
 
 @pytest.mark.parametrize(("kind", "text"), [
@@ -28,19 +28,19 @@ def test_what_would_be_taken_from_the_left_stands_in_brackets(kind, text):
 
 
 def test_integers_divide_as_in_python():
-    assert binary(ast.Div(), N, Known(4)).text == "(double)n / 4"
+    assert binary(ast.Div(), N, Constant(4)).text == "(double)n / 4"
     assert binary(ast.FloorDiv(), N, Scalar("m", "int")).text == "floor_divided(n, m)"
     with pytest.raises(TranslationError, match="no integers"):
-        binary(ast.Mod(), A, Known(2))
+        binary(ast.Mod(), A, Constant(2))
 
 
 def test_a_part_of_and_or_that_decides_leaves_nothing_else():
-    assert joined([A, Known(False)], any_of=False) == Known(False)
-    assert joined([A, Known(False), B], any_of=True).text == "a || b"
-    assert joined([Known(True)], any_of=False) == Known(True)
+    assert joined([A, Constant(False)], any_of=False) == Constant(False)
+    assert joined([A, Constant(False), B], any_of=True).text == "a || b"
+    assert joined([Constant(True)], any_of=False) == Constant(True)
 
 
 def test_is_is_about_none_and_known():
-    assert compared(ast.Is(), A, Known(None)) == Known(False)
+    assert compared(ast.Is(), A, Constant(None)) == Constant(False)
     with pytest.raises(TranslationError, match="with None only"):
         compared(ast.Is(), A, B)

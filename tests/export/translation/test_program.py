@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from lvnav_trade.export.translation.program import Program
-from lvnav_trade.export.translation.values import Array, Known, Scalar
+from lvnav_trade.export.translation.values import Array, Constant, Scalar
 
 OUT = Array("out", (3,), "double")
 TABLE = np.array([1.0, 2.0, 3.0])
@@ -66,7 +66,7 @@ def test_a_function_of_known_numbers_is_its_value():
 
     program = Program("state")
     program.known(known, "known")
-    found = program.translated(known, {"n": Known(3)})
-    assert found.constant == Known(4)
+    found = program.translated(known, {"n": Constant(3)})
+    assert found.constant == Constant(4)
     assert program.translated(known, {"n": Scalar("n", "int")}).constant is None
     assert caller is not None

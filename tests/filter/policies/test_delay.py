@@ -12,7 +12,7 @@ from lvnav_trade.filter.policies.delay import (
     LAST,
     N_PAST,
     NAV,
-    Late,
+    DelayProcessing,
     carry_on,
     correct_stored,
     correct_stored_errors,
@@ -41,7 +41,7 @@ def late(**fields):
         "base": np.array([0.1]), "interval": 1.0, "jitter": 0.0, "acceleration": 0.0,
     } | fields  # fmt: skip
     n_place = int(np.sum(settings["n_ring"]))
-    return Late(**{"buffered": np.full(n_place, not settings["extrapolated"])} | settings)
+    return DelayProcessing(**{"buffered": np.full(n_place, not settings["extrapolated"])} | settings)
 
 
 @jit

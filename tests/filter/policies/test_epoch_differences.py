@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.filter.ekf import apply_robustness
 from lvnav_trade.filter.policies.epoch_differences import (
-    Delayed,
+    DifferenceProcessing,
     accumulate_transition,
     begin_transition,
     clone,
@@ -27,7 +27,7 @@ ONE = FilterModel(np.array([NOISE]))
 
 def delayed(cloned, first, renewed=-1.0, back=False):
     """What a filter of these clones, and one extra state, needs at a single epoch."""
-    return Delayed(
+    return DifferenceProcessing(
         np.zeros(3, bool), np.ones((1, 3), bool), 0, np.full((1, 1), renewed), np.array(cloned), first, back
     )  # fmt: skip
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from lvnav_trade.filter.policies import linearise
-from lvnav_trade.filter.policies.delay import Late
+from lvnav_trade.filter.policies.delay import DelayProcessing
 from lvnav_trade.filter.policies.linearise import is_receiver_stored, is_sensor_stored
 
 
 def late(extrapolated, receiver, *of_sensor):
     nothing = np.zeros(1)
-    return Late(
+    return DelayProcessing(
         extrapolated=extrapolated, receiver=receiver, line=np.array([receiver]), of_sensor=np.array(of_sensor),
         n_ring=np.array([1]), first=np.array([0]), buffered=np.array([not extrapolated]),
         valid=np.zeros((1, 1, 2), dtype=np.int64), early=np.zeros((1, 1, 2), dtype=np.int64), delay=nothing,

@@ -21,8 +21,8 @@ from lvnav_trade.filter.policies.mode_logic import (
     MODE,
     PREDICTED,
     RESIDUAL_PERSISTS,
-    Rules,
-    Watch,
+    ModeRules,
+    ModeState,
     begin_watch,
     check_measurements,
     hold_correction,
@@ -50,7 +50,7 @@ LOOSE, NO_RANGES = FilterModel(False, np.ones(6, dtype=bool), 2), Signals(np.zer
 
 def rules(**changed):
     """Five samples, 10 s to converge, 6 s of error; all on."""
-    every = Rules(
+    every = ModeRules(
         interval=1.0,
         good=np.ones(N_EPOCH, dtype=bool),
         limits=np.array([100.0] * 3 + [10.0] * 3),
@@ -289,7 +289,7 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 
 @jit
 def eight(w, rules, model, signals, P, x, z, gates, variance):
-    watch = Watch(
+    watch = ModeState(
         view(w.state), view(w.before), view(w.z), view(w.predicted), view(w.sample), view(w.mode), view(w.reason),
         view(w.held),
     )  # fmt: skip

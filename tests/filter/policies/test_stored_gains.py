@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.filter.policies.stored_gains import ROWS, FlownGains, GainSchedule, gains_at, schedule_of, thin
+from lvnav_trade.filter.policies.stored_gains import ROWS, GainHistory, GainSchedule, gains_at, schedule_of, thin
 
 STATES = ("velocity x", "position x", "gyro_bias x")
 EVENTS = {"liftoff": 0.0, "cutoff": 100.0, "ignition": 130.0}
@@ -23,7 +23,7 @@ def table():
 
 
 def made(by="event", tolerance=0.01):
-    return schedule_of("test", "a nominal flight", by, FlownGains(STATES, ROWS, T, table()), EVENTS, tolerance)
+    return schedule_of("test", "a nominal flight", by, GainHistory(STATES, ROWS, T, table()), EVENTS, tolerance)
 
 
 @pytest.mark.parametrize("by", ["event", "time"])
@@ -76,7 +76,7 @@ def test_rounding_makes_neither_knots_nor_digits():
         gains = table()
         gains[T < 100.0, 1, 2] = 0.0
         noise = 1e-11 * np.abs(gains).max(axis=0) * np.random.default_rng(seed).uniform(-1.0, 1.0, gains.shape)
-        flown = FlownGains(STATES, ROWS, T, gains + noise)
+        flown = GainHistory(STATES, ROWS, T, gains + noise)
         return schedule_of("test", "a nominal flight", "event", flown, EVENTS, 0.05)
 
     one, other = with_rounding(1), with_rounding(2)

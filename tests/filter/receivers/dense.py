@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.receivers.error_propagation import SOLUTION, Gains, reported_covariance
+from lvnav_trade.filter.receivers.error_propagation import SOLUTION, ErrorPropagation, reported_covariance
 from lvnav_trade.filter.receivers.receiver import BIAS, DRIFT, N_STATE, ReceiverFilter
 from lvnav_trade.quantities.records import Floats
 
@@ -33,7 +33,7 @@ class History(NamedTuple):
 
 
 def propagate(
-    epochs: list[Gains],
+    epochs: list[ErrorPropagation],
     pushes: Floats,
     clock: Floats,
     variances: list[Floats],

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.report.figures.published import Published, locus, ratios, spread, steps
+from lvnav_trade.report.figures.published import PublishedValue, locus, ratios, spread, steps
 from lvnav_trade.report.figures.raster import drawn
 from lvnav_trade.results.evaluate import evaluate_single
 from lvnav_trade.results.evaluation.published import references
@@ -79,7 +79,7 @@ def test_without_a_single_flight_there_is_nothing_to_draw(tables):
 
 
 def test_a_locus_has_the_published_value_as_a_line_and_levels_by_name(tables):
-    ax = drawn(locus(tables, "imu", STATED, "cm/s", published=Published(30.0))).axes[0]
+    ax = drawn(locus(tables, "imu", STATED, "cm/s", published=PublishedValue(30.0))).axes[0]
     line, published = (line.get_ydata() for line in ax.get_lines()[:2])
     expected = [evaluate_single(tables, case, STATED, "cm/s").value for case in ("aaaaaaaaaaaa", "bbbbbbbbbbbb")]
     np.testing.assert_allclose(line, expected)

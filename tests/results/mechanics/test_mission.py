@@ -187,7 +187,7 @@ def test_a_correction_is_a_size_and_no_gaussian(orbit):
 def test_errors_of_elements_at_epochs_are_those_of_flown_states(orbit, is_mean):
     """Another integrator, and osculating elements by their classical formulas; mean ones along the flown orbit."""
     state, error = state_of(orbit), np.array([[0.3, -0.2, 0.1, 5.0, -20.0, 10.0]])
-    found = mission.orbit_errors_at(state, error, mission.Epochs(is_mean, 30.0, 90.0))
+    found = mission.orbit_errors_at(state, error, mission.ElementEpochs(is_mean, 30.0, 90.0))
     start = np.concatenate([state.r_i, state.v_i])
     shifted = start - error[0][[3, 4, 5, 0, 1, 2]]
     true, estimated = (
@@ -207,7 +207,7 @@ def test_errors_of_elements_at_epochs_are_those_of_flown_states(orbit, is_mean):
 
 def test_errors_of_elements_at_the_event_are_the_usual_ones(orbit):
     state, error = state_of(orbit), np.array([[0.3, -0.2, 0.1, 5.0, -20.0, 10.0], [0.0] * 6])
-    usual, found = mission.orbit_errors(state, error), mission.orbit_errors_at(state, error, mission.Epochs())
+    usual, found = mission.orbit_errors(state, error), mission.orbit_errors_at(state, error, mission.ElementEpochs())
     assert usual.keys() == found.keys()
     for name, values in usual.items():
         np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-9)
@@ -217,7 +217,7 @@ def test_osculating_elements_swing_from_epoch_to_epoch_and_mean_ones_stay(orbit)
     """Kilometres of apogee in a minute by J2 alone, of a state without errors."""
     state, nothing = state_of(orbit), np.zeros((1, 6))
     swing, stay = (
-        float(mission.orbit_errors_at(state, nothing, mission.Epochs(is_mean, 0.0, 60.0))["apogee_error"][0, 0])
+        float(mission.orbit_errors_at(state, nothing, mission.ElementEpochs(is_mean, 0.0, 60.0))["apogee_error"][0, 0])
         for is_mean in (False, True)
     )
     assert abs(swing) > 200.0

@@ -39,7 +39,7 @@ def flown_mean(r_i, v_i):
         y = revolution(r_i, v_i, period, sign)
         orbit = orbits.osculating(y[:, :3], y[:, 3:])
         parts.append([np.trapezoid(value, axis=0, dx=1.0 / 2000) for value in orbit])
-    return orbits.Orbit(*(0.5 * (a + b) for a, b in zip(*parts, strict=True)))
+    return orbits.OrbitVectors(*(0.5 * (a + b) for a, b in zip(*parts, strict=True)))
 
 
 @pytest.mark.parametrize("name", ORBITS)

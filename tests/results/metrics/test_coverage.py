@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.definition.published import Published
+from lvnav_trade.campaign.definition.published import PublishedNumber
 from lvnav_trade.results.evaluate import evaluate, name_of
 from lvnav_trade.results.statistics.select import errors_by_axis
 
 
 def test_coverage_is_of_an_event():
     with pytest.raises(ValueError, match="of an event"):
-        Published(source="x", metric="attitude_coverage", during="liftoff to injection", value=0.99, unit="-")
+        PublishedNumber(source="x", metric="attitude_coverage", during="liftoff to injection", value=0.99, unit="-")
 
 
 def test_coverage_with_a_limit_is_the_share_of_runs_with_an_error_below_it(good):

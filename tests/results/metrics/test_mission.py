@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.evaluate import evaluate
-from lvnav_trade.results.mechanics.mission import Epochs
+from lvnav_trade.results.mechanics.mission import ElementEpochs
 from lvnav_trade.results.metrics.mission import MISSION, drawn_at, epochs_of, expected_at, sizes_at
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load
@@ -42,11 +42,15 @@ def test_the_law_is_the_first_order_gaussian_or_says_why_there_is_none(orbit):
 
 def test_a_statement_chooses_kind_and_epochs_of_the_elements(orbit):
     later = {**PERIGEE, "elements": "osculating", "epoch": "30 s", "reference_epoch": "90 s"}
-    assert epochs_of(PERIGEE) == Epochs()
-    assert epochs_of(later) == epochs_of({**later, "epoch": 30.0, "reference_epoch": 90.0}) == Epochs(False, 30.0, 90.0)
-    assert epochs_of({"epoch": "30 s"}) == Epochs(True, 30.0, 30.0)
+    assert epochs_of(PERIGEE) == ElementEpochs()
+    assert (
+        epochs_of(later)
+        == epochs_of({**later, "epoch": 30.0, "reference_epoch": 90.0})
+        == ElementEpochs(False, 30.0, 90.0)
+    )
+    assert epochs_of({"epoch": "30 s"}) == ElementEpochs(True, 30.0, 30.0)
     case = CaseTables(orbit, flights.CASE)
-    size = sizes_at(case, "injection", "perigee_error", Epochs(False, 30.0, 90.0))
+    size = sizes_at(case, "injection", "perigee_error", ElementEpochs(False, 30.0, 90.0))
     np.testing.assert_allclose(np.sqrt(evaluate(orbit, flights.CASE, later, "km").runs), size / 1e3, rtol=1e-15)
     assert np.flatnonzero(np.isinf(size)).tolist() == [3]
     label = MISSION["perigee_error"].label

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.published import Measured
+from lvnav_trade.campaign.definition.published import MeasuredMetric
 from lvnav_trade.results.evaluate import evaluate, evaluate_single, name_of
 from lvnav_trade.results.evaluation.published import references
 from lvnav_trade.results.tables.read import load
@@ -94,4 +94,4 @@ def test_the_name_says_mode_reason_and_which(watched):
 )
 def test_what_does_not_fit_is_refused(wrong, words):
     with pytest.raises(ValidationError, match=words):
-        Measured.model_validate(wrong)
+        MeasuredMetric.model_validate(wrong)

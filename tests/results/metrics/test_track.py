@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.definition.published import Measured
+from lvnav_trade.campaign.definition.published import MeasuredMetric
 from lvnav_trade.campaign.definition.schema import Requirement
 from lvnav_trade.results.evaluate import evaluate, evaluate_single
 from lvnav_trade.results.mechanics.mission import State, run_errors, state_at
@@ -103,7 +103,7 @@ def test_a_requirement_on_it_has_a_verdict_by_runs_and_by_linear_covariance(orbi
     [
         (Requirement, {"during": "flight"}, "resolved along the true velocity at an event; give at"),
         (Requirement, {"window": {"before": "1 s"}}, "is known at events only"),
-        (Measured, {"during": "flight"}, "velocity_along_track_error is of an event; give at"),
+        (MeasuredMetric, {"during": "flight"}, "velocity_along_track_error is of an event; give at"),
     ],
 )
 def test_it_is_of_an_event(card, more, message):

@@ -10,7 +10,14 @@ from lvnav_trade.quantities.records import INJECTION
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.metric import NO_LAW
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, Asked, _improvement, asked, expected, improvements
+from lvnav_trade.results.requirements.improvements import (
+    ABOVE_ONLY,
+    RequirementCase,
+    _improvement,
+    asked,
+    expected,
+    improvements,
+)
 from lvnav_trade.results.statistics.probability import norm_probability, norm_quantile
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
@@ -159,7 +166,7 @@ def perigee(below):
     injection = injection._replace(target=target)
     distribution = metric_of("injection_perigee_error").of_law(injection)
     assert distribution.redraw is not None
-    return Asked(distribution, below, 0.9), injection
+    return RequirementCase(distribution, below, 0.9), injection
 
 
 def test_the_improvement_of_a_perigee_near_a_circular_orbit_is_that_of_independent_draws():

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.results.tables.tables import controlled_columns
-from lvnav_trade.simulation.nozzle import Controlled
+from lvnav_trade.simulation.nozzle import NozzleStatistics
 
 
-def found() -> Controlled:
+def found() -> NozzleStatistics:
     rng = np.random.default_rng(1)
     turning = rng.uniform(0.1, 1.0, (3, 2, 3, 8))
     turning[:, :, 1, 0] = 0.0  # no coast
     turning[:, :, [0, 2], 0] = 100.0
-    return Controlled(
+    return NozzleStatistics(
         t=np.arange(3.0), total=rng.uniform(size=(3, 4, 2, 2)),
         mean=rng.uniform(size=(3, 3, 2)), low=np.zeros((3, 3, 2)), high=np.ones((3, 3, 2)), turning=turning,
         shown_t=np.arange(5.0), shown=rng.uniform(size=(5, 2, 4)),

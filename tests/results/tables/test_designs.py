@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pyarrow.parquet as pq
 
-from lvnav_trade.campaign.space.evaluate import TEXTS, Rows
+from lvnav_trade.campaign.space.evaluate import TEXTS, EvaluatedDesigns
 from lvnav_trade.results.tables.designs import earlier_table, impossible, passes, table_of
 
 
-def part(numbers: list[int], **columns: list[float]) -> Rows:
+def part(numbers: list[int], **columns: list[float]) -> EvaluatedDesigns:
     texts = {name: tuple(f"{name}{n}" for n in numbers) for name in TEXTS}
-    return Rows(np.array(numbers), texts, {name: np.array(values) for name, values in columns.items()}, 1, 0.0, 0.0)
+    return EvaluatedDesigns(
+        np.array(numbers), texts, {name: np.array(values) for name, values in columns.items()}, 1, 0.0, 0.0
+    )
 
 
 def test_rows_come_in_the_order_of_their_numbers_and_a_missing_column_is_empty() -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
+from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import CovHistory
 from lvnav_trade.results.tables import scratch
 from tests import synthetic
@@ -67,8 +67,10 @@ def test_what_is_written_comes_back_to_the_last_bit(tmp_path, value):
 
 
 def test_every_record_of_an_explanation_can_be_written():
-    kinds = scratch.record_types(Explanation)
-    assert {"Explanation", "AdjointBudget", "Output", "SourceCovariance", "Sensitivity", "PhaseView"} <= set(kinds)
+    kinds = scratch.record_types(CaseDiagnostics)
+    assert {"CaseDiagnostics", "AdjointBudget", "Output", "SourceCovariance", "SigmaSensitivity", "PhaseView"} <= set(
+        kinds
+    )
     assert set(scratch.record_types(CovHistory)) == {"CovHistory", "InjectionLaw"}
 
 

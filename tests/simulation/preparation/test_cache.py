@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.gnss.constellation import AlmanacConstellation
 from lvnav_trade.gnss.satellites import content
-from lvnav_trade.quantities.reads import Reads
+from lvnav_trade.quantities.reads import FieldReads
 from lvnav_trade.simulation.preparation import cache
 from tests.building import hop, loaded
 
@@ -49,7 +49,7 @@ def test_other_epochs_another_start_and_another_flight_make_another_sky():
 def test_a_sky_that_was_kept_counts_as_having_read_what_it_was_computed_from():
     found = []
     for _ in range(2):
-        reads = Reads(loaded("base.receiver.latency=0.25 s"))
+        reads = FieldReads(loaded("base.receiver.latency=0.25 s"))
         cache.seen_in(reads.card, hop(), T, 0.0)
         found.append(reads.paths)
     assert found[0] == found[1]

@@ -11,7 +11,7 @@ from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, ha
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.simulation.preparation.inputs import Schedule
 from lvnav_trade.simulation.preparation.options import (
-    DelayTaken,
+    CompensatedDelay,
     clone_times,
     delays_taken,
     direct,
@@ -98,7 +98,7 @@ def test_a_delay_is_the_stamped_one_or_the_filters_own_number():
 def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_their_way(delay, stored):
     """With 1 s between epochs and 0.1 s of an early velocity: the state of an epoch is stored until it is over."""
     t, t_epoch = np.arange(0.0, 10.001, 0.005), np.arange(1.0, 11.0)
-    delays = (DelayTaken(-1, np.full(10, delay)),)
+    delays = (CompensatedDelay(-1, np.full(10, delay)),)
     kept = clone_times(compensating(), t_epoch, delays, t, 1)
     ticks = np.arange(0, 2000, 20)
     none = np.full(100, -1)
@@ -116,11 +116,11 @@ def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_the
 
 def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():
     t = np.arange(0.0, 10.001, 0.01)
-    delay = (DelayTaken(-1, np.array([0.3])),)
+    delay = (CompensatedDelay(-1, np.array([0.3])),)
     (kept,) = clone_times(compensating("extrapolated", "loose"), np.array([5.0]), delay, t, 1)
     assert (kept.valid.tolist(), kept.early.tolist()) == ([470], [460])
     assert (kept.offset[0], kept.base[0]) == (0.0, pytest.approx(0.1))
-    (grouped,) = clone_times(compensating(), np.array([5.0]), (DelayTaken(-1, np.array([0.317])),), t, 4)
+    (grouped,) = clone_times(compensating(), np.array([5.0]), (CompensatedDelay(-1, np.array([0.317])),), t, 4)
     assert grouped.valid.tolist() == [468]
     assert grouped.offset[0] == pytest.approx(0.003)
     assert clone_times(loaded(), np.array([5.0]), (), t, 1) == ()
@@ -132,7 +132,7 @@ def test_windows_know_which_epochs_state_is_kept_at_their_end():
     schedule = Schedule(
         np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing, nothing, np.zeros(3)
     )
-    delay, channels = (DelayTaken(-1, np.array([0.3])),), Channels(True, ("G01",), ("G",), (True,))
+    delay, channels = (CompensatedDelay(-1, np.array([0.3])),), Channels(True, ("G01",), ("G",), (True,))
     kept = clone_times(scenario, np.array([1.0]), delay, np.arange(0.0, 2.001, 0.01), 1)
     late = late_of(scenario, delay, kept, schedule, channels)
     # a window of no ticks stores nothing a second time: first epoch and the one after the last

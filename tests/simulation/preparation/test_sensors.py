@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.covariance.diagnostics.observability import observability
 from lvnav_trade.covariance.history import adjoint, covariance
-from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.sensors.altimeter import AltimeterCard
@@ -24,7 +24,7 @@ from tests.both_engines.modelled import BASELINE, PUBLISHED, SETTINGS, modelled,
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 
 RADAR = {"kind": "altimeter", "name": "test", "source": "none", "sigma": "0.3 m", "highest": "400 km"}
-COURSE = Course({"liftoff": 0.0, "stage1_cutoff": 20.0})
+COURSE = FlightProfile({"liftoff": 0.0, "stage1_cutoff": 20.0})
 T = np.arange(-3.0, 31.0)
 SOON = T[T > 0.0]
 N_RUN = 400

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.simulation.recorded.consistency import Measured, compared
+from lvnav_trade.simulation.recorded.consistency import RecordedRanges, compared
 
 N_EPOCH, N_SAT, RADIUS, TURN = 40, 7, 2.656e7, 1.4585e-4
 
@@ -28,7 +28,7 @@ def case(late: float = 0.0):
     )
 
 
-def measured(needed=(0, 1)) -> Measured:
+def measured(needed=(0, 1)) -> RecordedRanges:
     """What a receiver with a clock that jumps measures, with noise of 1 m and 0.05 m/s."""
     true, rng = case(), np.random.default_rng(1)
     line = true.sky.r_i - true.signals.position[:, None]
@@ -37,7 +37,7 @@ def measured(needed=(0, 1)) -> Measured:
     clock = 1e6 * rng.standard_normal((N_EPOCH, 1, 1)) * [1.0, 1e-4]
     noise = rng.standard_normal((N_EPOCH, N_SAT, 2)) * [1.0, 0.05]
     observed = np.stack([distance, rate], axis=2) + clock + noise
-    return Measured(observed, np.zeros_like(observed), np.ones((N_EPOCH, N_SAT), dtype=bool), list(needed))
+    return RecordedRanges(observed, np.zeros_like(observed), np.ones((N_EPOCH, N_SAT), dtype=bool), list(needed))
 
 
 def test_what_the_solutions_explain_is_used_whatever_the_clock():

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.trajectory.ascent.dispersion import flown, fly_dispersed, pitched
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
-from lvnav_trade.trajectory.ascent.legs import Aim, fly_ascent
+from lvnav_trade.trajectory.ascent.legs import TargetingUnknowns, fly_ascent
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, solve
 from lvnav_trade.trajectory.flight import build
 from lvnav_trade.trajectory.truth import motion
@@ -59,7 +59,7 @@ def test_a_motor_of_more_thrust_and_less_impulse_burns_shorter_and_an_empty_stag
 
 
 def test_a_pitch_programme_is_moved_by_the_angle():
-    aim = pitched(Aim(1.0, 0.1, 0.4, -0.2, 100.0), 0.01)
+    aim = pitched(TargetingUnknowns(1.0, 0.1, 0.4, -0.2, 100.0), 0.01)
     assert aim.kick == pytest.approx(0.09)
     assert math.atan(aim.tangent) - math.atan(0.4) == pytest.approx(0.01)
     assert math.atan(aim.tangent_end) - math.atan(-0.2) == pytest.approx(0.01)
@@ -84,7 +84,7 @@ def test_a_vehicle_that_cannot_be_flown_is_refused_by_name():
         }
     )
     with pytest.raises(InputError) as caught:
-        fly_dispersed(broken, Aim(1.0, 0.1, 0.4, -0.2, 100.0), card.dispersion)
+        fly_dispersed(broken, TargetingUnknowns(1.0, 0.1, 0.4, -0.2, 100.0), card.dispersion)
     assert caught.value.records[0].path == "trajectory.dispersion"
 
 

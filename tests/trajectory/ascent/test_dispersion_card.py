@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, Dispersion, SpreadsCard
+from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, Dispersion, DispersionsCard
 from lvnav_trade.trajectory.flight import identity
 from tests.trajectory.flight_cases import CONFIGS, ascent_card, ascent_settings, launcher_settings
 
@@ -19,7 +19,7 @@ def test_every_shipped_vehicle_has_all_spreads_and_says_that_they_are_assumed():
     }
     assert set(settings) == set(names)
     for one in settings.values():
-        spreads = SpreadsCard.model_validate(one["vehicle"]["dispersions"])
+        spreads = DispersionsCard.model_validate(one["vehicle"]["dispersions"])
         marked = {path for path, _ in spreads.assumed}
         assert all(getattr(spreads, name) > 0.0 for name in SOURCES)
         assert {*SOURCES, "wind_length"} == marked
@@ -60,7 +60,7 @@ def test_all_are_drawn_or_those_that_are_named():
 
 def test_a_wind_length_without_wind_is_refused():
     with pytest.raises(ValidationError, match="wind_length"):
-        SpreadsCard(name="x", source="y", wind_length="3 km")
+        DispersionsCard(name="x", source="y", wind_length="3 km")
 
 
 def test_guided_runs_fly_along_the_same_nominal_flight():

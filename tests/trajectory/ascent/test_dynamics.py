@@ -12,7 +12,7 @@ from lvnav_trade.quantities.frames import ecef_from_geodetic
 from lvnav_trade.trajectory.ascent.dynamics import (
     NOTHING,
     Drag,
-    Engine,
+    Propulsion,
     Unthrottled,
     fly,
     height_above,
@@ -25,7 +25,7 @@ from tests.potential import potential_j4
 from tests.trajectory.ascent.test_steering_law import steering
 
 VACUUM = Drag(0.0, np.array([0.0, 1.0]), np.array([0.0, 0.0]))
-ENGINE = Engine(1e6, 300.0, 1.0, 60.0)
+ENGINE = Propulsion(1e6, 300.0, 1.0, 60.0)
 
 
 def test_thrust_loses_ambient_pressure_times_exit_area():
@@ -58,7 +58,7 @@ def test_a_motor_of_straight_thrust_burns_what_its_flow_says():
     motor = Unthrottled(5.0, 9e5, -4e3, 300.0, -4.0 / 3.0, 0.5)
     y0 = np.array([1e9, 0.0, 0.0, 0.0, 0.0, 0.0, 1e5])
     still = steering(kick_angle=0.0, follow_start=np.inf, law_start=np.array([np.inf]))
-    _, y = fly(5.0, 100.0, 400, y0, still, Engine(0.0, 0.0, 0.0, 1.0, motor), VACUUM)
+    _, y = fly(5.0, 100.0, 400, y0, still, Propulsion(0.0, 0.0, 0.0, 1.0, motor), VACUUM)
     burnt = 300.0 * 100.0 - 0.5 * 4.0 / 3.0 * 100.0**2
     assert y[-1, 6] == pytest.approx(1e5 - burnt, rel=1e-12)
     assert np.linalg.norm(y[-1, 3:6]) == pytest.approx(3000.0 * math.log(1e5 / (1e5 - burnt)), abs=0.1)
@@ -73,7 +73,7 @@ def test_motors_that_cannot_be_throttled_lose_pressure_times_exit_area_and_never
 
 def test_a_coast_keeps_its_energy():
     y0 = np.array([6.7e6, 0.0, 1e5, 10.0, 7600.0, 500.0, 1.0])
-    _, y = fly(0.0, 600.0, 2400, y0, steering(), Engine(0.0, 0.0, 0.0, 1.0), VACUUM)
+    _, y = fly(0.0, 600.0, 2400, y0, steering(), Propulsion(0.0, 0.0, 0.0, 1.0), VACUUM)
     energy = [0.5 * row[3:6] @ row[3:6] - potential_j4(*row[:3]) for row in y]
     assert np.ptp(energy) < 1e-10 * abs(energy[0])
 
@@ -97,7 +97,7 @@ def test_drag_is_half_density_speed_squared_area_and_coefficient():
     r = ecef_from_geodetic(0.0, 0.0, 0.0)
     y = np.array([*r, 100.0, 7.292115e-5 * r[0], 0.0, 1000.0])
     drag = Drag(2.0, np.array([0.0, 1.0]), np.array([0.3, 0.3]))
-    rate = rates(0.0, y, steering(), Engine(0.0, 0.0, 0.0, 1.0), drag)
+    rate = rates(0.0, y, steering(), Propulsion(0.0, 0.0, 0.0, 1.0), drag)
     expected = 0.5 * 1.225 * 100.0**2 * 2.0 * 0.3 / 1000.0
     assert gravity_j4(*r)[0] - rate[3] == pytest.approx(expected, rel=1e-4)
 

@@ -11,7 +11,7 @@ import pytest
 from lvnav_trade.quantities.frames import earth_velocity
 from lvnav_trade.trajectory.ascent.dynamics import thrust_beside
 from lvnav_trade.trajectory.ascent.legs import (
-    Aim,
+    TargetingUnknowns,
     cuts,
     engine,
     fly_ascent,
@@ -142,7 +142,7 @@ def test_beyond_its_burn_time_a_stage_that_guidance_cuts_off_keeps_the_thrust_of
     assert np.isfinite(push.beside.thrust)
 
 
-AIM = Aim(azimuth=1.1, kick=0.05, tangent=0.6, tangent_end=-0.1, burn=380.0)
+AIM = TargetingUnknowns(azimuth=1.1, kick=0.05, tangent=0.6, tangent_end=-0.1, burn=380.0)
 
 
 def test_mass_at_lift_off_is_the_sum_of_the_card():

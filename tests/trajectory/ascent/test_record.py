@@ -8,8 +8,8 @@ import pytest
 from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.trajectory.ascent.record import Record, differences, force_along, read, smooth
-from lvnav_trade.trajectory.ascent.vehicle import Recorded
+from lvnav_trade.trajectory.ascent.record import AscentRecord, differences, force_along, read, smooth
+from lvnav_trade.trajectory.ascent.vehicle import FlightRecords
 from lvnav_trade.trajectory.truth import motion
 from tests.trajectory.flight_cases import ascent, ascent_card, record_settings
 
@@ -62,7 +62,7 @@ def test_a_broken_record_is_refused_with_file_line_and_fault(tmp_path, lines, fa
 
 def test_the_force_along_the_path_is_that_of_the_climb():
     t, h, w, u = known_climb()
-    force = force_along(Record(t, np.hypot(w, u), h))
+    force = force_along(AscentRecord(t, np.hypot(w, u), h))
     assert force.size == t.size - 1
     burning, coasting = (t[1:] < 149.0) & (t[:-1] > 5.0), (t[1:] > 150.0) & (t[1:] < 160.0)
     middle = 0.5 * (t[1:] + t[:-1])
@@ -97,7 +97,7 @@ def record_of(tmp_path, speed_off=0.0, altitude_off=0.0):
 
 
 def compared(**given):
-    return differences(Recorded(source="a record", **given), ascent(), ascent_card().site)
+    return differences(FlightRecords(source="a record", **given), ascent(), ascent_card().site)
 
 
 def test_a_flight_does_not_differ_from_its_own_record(tmp_path):
@@ -143,7 +143,7 @@ def noisy(seed):
     t, h, w, u = known_climb()
     draws = np.random.default_rng(seed).standard_normal((2, t.size))
     speed = np.maximum(np.hypot(w, u) + NOISE[0] * draws[0], 0.0)
-    return Record(t, speed, h + NOISE[1] * draws[1])
+    return AscentRecord(t, speed, h + NOISE[1] * draws[1])
 
 
 def test_the_fit_lies_closer_to_the_known_climb_than_the_record_does():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.first_rows import Reading, better
+from lvnav_trade.trajectory.files.first_rows import AttitudeInterpretation, better
 from lvnav_trade.trajectory.flight import build
 from lvnav_trade.trajectory.truth import WARNING
 from tests.trajectory.tables import card, example_settings
@@ -27,7 +27,10 @@ def test_an_attitude_against_axes_of_j2000_that_is_stated_against_those_of_date_
 
 def test_a_reading_that_fits_ten_times_better_refuses_the_stated_one_unless_an_angle_is_meant() -> None:
     true, turned = card(stated()), card(stated(turns="frame_to_body"))
-    found = [Reading(turned.attitude, np.radians(3.4)), Reading(true.attitude, np.radians(0.04))]
+    found = [
+        AttitudeInterpretation(turned.attitude, np.radians(3.4)),
+        AttitudeInterpretation(true.attitude, np.radians(0.04)),
+    ]
     fault = r"lie 3\.40 deg off the body's x axis \(median\) as the attitude is stated, and 0\.04 deg with turns: body"
     with pytest.raises(InputError, match=fault):
         better(turned, found)

@@ -12,7 +12,7 @@ from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import earth_velocity, ecef_from_geodetic, matrices, rotation_e_n, unit
 from lvnav_trade.trajectory.ascent.dynamics import Drag
 from lvnav_trade.trajectory.flights.free_flight import (
-    Mode,
+    AttitudeLaw,
     Thrust,
     along_airspeed,
     along_velocity,
@@ -44,7 +44,7 @@ def circle():
 
 
 Y = circle()
-FORWARD, BACKWARD = Mode(-math.inf, 0.0, along_velocity()), Mode(50.0, 60.0, along_velocity(-1.0))
+FORWARD, BACKWARD = AttitudeLaw(-math.inf, 0.0, along_velocity()), AttitudeLaw(50.0, 60.0, along_velocity(-1.0))
 
 
 def test_forward_and_backward_are_along_the_velocity_with_z_to_the_earth():
@@ -95,21 +95,21 @@ def test_a_turn_begins_and_ends_with_the_laws_and_goes_about_one_axis():
 
 def test_a_law_may_be_given_up_before_its_turn_is_done():
     held = fixed_to_stars(FORWARD.axes(T, Y)[300])
-    q = attitude([FORWARD, BACKWARD, Mode(75.0, 20.0, held)], T, Y)
+    q = attitude([FORWARD, BACKWARD, AttitudeLaw(75.0, 20.0, held)], T, Y)
     assert np.max(np.abs(matrices(q)[T >= 95.0] - held(T, Y)[0])) < 1e-12
     assert np.min(np.sum(q[1:] * q[:-1], axis=1)) > 0.99
 
 
 def test_the_nose_at_one_time_is_that_of_the_whole_history():
     held = fixed_to_stars(turned(level, 0.9, 0.4)(T[:1], Y[:1])[0])
-    modes = [FORWARD, Mode(50.0, 60.0, held)]
+    modes = [FORWARD, AttitudeLaw(50.0, 60.0, held)]
     whole = matrices(attitude(modes, T, Y))[:, :, 0]
     for k in (0, 100, 230, 300, 700):
         assert np.max(np.abs(nose(modes, float(T[k]), Y[k]) - whole[k])) < 1e-12
 
 
 def test_a_law_that_begins_after_the_end_changes_nothing():
-    assert np.array_equal(attitude([FORWARD, Mode(900.0, 1.0, level)], T, Y), attitude([FORWARD], T, Y))
+    assert np.array_equal(attitude([FORWARD, AttitudeLaw(900.0, 1.0, level)], T, Y), attitude([FORWARD], T, Y))
 
 
 WHITE_SANDS = (math.radians(32.42), math.radians(-106.32))

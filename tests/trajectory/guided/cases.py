@@ -9,8 +9,8 @@ import numpy as np
 
 from lvnav_trade.quantities.frames import Elements, state_from_elements
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
-from lvnav_trade.trajectory.guided.dynamics import Navigation
-from lvnav_trade.trajectory.guided.reference import Plan, plan_of
+from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
+from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_of
 from tests.trajectory.flight_cases import launcher_settings
 
 
@@ -20,7 +20,7 @@ def guided(name: str = "two_stage_leo", **changes: Any) -> VehicleAscent:
 
 
 @cache
-def plan(name: str = "two_stage_leo", guidance: str = "explicit", cutoff: str = "energy") -> Plan:
+def plan(name: str = "two_stage_leo", guidance: str = "explicit", cutoff: str = "energy") -> GuidancePlan:
     """Return the plan of a shipped ascent whose runs draw all spreads; "NAME lagging": its body lags by 0.5 s."""
     lag = {"attitude_lag": "0.5 s"} if name.endswith("lagging") else {}
     return plan_of(guided(name.split()[0], guidance=guidance, cutoff=cutoff, dispersion={"draw": "all"}, **lag))
@@ -41,7 +41,9 @@ def state_of(**changes: float) -> np.ndarray:
     return np.concatenate([r, v, [1000.0]])
 
 
-def constant_error(*, attitude: Any = (0, 0, 0), velocity: Any = (0, 0, 0), position: Any = (0, 0, 0)) -> Navigation:
+def constant_error(
+    *, attitude: Any = (0, 0, 0), velocity: Any = (0, 0, 0), position: Any = (0, 0, 0)
+) -> NavigationErrors:
     """Return navigation errors that last, frame i, as they are known once a second."""
     error, t = np.concatenate([attitude, velocity, position]).astype(float), np.arange(-60.0, 601.0)
-    return Navigation(t, np.tile(error, (t.size, 1)))
+    return NavigationErrors(t, np.tile(error, (t.size, 1)))

@@ -21,7 +21,7 @@ RATE = 200.0  # Hz
 
 
 class Body(NamedTuple):
-    """What the body meets at n ticks, see `autopilot.Met`; motor: number of the burning stage."""
+    """What the body meets at n ticks, see `autopilot.LateralForces`; motor: number of the burning stage."""
 
     motor: np.ndarray
     effectiveness: np.ndarray
@@ -40,7 +40,7 @@ class Steady(NamedTuple):
     """A launch that goes nowhere: a body, and what a launch has beside its ascent."""
 
     body: Body
-    course: autopilot.Course
+    course: autopilot.CommandedAttitude
     rotation: RotationCard
     controller: ControllerCard
     wind: WindCard
@@ -68,7 +68,9 @@ def design(frequency: float, damping: float, instability: float = 0.0) -> dict[s
 def steady_launch(
     duration: float = 20.0, motor: int = 1, gains: Any = None, nozzle: Any = None, **given: Any
 ) -> Steady:
-    """Return a body that is the same at all ticks; fields of `Body` and `Course` are given as numbers or arrays."""
+    """Return a body that is the same at all ticks; fields of `Body` and `CommandedAttitude` are given as numbers or
+    arrays.
+    """
     rotation, controller = settings("rotation/three_motor"), settings("controllers/three_motor")
     rotation["nozzle"] |= {"misalignment": "0 deg"} | (nozzle or {})
     controller |= {"guidance": None} | ({"gains": [gains] * 3} if gains else {})
@@ -87,7 +89,7 @@ def steady_launch(
     phase = np.full(t.size, autopilot.BURN if motor else autopilot.COAST, dtype=np.int64)
     return Steady(
         Body(np.full(t.size, motor, dtype=np.int64), *(arrays[name] for name in Body._fields[1:])),
-        autopilot.Course(t, *(arrays[name] for name in autopilot.Course._fields[1:-1]), phase),
+        autopilot.CommandedAttitude(t, *(arrays[name] for name in autopilot.CommandedAttitude._fields[1:-1]), phase),
         RotationCard.model_validate(rotation),
         ControllerCard.model_validate(controller),
         WindCard.model_validate(settings("wind/moderate") | {"spread": "0 %"}),
@@ -101,7 +103,7 @@ def _fly(control, body):
     for k in range(body.motor.size - 1):
         if body.motor[k] != control.counts[autopilot.MOTOR]:
             loop.ignite(control, body.motor[k], 0.0, 0.0)
-        met = autopilot.Met(
+        met = autopilot.LateralForces(
             body.effectiveness[k],
             body.thrust_load[k],
             body.moment[k],
@@ -125,7 +127,7 @@ def fly_steady(
     """Return runs of a body that goes nowhere, as `missions.fly_missions` does of a launch."""
     controls = []
     for n in range(runs):
-        draws = autopilot.Draws(*seed_words(seed), np.uint64(first_run + n))
+        draws = autopilot.DrawKeys(*seed_words(seed), np.uint64(first_run + n))
         controls.append(control_of(launch, feedback, draws, every))
         _fly(controls[-1], launch.body)
     return Missions(

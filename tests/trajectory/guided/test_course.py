@@ -42,7 +42,7 @@ def controller(stages: int = 2, **changed: Any) -> ControllerCard:
     return ControllerCard.model_validate(given | {"gains": given["gains"][:stages]} | changed)
 
 
-FIRST = autopilot.Draws(np.uint64(1), np.uint64(2), np.uint64(0))
+FIRST = autopilot.DrawKeys(np.uint64(1), np.uint64(2), np.uint64(0))
 
 
 def launch(stacks: int = 2, stages: int = 2):

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.trajectory.ascent.dynamics import Engine
+from lvnav_trade.trajectory.ascent.dynamics import Propulsion
 from lvnav_trade.trajectory.ascent.legs import STEP
 from lvnav_trade.trajectory.guided import dynamics
 from lvnav_trade.trajectory.guided.draws import deviations
 from lvnav_trade.trajectory.guided.dynamics import (
     PERFECT,
     Cutoff,
-    Navigation,
+    NavigationErrors,
     error_at,
     fly_last,
     fly_piece,
@@ -32,7 +32,7 @@ def around():
 
 def test_an_error_stays_to_the_next_time_and_the_position_drifts_with_the_velocity_error():
     error = np.array([np.arange(9.0), np.arange(9.0) + 2.0])
-    navigation = Navigation(np.array([10.0, 20.0]), error)
+    navigation = NavigationErrors(np.array([10.0, 20.0]), error)
     np.testing.assert_allclose(error_at(0.0, navigation), error[0])
     for t, k, span in ((15.0, 0, 5.0), (20.0, 1, 0.0), (25.0, 1, 5.0)):
         wanted = error[k].copy()
@@ -54,7 +54,7 @@ def test_the_thrust_is_turned_by_the_attitude_error_and_by_misalignments(around)
 
 
 def test_wind_is_the_motion_of_the_air_to_the_east_and_north(around):
-    engine = Engine(0.0, 0.0, 0.0, 1.0)
+    engine = Propulsion(0.0, 0.0, 0.0, 1.0)
     y = np.array([6378137.0 + 5e3, 0.0, 0.0, 0.0, 465.0, 0.0, 1e4])
     blown = around._replace(wind=dynamics.Wind(500.0, np.tile([10.0, 20.0], (61, 1))))
     still = dynamics.rates(0.0, y, engine, around) - dynamics.rates(0.0, y, engine, blown)
@@ -71,7 +71,7 @@ def burn():
     known = plan("two_stage_leo", "open_loop")
     y = known.nominal.copy()
     y[6] = 6000.0
-    return y, Engine(68e3, 68e3 / 3187.0, 0.0, math.inf)
+    return y, Propulsion(68e3, 68e3 / 3187.0, 0.0, math.inf)
 
 
 def test_a_burn_without_another_end_stops_at_the_mass_of_the_empty_stage_by_the_rocket_equation(around, burn):

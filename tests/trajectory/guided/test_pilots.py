@@ -17,7 +17,7 @@ from lvnav_trade.trajectory.guided.reference import plan_of
 from tests.trajectory.guided.cases import guided
 from tests.trajectory.guided.test_turning import under_control
 
-DRAWS = autopilot.Draws(np.uint64(1), np.uint64(2), np.uint64(3))
+DRAWS = autopilot.DrawKeys(np.uint64(1), np.uint64(2), np.uint64(3))
 
 
 def test_a_launch_burns_as_long_as_the_nominal_flight_and_keeps_stretches_that_meet():

@@ -14,7 +14,7 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.frames import earth_angle, elements_from_state, geodetic_from_ecef, gmst
 from lvnav_trade.trajectory.ascent.legs import pad_state
 from lvnav_trade.trajectory.guided.draws import WIND_STEP, deviations, draw, numbers, vehicle_of
-from lvnav_trade.trajectory.guided.dynamics import Navigation
+from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
 from lvnav_trade.trajectory.guided.pilots import ADRIFT, DEPLETED, INJECTED
 from lvnav_trade.trajectory.guided.reference import plan_of
 from lvnav_trade.trajectory.guided.runs import inject
@@ -99,7 +99,7 @@ def test_a_tilt_of_the_reference_turns_an_open_loop_sideways_by_the_integrated_t
     start = 200.0
     error = np.zeros((4, 9))
     error[2:, :3] = tilt * up
-    tilted = Navigation(np.array([-60.0, start, start + 1e-6, 600.0]), error)
+    tilted = NavigationErrors(np.array([-60.0, start, start + 1e-6, 600.0]), error)
     moved = inject(known, {}, tilted).y - inject(known, {}).y
     t = np.linspace(start, known.cutoff, 20001)
     flow = stage.thrust / stage.exhaust_speed

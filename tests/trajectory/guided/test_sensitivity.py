@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.quantities.records import INJECTION, ORBIT
 from lvnav_trade.trajectory.guided.draws import numbers
-from lvnav_trade.trajectory.guided.dynamics import Navigation
+from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
 from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of, with_apsides
 from lvnav_trade.trajectory.guided.reference import plan_of
 from lvnav_trade.trajectory.guided.runs import inject
@@ -57,7 +57,9 @@ def test_navigation_errors_do_what_whole_flights_say(name, guidance, cutoff, kin
     known = plan(name, guidance, cutoff)
     t = times(known)
     found, errors = sensitivity(known, t), errors_of(kind, t)
-    wanted = change(known, found.target, *(inject(known, {}, Navigation(t, sign * errors)) for sign in (1.0, -1.0)))
+    wanted = change(
+        known, found.target, *(inject(known, {}, NavigationErrors(t, sign * errors)) for sign in (1.0, -1.0))
+    )
     linear = np.einsum("kne,ke->n", found.navigation, errors)
     size = np.sqrt(np.einsum("kne,ke->n", found.navigation**2, errors**2))
     defined = np.isfinite(wanted)

@@ -18,7 +18,7 @@ from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.guided import autopilot, loop
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.draws import deviations
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, Programme, fly_piece
+from lvnav_trade.trajectory.guided.dynamics import PERFECT, AttitudeProgramme, fly_piece
 from lvnav_trade.trajectory.guided.missions import launch_along, turning_of
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot, TurningPilot
 from lvnav_trade.trajectory.guided.reference import plan_of
@@ -51,8 +51,8 @@ def known(**how):
     return plan_of(under_control(**how))
 
 
-def draws(run: int) -> autopilot.Draws:
-    return autopilot.Draws(np.uint64(3), np.uint64(4), np.uint64(run))
+def draws(run: int) -> autopilot.DrawKeys:
+    return autopilot.DrawKeys(np.uint64(3), np.uint64(4), np.uint64(run))
 
 
 # --- a lag ------------------------------------------------------------------------------------------------------------
@@ -65,7 +65,7 @@ def test_a_lag_follows_a_turning_command_late_by_its_time_constant():
     pilot = GuidedPilot(plan, plan.card, deviations(plan.card, {}), PERFECT)
     t = np.arange(0.0, 40.0, 0.05)
     u = np.stack([np.cos(rate * t), np.sin(rate * t), np.zeros(t.size)], axis=1)
-    around = pilot.around._replace(programme=Programme(0.05, u))
+    around = pilot.around._replace(programme=AttitudeProgramme(0.05, u))
     y = np.concatenate([pilot.y[:7], u[0]])
     for end in (0.7, 3.0, 20.0):
         found = fly_piece(0.0, end, pilot.longest, y, COASTING, around)[7:]
@@ -83,7 +83,7 @@ def test_an_open_loop_with_a_lag_is_that_of_a_programme_that_is_late():
     t = at_once.programme.step * np.arange(len(u))
     late = np.stack([np.interp(t - lag, t, one) for one in u.T], axis=1)
     late /= np.linalg.norm(late, axis=1)[:, None]
-    shifted = at_once._replace(programme=Programme(at_once.programme.step, late))
+    shifted = at_once._replace(programme=AttitudeProgramme(at_once.programme.step, late))
     nominal, wanted, found = (inject(one, {}).y for one in (at_once, shifted, lagged))
     moved = np.linalg.norm((wanted - nominal)[3:6])
     assert moved > 5.0  # m/s: a lag has an effect

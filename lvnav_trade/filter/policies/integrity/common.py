@@ -43,7 +43,7 @@ def compare(monitor, tests, P, at, clock):
 
     Parameters
     ----------
-    monitor, tests : Monitor, with a fit; Tests
+    monitor, tests : Monitor, with a fit; FaultTests
     P : (n, n) covariance of the prediction
     at : first of the three states, position or velocity
     clock : clock state, bias or drift
@@ -189,7 +189,7 @@ def learn(monitor, tests, P, model, inertial, speed):
 
     Parameters
     ----------
-    monitor, tests, model : Monitor, Tests, FilterModel
+    monitor, tests, model : Monitor, FaultTests, FilterModel
     P : (n, n) covariance, updated in place
     inertial : 1 in the runs with an inertial decision at this epoch
     speed : (m/s)^2. Square of the velocity shift

@@ -15,7 +15,7 @@ from lvnav_trade.sensors.jacobian_row import H_CLOCK
 N_FIT = 4
 
 
-class Tests(NamedTuple):
+class FaultTests(NamedTuple):
     """Thresholds of the tests for faults.
 
     single : Largest square of one normalised innovation.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.gnss.delay_cards import AtmosphereCard, CorrectionsCard, NoIonosphere, correction_models
-from lvnav_trade.gnss.delay_models import Geometry, ionosphere_delay, troposphere_delay
+from lvnav_trade.gnss.delay_models import DelayGeometry, ionosphere_delay, troposphere_delay
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
 from lvnav_trade.gnss.visibility import antenna
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, unit
@@ -50,7 +50,7 @@ class Delays(NamedTuple):
         return np.asarray(air[..., 0] - charge[..., 0])
 
 
-def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[Geometry, Floats]:
+def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
     """Return position and lines of sight of the antenna `shift` s after each epoch, and these times (n_epoch,)."""
     t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
     at, _ = antenna(trajectory, receiver, t)
@@ -60,7 +60,7 @@ def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: 
     lift_off = datetime.fromisoformat(trajectory.epoch)
     start = lift_off + timedelta(seconds=leap_seconds(lift_off))
     seconds = (start - start.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds() + t
-    return Geometry(float(start.timetuple().tm_yday), seconds, latitude, longitude, height, azimuth, elevation), t
+    return DelayGeometry(float(start.timetuple().tm_yday), seconds, latitude, longitude, height, azimuth, elevation), t
 
 
 def delays(
@@ -73,10 +73,10 @@ def delays(
     """
 
     @cache
-    def places() -> list[tuple[Geometry, Floats]]:
+    def places() -> list[tuple[DelayGeometry, Floats]]:
         return [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
 
-    def along(kind: str, value: Callable[[Geometry], Floats], carrier: float) -> Floats:
+    def along(kind: str, value: Callable[[DelayGeometry], Floats], carrier: float) -> Floats:
         if kind == "none":
             return np.zeros((*seen.tracked.shape, 2))
         before, now, after = (value(place) for place, _ in places())

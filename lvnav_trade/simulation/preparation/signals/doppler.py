@@ -12,10 +12,10 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.scenario.filter_models import measured, smoothing_of, solves
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import lines_of
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 
-def doppler_left(scenario: Scenario, flight: Flight) -> Floats | float:
+def doppler_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
     """Return the residual error of ranges and range rates by the averaging of the Doppler, (n_epoch, n_sat, 2) m, m/s.
 
     A mean over an interval differs from the rate at the epoch by half of the interval times the range acceleration.
@@ -40,7 +40,7 @@ def _takes_doppler(scenario: Scenario) -> bool:
     return not {"range_rate", "velocity"}.isdisjoint(measured(scenario))
 
 
-def _mean_rate(scenario: Scenario, flight: Flight, interval: float) -> Floats:
+def _mean_rate(scenario: Scenario, flight: TrueFlight, interval: float) -> Floats:
     """Return the mean range rate over the interval (s) before each epoch, (n_epoch, n_sat) m/s."""
     trajectory, seen = flight.trajectory, flight.sky
     t = np.maximum(seen.t - interval, trajectory.start)
@@ -55,7 +55,7 @@ HALF_STEP = 0.5  # s to either side of a transmission for the rate of the true t
 _CORRECTED_BY_THEIR_SYSTEM = "R"  # GLONASS broadcasts clocks with the term (ICD 5.1, section 3.3.3)
 
 
-def relativity_left(scenario: Scenario, flight: Flight) -> Floats | float:
+def relativity_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
     """Return the residual of the satellites' relativistic clock term after correction, (n_epoch, n_sat, 2) m, m/s.
 
     A clock that is ahead stamps its signals as sent later, which shortens the measured range. The true term follows

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lvnav_trade.filter.policies.epoch_differences import Delayed
+from lvnav_trade.filter.policies.epoch_differences import DifferenceProcessing
 from lvnav_trade.gnss.faults import missing_satellite
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.random import source_word
@@ -14,11 +14,11 @@ from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.jacobian_row import D_EXTRA
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES, OF_ONE, PHASES
 from lvnav_trade.sensors.sensor import CorrelatedError
-from lvnav_trade.simulation.preparation.filtering import Filtering
-from lvnav_trade.simulation.preparation.inputs import Further
+from lvnav_trade.simulation.preparation.filtering import CaseFilter
+from lvnav_trade.simulation.preparation.inputs import FurtherObservables
 from lvnav_trade.simulation.preparation.signals.noise import assumed_sigma
-from lvnav_trade.simulation.preparation.signals.signals import InUse, hold
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.signals.signals import UsedSatellites, hold
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 L1 = 1.57542e9  # Hz; of a receiver without a link
 
@@ -29,7 +29,7 @@ def wavelength(scenario: Scenario) -> float:
     return SPEED_OF_LIGHT / L1 if link is None else link.wavelength
 
 
-def linked(seen: Sky, signals: InUse) -> tuple[Bools, Bools, Bools]:
+def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
     """Return the continuity of the carrier phases, (n_epoch, n_sat) each.
 
     Returns
@@ -57,8 +57,12 @@ def linked(seen: Sky, signals: InUse) -> tuple[Bools, Bools, Bools]:
 
 
 def further_of(
-    scenario: Scenario, flight: Flight, signals: InUse, errors: tuple[CorrelatedError, ...], offsets: Floats
-) -> Further | None:
+    scenario: Scenario,
+    flight: TrueFlight,
+    signals: UsedSatellites,
+    errors: tuple[CorrelatedError, ...],
+    offsets: Floats,
+) -> FurtherObservables | None:
     """Return the truth of the further observables; None without any.
 
     Parameters
@@ -85,7 +89,7 @@ def further_of(
     residual = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
     phase = np.asarray(residual + wavelength(scenario) * flight.failed.slip)
     hold(signals.frozen, phase)
-    return Further(
+    return FurtherObservables(
         phase=phase,
         is_phase=np.array([name in PHASES for name in channels.observables]),
         is_difference=np.array([name in DIFFERENCES for name in channels.observables]),
@@ -95,7 +99,9 @@ def further_of(
     )
 
 
-def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals: InUse) -> Delayed | None:
+def delayed_of(
+    scenario: Scenario, flight: TrueFlight, filtering: CaseFilter, signals: UsedSatellites
+) -> DifferenceProcessing | None:
     """Return the processing of further observables in the filter; None without any."""
     channels, layout, numbers = flight.channels, filtering.layout, filtering.model
     if not channels.further:
@@ -118,7 +124,7 @@ def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals
             else:
                 anew[:] = assumed_sigma(scenario, model, seen, line, OF_ONE[block.name])[:, satellites] ** 2
         first += len(block.labels)
-    return Delayed(
+    return DifferenceProcessing(
         difference=np.array([name in DIFFERENCES for name in channels.observables]),
         present=present,
         earlier=numbers.entry.shape[1] - D_EXTRA - len(layout.extras),
@@ -129,7 +135,9 @@ def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals
     )
 
 
-def references_of(scenario: Scenario, flight: Flight, signals: InUse, delayed: Delayed | None) -> Ints:
+def references_of(
+    scenario: Scenario, flight: TrueFlight, signals: UsedSatellites, delayed: DifferenceProcessing | None
+) -> Ints:
     """Return the slot of the reference satellite by observable, (n_epoch, n_kind), -1 none.
 
     Of several observables with the same clock unknown only the first has a reference: relative to it, the others do not

@@ -22,7 +22,7 @@ SOURCE = "recorded receiver error"
 _NEGLIGIBLE = 1e-12  # of the largest singular value
 
 
-class Recorded(NamedTuple):
+class RecordedErrors(NamedTuple):
     """Recorded errors of a receiver's solution, by the start of a run in the recording.
 
     mean : (n_epoch, 6) m, m/s. Mean over the starts, frame i.
@@ -41,7 +41,9 @@ def table_of(scenario: Scenario) -> ErrorTable | None:
     return solution.error_table if isinstance(solution, DirectSolution) else None
 
 
-def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels: Channels, frozen: Bools) -> Recorded:
+def recorded(
+    scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels: Channels, frozen: Bools
+) -> RecordedErrors:
     """Return the recorded errors of the receiver's solution at the epochs of a flight; zero without a recording.
 
     The deviations of the starts from their mean are decomposed into singular vectors. With the coefficients of a run
@@ -62,7 +64,7 @@ def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels
     """
     card, n_epoch = table_of(scenario), seen.t.size
     if card is None or channels.tight:
-        return Recorded(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
+        return RecordedErrors(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
     table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
     hold(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
@@ -75,10 +77,10 @@ def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels
         EnteringError(CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),)), everywhere, shape)
         for number, shape in enumerate(entering)
     )
-    return Recorded(mean, errors, vectors[:, :count].T * np.sqrt(card.starts))
+    return RecordedErrors(mean, errors, vectors[:, :count].T * np.sqrt(card.starts))
 
 
-def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:
+def values_of(found: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
     """Return the coefficients (n_component, n_run) of runs, by the starts that they draw."""
     return found.values[:, [start_of(seed, int(run), found.values.shape[1]) for run in runs]]
 

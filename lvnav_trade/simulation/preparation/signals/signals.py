@@ -13,19 +13,19 @@ from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.quantities.state_layout import RELATIVE, ExtraBlock
 from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, solves
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.receiver_observables import Channels, Geometry, partial, sensor_states
-from lvnav_trade.simulation.preparation.filtering import Filtering
-from lvnav_trade.simulation.preparation.inputs import Shared, Signals
+from lvnav_trade.sensors.receiver_observables import Channels, MeasurementGeometry, partial, sensor_states
+from lvnav_trade.simulation.preparation.filtering import CaseFilter
+from lvnav_trade.simulation.preparation.inputs import CorrelatedErrors, Signals
 from lvnav_trade.simulation.preparation.sensors import Sensor
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
 from lvnav_trade.simulation.preparation.signals.noise import assumed_variance, by_channel, grown_sigma, true_sigma
-from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.simulation.preparation.tuning import weights
 
 _DRAWS = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
 
 
-class InUse(NamedTuple):
+class UsedSatellites(NamedTuple):
     """Satellites in use at the epochs.
 
     used : (n_epoch, n_slot). Satellite of each slot, -1 none.
@@ -38,7 +38,7 @@ class InUse(NamedTuple):
     frozen: Bools
 
 
-class Received(NamedTuple):
+class TrueSignals(NamedTuple):
     """True side of `Signals`: measurements of the receiver, independent of the filter; fields as there.
 
     used : (n_epoch, n_slot). Satellite of each slot, -1 none.
@@ -76,10 +76,10 @@ class Received(NamedTuple):
     frozen: Bools
     interval: float
     sources: NDArray[np.uint64]
-    shared: Shared
+    shared: CorrelatedErrors
 
 
-class Assumed(NamedTuple):
+class AssumedNoise(NamedTuple):
     """Filter side of `Signals`: noise model of the measurements, (n_epoch, n_channel) unless given.
 
     variance : SI squared. Noise variance, with the factor of its tuning.
@@ -99,7 +99,7 @@ def _in_solution(line: Lines, tracked: Bools, errors: Floats) -> Floats:
     return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
 
 
-def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> Geometry:
+def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> MeasurementGeometry:
     """Return the inputs of partial derivatives of measurements.
 
     Parameters
@@ -111,7 +111,7 @@ def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Fl
     troposphere, ionosphere
         (n_epoch, n_sat, 2) m, m/s. Delays and their rates.
     """
-    return Geometry(
+    return MeasurementGeometry(
         rate=line.sight.rate,
         acceleration=line.acceleration,
         velocity=line.velocity,
@@ -155,7 +155,9 @@ def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
             table[epoch] = table[epoch - 1]
 
 
-def _extra_partial(block: ExtraBlock, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
+def _extra_partial(
+    block: ExtraBlock, geometry: MeasurementGeometry, channels: Channels, devices: tuple[Sensor, ...]
+) -> Floats:
     """Return the derivatives (n_epoch, n_channel) of the measurements with respect to a block of extra states."""
     of_sensors = (entering for state, _, entering in sensor_states(block.name, channels) if state.label in block.labels)
     partials = next(of_sensors, partial(block.name, geometry, channels))
@@ -165,7 +167,9 @@ def _extra_partial(block: ExtraBlock, geometry: Geometry, channels: Channels, de
     return partials
 
 
-def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats, tabled: Floats) -> Received:
+def received_of(
+    scenario: Scenario, flight: TrueFlight, shared: CorrelatedErrors, left: Floats, tabled: Floats
+) -> TrueSignals:
     """Return the true side of satellites and receiver at the epochs.
 
     Parameters
@@ -190,7 +194,7 @@ def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats
     velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
     if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
         hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
-    return Received(
+    return TrueSignals(
         used=used,
         n_used=n_used,
         words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
@@ -211,7 +215,7 @@ def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats
     )
 
 
-def assumed_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Assumed:
+def assumed_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> AssumedNoise:
     """Return the noise model of the measurements in the filter."""
     seen, line, late_by, channels = flight.sky, flight.lines, flight.delays, flight.channels
     modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
@@ -221,10 +225,12 @@ def assumed_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Assu
     cards, course = scenario.filter.underweighting, flight.trajectory.course
     beta, factor = weights(cards, course, filtering.model.row_type, flight.epochs.t)
     partials = np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel)
-    return Assumed(variance * factor, np.sqrt(factor), beta, partials)
+    return AssumedNoise(variance * factor, np.sqrt(factor), beta, partials)
 
 
-def signals_of(flight: Flight, received: Received, assumed: Assumed, in_use: InUse, reference: Ints) -> Signals:
+def signals_of(
+    flight: TrueFlight, received: TrueSignals, assumed: AssumedNoise, in_use: UsedSatellites, reference: Ints
+) -> Signals:
     """Return satellites and receiver as arrays for the kernels: true side and filter side.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from lvnav_trade.filter.receivers.carrier_smoothing import Smoothing
 from lvnav_trade.filter.receivers.error_propagation import (
     SOLUTION,
-    Gains,
+    ErrorPropagation,
     design,
     filtered,
     mismatch,
@@ -25,13 +25,13 @@ from lvnav_trade.filter.receivers.receiver import BIAS, DRIFT, N_STATE, Receiver
 from lvnav_trade.quantities.line_of_sight import sight
 from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
-from lvnav_trade.simulation.preparation.signals.signals import Assumed, Received
+from lvnav_trade.simulation.preparation.signals.signals import AssumedNoise, TrueSignals
 
 # Sources of white errors.
 RANGE, RATE, CLOCK, PLACE, SPEED, PHASE = 0, 1, 2, 3, 4, 5
 
 
-class Chain(NamedTuple):
+class SolutionErrorModel(NamedTuple):
     """Propagation of the error of a receiver's solution from epoch to epoch.
 
     At epoch k the error of m states is e_k = A e_(k-1) + W w + B c + d, with white noise w and correlated errors c.
@@ -62,7 +62,7 @@ class Chain(NamedTuple):
     own: Floats = np.zeros((0, N_STATE, N_STATE))
 
 
-def _shared(received: Received, epoch: int, channels: Ints) -> Floats:
+def _shared(received: TrueSignals, epoch: int, channels: Ints) -> Floats:
     """Return the derivatives (n_channel, n_component) of channels with respect to the correlated errors at an epoch."""
     shared = received.shared
     partials = np.zeros((channels.size, shared.start.size))
@@ -73,7 +73,7 @@ def _shared(received: Received, epoch: int, channels: Ints) -> Floats:
     return partials
 
 
-def simulated(received: Received, assumed: Floats) -> Chain:
+def simulated(received: TrueSignals, assumed: Floats) -> SolutionErrorModel:
     """Return the error propagation of a directly simulated solution, which has no memory.
 
     Its arrays have the memory order of those of `solved`, so that no further kernel is compiled.
@@ -87,7 +87,7 @@ def simulated(received: Received, assumed: Floats) -> Chain:
     """
     n_epoch, axes = len(received.n_used), np.arange(6)
     sigma, variance = (np.ascontiguousarray(table[:, axes]) for table in (received.sigma, assumed))
-    return Chain(
+    return SolutionErrorModel(
         move=np.zeros((n_epoch, 6, 6)),
         white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
         variance=sigma**2,
@@ -101,7 +101,7 @@ def simulated(received: Received, assumed: Floats) -> Chain:
     )
 
 
-def _epoch(point: Floats, received: Received, epoch: int) -> tuple[Floats, Floats, Ints]:
+def _epoch(point: Floats, received: TrueSignals, epoch: int) -> tuple[Floats, Floats, Ints]:
     """Return Jacobian rows (n_row, 11) at the true point, innovations (n_row,) there, and channels (n_row,)."""
     use = received.used[epoch, : received.n_used[epoch]]
     r_i, v_i = point[epoch, :3], point[epoch, 3:]
@@ -116,7 +116,7 @@ def _epoch(point: Floats, received: Received, epoch: int) -> tuple[Floats, Float
     return rows, innovation, channels
 
 
-_NOTHING = Gains(
+_NOTHING = ErrorPropagation(
     np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 0)), np.zeros((N_STATE, N_STATE))
 )
 
@@ -130,7 +130,9 @@ def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
     return outputs
 
 
-def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool) -> Gains:
+def _gains(
+    solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool
+) -> ErrorPropagation:
     """Return the receiver's gains at an epoch, `since` epochs after its first fix, from the previous covariance."""
     model: ReceiverFilter | None = solver.filter
     if model is None:
@@ -140,7 +142,7 @@ def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, s
     return started(model, solver.point, rows) if since == 0 else _NOTHING
 
 
-def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: Received) -> Floats:
+def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: TrueSignals) -> Floats:
     """Return the deterministic error of the receiver's filter by true motion and clock jumps, (n_epoch, 11)."""
     modelled = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
     moved = mismatch(model, modelled, point[:, 3:], point[:, :3])
@@ -152,8 +154,8 @@ def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: in
 
 
 def chain_of(
-    solver: Solver | None, has_covariance: bool, received: Received, assumed: Assumed, line: Lines
-) -> Chain | None:
+    solver: Solver | None, has_covariance: bool, received: TrueSignals, assumed: AssumedNoise, line: Lines
+) -> SolutionErrorModel | None:
     """Return the error propagation of solutions with a reported covariance; None otherwise.
 
     The reported covariance includes the noise factors of the filter's tuning.
@@ -166,7 +168,9 @@ def chain_of(
     return _with_output(chain, received.frozen) if received.frozen.any() else chain
 
 
-def solved(solver: Solver, received: Received, point: Floats, acceleration: Floats, scale: Floats) -> Chain:
+def solved(
+    solver: Solver, received: TrueSignals, point: Floats, acceleration: Floats, scale: Floats
+) -> SolutionErrorModel:
     """Return the error propagation of a receiver that computes its position and velocity.
 
     Parameters
@@ -208,7 +212,7 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
         shared[k] = -gains.gain @ _shared(received, k, channels)
         push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
         reported[k] = reported_covariance(out, gains.P) if solved_at[k] else reported[k]
-    return Chain(
+    return SolutionErrorModel(
         move=move,
         white=white,
         variance=variance,
@@ -223,7 +227,7 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
     )
 
 
-def _with_output(chain: Chain, frozen: Bools) -> Chain:
+def _with_output(chain: SolutionErrorModel, frozen: Bools) -> SolutionErrorModel:
     """Return the chain with six additional states, the error of the receiver's output.
 
     It is the error of the estimate. While the output is frozen, it is the previous error plus the true motion since.
@@ -245,7 +249,7 @@ def _with_output(chain: Chain, frozen: Bools) -> Chain:
     return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
 
 
-def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> Chain:
+def _with_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: TrueSignals) -> SolutionErrorModel:
     """Return the chain of a receiver with carrier smoothing of its ranges.
 
     For each satellite it has an additional state D, the error of the average of code minus carrier, and for each slot
@@ -283,7 +287,7 @@ def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> C
     return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
 
 
-def _code_minus_carrier(received: Received, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
+def _code_minus_carrier(received: TrueSignals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
     """Return the derivatives (n_component,) of code minus carrier of a satellite with respect to correlated errors."""
     partials = np.zeros(received.shared.start.size)
     for family, member in enumerate(received.shared.member[:, 2 * satellite].tolist()):
