@@ -1,8 +1,8 @@
 """Public functions: every verb of the command line as a function of the same name, and what they return.
 
 Names are those of the command line with an underscore for a hyphen: ``lvnav-trade export-vectors`` is
-`export_vectors`. Where the command line prints, a function returns a record with named fields; where it returns an
-exit code for an error of the user, a function raises `InputError`. A notebook shows a record as tables.
+`export_vectors`. A function returns a record with named fields instead
+of printing, and raises `InputError` instead of returning exit code 2. A notebook shows a record as tables.
 """
 
 from lvnav_trade.api.campaigns import Task, check, plan, replay, run, selfcheck, status

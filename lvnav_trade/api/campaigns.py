@@ -31,7 +31,7 @@ from lvnav_trade.results.tables.contents import RESOLVED
 def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) -> CheckedCampaign:
     """Validate a campaign without running it.
 
-    All checks that need no run are made. They include the trajectories, and that every setting has an effect on a case.
+    All checks that need no simulation are made. They include the trajectories, and settings without effect.
 
     Parameters
     ----------

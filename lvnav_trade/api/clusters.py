@@ -44,7 +44,7 @@ def run_shard(
     fail_fast: bool = False,
     progress: Progress | None = None,
 ) -> ShardOutcome:
-    """Compute one shard of a campaign, in a folder of its own.
+    """Compute one shard of a campaign in a separate folder.
 
     A batch system starts one call per shard, on any number of machines. Repeating the call resumes an interrupted
     shard. `merge` combines all shards into results.

@@ -26,7 +26,7 @@ def estimate_q(
 ) -> EstimatedNoise:
     """Estimate the process noise of a filter from perturbed runs of a case, and write a filter card with it.
 
-    The runs of the ensemble are unaided and have all errors of the IMU and of the start. The error that the filter's
+    The runs of the ensemble are unaided, with all IMU errors and initial errors. The error that the filter's
     transition does not predict within a step gives the spectral densities. The error per step is written next to the
     card as CSV and PNG.
 

@@ -31,7 +31,7 @@ def fit_unit(
     plot : str or Path, optional
         Figure of the Allan deviation, PNG.
     start, end : float, optional
-        Begin and end of the evaluated part of the log, s after its first row.
+        Start and end of the evaluated part of the log, s after its first row.
     shortest, longest : float
         Smallest and largest averaging time of the fit (s).
     counted : bool
@@ -85,9 +85,9 @@ def process_log(
     lengths : sequence of float
         Durations of the outages (s).
     first : float
-        Begin of the first outage, s after the rest.
+        Start of the first outage, s after the rest.
     every : float
-        Time from the begin of an outage to the begin of the next (s).
+        Time from the start of an outage to the start of the next (s).
     sets : sequence of str
         Assignments such as ``filter=filters/loose``.
 

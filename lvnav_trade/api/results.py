@@ -291,7 +291,7 @@ def with_units(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
-    """Return the exit code of a finished campaign; failed runs have priority, since they make every verdict doubtful.
+    """Return the exit code of a finished campaign; failed runs have priority, because they make every verdict doubtful.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def solve(
     vary : sequence of str
         One field with its range, or two for a boundary: ``initial.heading=0.01 deg:2 deg``.
     log : bool
-        Search in the logarithm of the field.
+        Search on a logarithmic scale of the field.
     meet : sequence of str
         Names of the requirements to meet; all if empty.
     folder : str or Path, optional

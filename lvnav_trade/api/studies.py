@@ -138,29 +138,29 @@ def renew(
     fresh: bool = False,
     watch: StudyWatch | None = None,
 ) -> Study:
-    """Run some campaigns of a study, and write anew what its kept report has of them; what it has of others stays.
+    """Run some campaigns of a study and update them in its kept report; the other campaigns stay unchanged.
 
     Parameters
     ----------
     folder : str, Path or StudyScript
-        As of `study`.
+        As for `study`.
     keep : str or Path
-        Where the report is kept.
+        Folder of the kept report.
     campaigns : sequence of str
-        Names of the campaigns; one that the report does not have yet is put where study.yaml has it.
+        Names of the campaigns. A campaign that is new in the report is inserted in the order of study.yaml.
     runs, results, jobs, fresh, watch
-        As of `study`.
+        As for `study`.
 
     Returns
     -------
     Study
-        The page, how many published rows of these campaigns hold, failed runs.
+        The report, the number of published values of these campaigns that are reproduced, failed runs.
 
     Raises
     ------
     InputError
-        As of `study`; no campaign of such a name; no report there; or a row of another campaign of which nothing is
-        stated any more.
+        As for `study`. Also: there is no such campaign or no kept report, or the study no longer defines a stored row
+        of another campaign.
     """
     from lvnav_trade.campaign.reading.study import load_study
     from lvnav_trade.report.printed import mistakes

@@ -19,7 +19,7 @@ def solve(
         list[str] | None,
         typer.Option("--vary", metavar="PATH=LEAST:LARGEST", help="field to search; given twice: a boundary"),
     ] = None,
-    log: Annotated[bool, typer.Option("--log", help="search in the logarithm")] = False,
+    log: Annotated[bool, typer.Option("--log", help="search on a logarithmic scale")] = False,
     least: Annotated[
         str,
         typer.Option(

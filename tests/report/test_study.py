@@ -163,7 +163,7 @@ def test_a_bounded_noise_is_reported_by_case_with_its_weakest_direction():
     blocks = study_tables(shown, ("error_bound",), "")
     assert cells(blocks, "holds") == ["yes", "no", "no"]
     assert cells(blocks, "rank of Q / states") == ["15 / 15", "12 / 15", "15 / 15"]
-    assert cells(blocks, "noise of rows")[0] == "2.00 to 3.00 m"
+    assert cells(blocks, "measurement noise")[0] == "2.00 to 3.00 m"
     assert study_tables(SimpleNamespace(error_bound=shown.error_bound[:0]), ("error_bound",), "") == []
 
 
