@@ -102,7 +102,7 @@ class FilterCard(units.NamedCard):
     reference_satellite: str | None = Field(
         None, description="reference of clock: differenced while it is in use, such as G05; none: the highest satellite"
     )
-    strapdown: StrapdownCard = Field(StrapdownCard(), description="how increments are integrated")
+    strapdown: StrapdownCard = Field(StrapdownCard(), description="integration of the increments")
     mechanisation: Literal["inertial", "earth", "pad", "ned", "enu"] = Field(
         "inertial",
         description="frame of the strapdown's integration; earth: Earth-centred, Earth-fixed; pad: the same axes about "
@@ -126,8 +126,10 @@ class FilterCard(units.NamedCard):
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field(
         (), description="standard states that the filter omits"
     )
-    update: Literal["symmetric", "joseph"] = "symmetric"  # form of the covariance update
-    transition_order: Literal[1, 2] = 2  # order in the window length; 1: I + F dt
+    update: Literal["symmetric", "joseph"] = Field(
+        "symmetric", description="covariance update; symmetric: P - K S K'; joseph: Joseph's form"
+    )
+    transition_order: Literal[1, 2] = Field(2, description="order of the transition in the window length; 1: I + F dt")
     algorithm: Literal["extended", "iterated", "unscented"] = Field(
         "extended", description="extended: Jacobians; unscented: sigma points; iterated: repeated linearisation"
     )
@@ -135,7 +137,9 @@ class FilterCard(units.NamedCard):
     gate: float | None = Field(
         None, gt=0, le=1000, description="gate on the innovation of each scalar, in sigma; none: no gate"
     )
-    gravity: Literal["point", "j2", "j4"] = "j4"  # model of the strapdown
+    gravity: Literal["point", "j2", "j4"] = Field(
+        "j4", description="gravitation of the strapdown: point mass, with J2, or with J2 to J4"
+    )
     feedback: Literal["closed", "open", "direct"] = Field(
         "closed",
         description="closed: the error state is fed back to the strapdown once an epoch; open: added to the outputs; "
@@ -196,7 +200,7 @@ class FilterCard(units.NamedCard):
         "none: no fading",
     )
     h_infinity: HInfinityCard | None = Field(
-        None, description="errors bounded for the worst noise as well; none: those of the assumed noise alone"
+        None, description="H-infinity filter, which bounds the errors for the worst disturbance; none: Kalman filter"
     )
     region_noise: tuple[RegionNoiseCard, ...] = Field((), description="variance added at a change of operating region")
     process_noise_by: tuple[ProcessNoiseTable, ...] = Field(

@@ -79,15 +79,15 @@ class NominalConstellation(SignalErrors, units.NamedCard):
     system: System = "GPS"  # of all its satellites
     epoch: units.Epoch  # ISO 8601, UTC
     greenwich: units.Angle = Field(
-        description="Greenwich hour angle of the direction that nodes are counted from, at epoch"
+        description="Greenwich hour angle of the direction from which nodes are counted, at epoch"
     )
     semi_major_axis: Annotated[units.Length, Field(gt=0.0)]  # of all orbits
     inclination: units.Angle  # of all orbits
     node_rate: units.AngularRate | None = Field(
-        default=None, description="published rate of the nodes; that of J2 on a circular orbit if absent"
+        default=None, description="published rate of the nodes; if absent, that of J2 on a circular orbit"
     )
     latitude_rate: units.AngularRate | None = Field(
-        default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
+        default=None, description="published rate of the argument of latitude; if absent, two-body motion with J2"
     )
     eccentricity: Eccentricity = Field(default=0.0, description="eccentricity of all orbits; for GPS below 0.02")
     perigee: units.Angle = Field(default=0.0, description="argument of perigee of all orbits if they are eccentric")

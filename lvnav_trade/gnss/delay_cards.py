@@ -209,11 +209,11 @@ class AtmosphereCard(Card):
     ionosphere: IonosphereModel = NoIonosphere()
     troposphere_scale: Fraction = Field(0.0, description="one sigma of the true delay's relative error")
     troposphere_scale_time: TimeConstant | None = Field(
-        None, description="time constant of its change; none: constant in a run"
+        None, description="time constant of its variation; none: constant in a run"
     )
     ionosphere_scale: Fraction = Field(0.0, description="one sigma of the true delay's relative error")
     ionosphere_scale_time: TimeConstant | None = Field(
-        None, description="time constant of its change; none: constant in a run"
+        None, description="time constant of its variation; none: constant in a run"
     )
 
 

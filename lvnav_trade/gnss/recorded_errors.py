@@ -72,7 +72,7 @@ class ErrorTable(Card):
     """
 
     file: str = Field(
-        description="file with the rows: Parquet if its name says so, otherwise CSV", json_schema_extra={"path": True}
+        description="file with the rows: Parquet (.parquet, .pq) or CSV", json_schema_extra={"path": True}
     )
     delimiter: str = Field(",", min_length=1, max_length=1, description="separator of the fields of a CSV file")
     frame: Literal["ned", "ecef", "eci"]  # axes of the error columns

@@ -46,7 +46,7 @@ _FIT = (
 )
 
 
-_FULL_SCALE = "input beyond which an element puts out no more; none: no limit, and a nonlinearity is that at {}"
+_FULL_SCALE = "input at which the output is clipped; none: no limit, and the nonlinearity refers to {}"
 # rad/s and m/s^2: 500 deg/s and 30 g
 _USUAL = {GYRO: 8.7266462599716477, ACCEL: 294.1995}
 

@@ -58,7 +58,7 @@ class AltimeterCard(SensorCard):
     kind: Literal["altimeter"] = "altimeter"
     sigma: LengthSigma = Field(gt=0.0, description="white noise of a measurement")
     share: Fraction = Field(0.0, description="white noise in proportion to the height, added in quadrature")
-    bias: LengthSigma = Field(0.0, description="lasting error of the instrument, and of ground or waves below")
+    bias: LengthSigma = Field(0.0, description="lasting error of the instrument, terrain and waves")
     bias_time: TimeConstant | None = Field(None, description="time constant of this error; none: constant during a run")
     lowest: Length = Field(0.0, ge=0.0, description="height below which it does not measure")
     highest: Annotated[Length, Field(gt=0.0)] = Field(description="height above which it does not measure")

@@ -73,7 +73,7 @@ class SunSensorCard(SensorCard):
     boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
     field_of_view: Angle = Field(gt=0.0, lt=0.5 * math.pi, description="largest angle between boresight and Sun")
     sigma: AngleSigma = Field(gt=0.0, description="white noise of each angle")
-    bias: AngleSigma = Field(0.0, description="lasting error of each angle: mounting, calibration, light of the Earth")
+    bias: AngleSigma = Field(0.0, description="lasting error of each angle: mounting, calibration, albedo")
     bias_time: TimeConstant | None = Field(None, description="time constant of this error; none: constant during a run")
 
     def _faults(self) -> Iterator[str]:

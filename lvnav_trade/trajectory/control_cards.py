@@ -251,7 +251,7 @@ class SteeredCard(units.Card):
 
 
 class ControlledCard(units.Card):
-    """The vehicle of the ascent as a body that is steered in pitch and yaw, fed by its own navigation.
+    """The vehicle of the ascent as a body that is controlled in pitch and yaw, with the navigated attitude as feedback.
 
     It is flown with the raw, the filtered and the true rate on the same draws. Unit, attitude reference and the
     envelope of the filter are those of the scenario.

@@ -79,7 +79,7 @@ class PublishedStatement(Card):
     """Fields of every published statement: source, subject, remark, and reasons not to count it as evidence."""
 
     id: str = Field(
-        "", max_length=60, description="name of the row in the CSV; if absent, it follows from the position in the file"
+        "", max_length=60, description="name of the row in the CSV; if absent, derived from the position in the file"
     )
     source: str
     item: str = ""
@@ -151,10 +151,10 @@ class MeasuredMetric(Pooled):
     )
     sigma_of: Case | None = Field(None, description="levels of the case whose sigmas set the limit")
     mode: Mode | None = Field(
-        None, description=f"of what a filter's logic does: the mode ({', '.join(MODES)}) that is entered or lasts"
+        None, description=f"for the mode logic: the mode ({', '.join(MODES)}) that is entered or active"
     )
     reason: Reason = Field(
-        "", description="for changes into a mode: only those with this reason, as in the table of the logic"
+        "", description="for changes into a mode: only those with this reason, as in the logic table"
     )
     number: int = Field(1, ge=1, description="for changes into a mode: number of the change in the phase, from 1")
 
@@ -213,7 +213,7 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
     )
     value: float  # published number, in `unit`
     unit: str  # unit of `value`
-    band: tuple[float, float] = Field((0.5, 2.0), description="bounds of our number divided by the published one")
+    band: tuple[float, float] = Field((0.5, 2.0), description="bounds of the ratio of our number to the published one")
     digit: float = Field(
         0.0, ge=0.0, description="last printed digit of the number, in `unit`; the band is wider by half of it"
     )

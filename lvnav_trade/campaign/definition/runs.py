@@ -13,14 +13,14 @@ _CHOSEN = 10  # designs of a design space that are simulated
 
 
 class MonteCarlo(units.Card):
-    """How many runs per case; leave it out for linear covariance alone."""
+    """Number of runs per case; without this block, linear covariance only."""
 
     runs: int = Field(description="runs per case; with stop, their largest number")
     stop: Literal["decided"] | None = Field(
         None, description="'decided': a case stops once all its requirements are met or violated"
     )
     block: int = Field(
-        40, ge=8, le=limits.RUNS, multiple_of=8, description="runs per block of work: part of the results' identity"
+        40, ge=8, le=limits.RUNS, multiple_of=8, description="runs per work item; part of the digest of the results"
     )
     selected: dict[str, str] = Field(
         {},
@@ -33,7 +33,7 @@ class MonteCarlo(units.Card):
         " limit; front: those on the Pareto front of error and cost",
     )
     most_cases: int | None = Field(
-        None, ge=1, le=limits.CASES, description="largest number of these cases; 10 if absent"
+        None, ge=1, le=limits.CASES, description="maximum number of these cases; 10 if absent"
     )
     other_runs: int | None = Field(
         None, ge=0, description="runs of each case that is not selected; 40 if absent, 0: linear covariance only"

@@ -59,7 +59,7 @@ class Requirement(units.Card):
 
     name: str  # of the requirement, unique in the campaign
     id: str | None = Field(None, description="identifier in the project's specification, such as GNC-NAV-012")
-    parent: str | None = Field(None, description="identifier of the requirement that it is derived from")
+    parent: str | None = Field(None, description="identifier of the requirement from which this one is derived")
     source: str | None = Field(None, description="document and paragraph that state it")
     rationale: str | None = Field(None, description="why the bound has this value, and how it is interpreted")
     verification: Literal["test", "analysis", "review of design", "inspection"] | None = Field(
@@ -283,8 +283,8 @@ class Campaign(units.Card):
     )
     store: Literal["metrics", "events", "history"] | None = Field(
         None,
-        description="history: everything of each case; metrics: a row for each and a few whole; events: that row with "
-        f"the errors at every event; if absent metrics of more than {limits.CASES} cases",
+        description="history: every table of every case; metrics: one row per case, full analysis of a few; events: as "
+        f"metrics, with the errors at every event; if absent: metrics beyond {limits.CASES} cases, otherwise history",
     )
     exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
         (), description="combinations that are excluded: levels of some axes, or lists of levels"

@@ -16,7 +16,7 @@ class Vary(units.Card):
     values: tuple[Any, ...] | None = Field(
         None, description="or a list of increasing numbers or quantities in one unit"
     )
-    log: bool = Field(False, description="search in the logarithm")
+    log: bool = Field(False, description="search on a logarithmic scale")
     points: int = Field(
         9, ge=3, le=100, description="number of points that are evaluated first; crossings are searched between them"
     )
@@ -58,7 +58,7 @@ class Indices(units.Card):
     requirement: str = Field("", description="requirement whose error is analysed; the first if absent")
     sources: int = Field(10, ge=2, le=20, description="number of sources, the largest of the error budget")
     factor: float = Field(
-        2.0, gt=1, description="each sigma is multiplied by 1/factor to factor, uniform in the logarithm"
+        2.0, gt=1, description="factor on each sigma: between 1/factor and factor, uniform in the logarithm"
     )
     samples: int = Field(256, ge=16, le=4096, description="linear covariances with the filter re-tuned")
 
