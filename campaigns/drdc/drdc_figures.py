@@ -1,14 +1,26 @@
 """What a model of the vehicle improves, phase by phase and reading by reading, and what the filtered rate is worth."""
 
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.api.figures import GREY, PALETTE, Figure, canvas, line_of, named_ticks, over_time, panel, widen_covered
+from lvnav_trade.api.figures import (
+    GREY,
+    PALETTE,
+    SHADE,
+    Figure,
+    canvas,
+    line_of,
+    named_ticks,
+    over_time,
+    panel,
+    widen_covered,
+)
 from lvnav_trade.api.input import axes_of_errors, meant, quoted
 from lvnav_trade.api.measures import FRAMES, NAVIGATION, Tables, cases_of, evaluate_single, history_of, pick
 from lvnav_trade.api.pages import Block, FigureEntry, StudySection, Text, table, words
@@ -17,6 +29,8 @@ COLUMNS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased
 _AXES = ("pitch", "yaw")
 _RAW, _UNBIASED = "raw_", "corrected_"
 _SIDE_BY_SIDE = 6  # cases that a table holds next to each other
+_BEFORE, _AFTER = 1.0, 2.0  # s, for which the filter takes a change of phase to last (section 2.3.2)
+_CHANGE = re.compile(r"stage(\d+)_(ignition|cutoff|separation)")
 _READINGS = (
     "By how much the filter's own sigma is below the sample's, in every interpretation of its noise. The sample "
     "includes its bias, as in the publication; without bias it is the sample less its estimated bias."
@@ -110,6 +124,45 @@ def ignition(tables: Tables, case: str) -> Figure:
         ylabel="sigma, filtered over raw\n(bias estimated on both sides)",
     )
     widen_covered(figure)
+    return figure
+
+
+def phases_of(tables: Tables, case: str) -> pd.DataFrame:
+    """Return the phases of a flight from lift-off on, by the events of the case.
+
+    row: what the phase is one of (motors, atmosphere, filter). phase: its name. t_s, t_end_s: begin and end. A change
+    of phase, as the filter takes it, lasts from a second before lift-off, an ignition, a cut-off or a separation to
+    two seconds after.
+    """
+    times = pick(tables.events, case=case, kind="event").set_index("event").t_s
+    changes = [float(t) for name, t in times.items() if name == "liftoff" or _CHANGE.match(str(name))]
+    ignitions = {"1": float(times.liftoff)} | {
+        found[1]: float(t)
+        for name, t in times.items()
+        if (found := _CHANGE.match(str(name))) and found[2] == "ignition"
+    }
+    burns = [(begin, float(times[f"stage{number}_cutoff"])) for number, begin in sorted(ignitions.items())]
+    fairing, end = float(times.fairing_separation), burns[-1][1]
+    rows = [("motors", "boost", begin, cutoff) for begin, cutoff in burns]
+    rows += [("motors", "coast", cutoff, begin) for (_, cutoff), (begin, _) in pairwise(burns)]
+    rows += [("atmosphere", "endoatmospheric", float(times.liftoff), fairing)]
+    rows += [("atmosphere", "exoatmospheric", fairing, end)]
+    rows += [("filter", "change of phase", t - _BEFORE, t + _AFTER) for t in changes]
+    return pd.DataFrame(rows, columns=["row", "phase", "t_s", "t_end_s"])
+
+
+def phases(tables: Tables, case: str) -> Figure:
+    """Draw the phases of a flight over time: burns and coasts, with the fairing and without, changes of phase."""
+    frame = phases_of(tables, case)
+    figure, ax = panel(2.2)
+    names, colours = list(frame.row.unique()), (PALETTE[0], SHADE, *PALETTE[1:])
+    by_phase = dict(zip(frame.phase.unique(), colours, strict=False))
+    for (row, phase), group in frame.groupby(["row", "phase"], sort=False):
+        middle = names.index(str(row))
+        ax.boxes(group.t_s, group.t_end_s, middle - 0.35, middle + 0.35, color=by_phase[phase], label=phase)
+    ax.set(ylim=(len(names) - 0.5, -0.5), yticks=named_ticks(names), grid=False)
+    ax.set(xlim=(float(frame.t_s.min()) - 5.0, float(frame.t_end_s.max()) + 5.0))
+    over_time([ax], tables, case, margin=0.0)
     return figure
 
 

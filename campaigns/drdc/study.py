@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from drdc_figures import apart, apart_faults, ignition, interpretations, interpretations_table, worth
+from drdc_figures import apart, apart_faults, ignition, interpretations, interpretations_table, phases, worth
 from drdc_metrics import METRICS
 
 from lvnav_studies import Publication, main
@@ -17,6 +17,10 @@ def blocks(one: StudyResult, claims: Claims) -> list[Block]:
 
 
 FIGURES = {
+    "phases": StudyFigure(
+        lambda one, figure: phases(one.tables, cases_of(one.tables, figure.case, ())[0]),
+        "Phases of the flight by its events.",
+    ),
     "ignition": StudyFigure(
         lambda one, figure: ignition(one.tables, cases_of(one.tables, figure.case, ())[0]),
         "Filtered over raw sample around lift-off.",

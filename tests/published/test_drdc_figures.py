@@ -1,10 +1,12 @@
-"""Figures of the study of a vehicle model: readings of a datasheet, cases apart, what the filtered rate is worth."""
+"""Figures of the study of a vehicle model: readings, cases apart, worth of the filtered rate, phases of the flight."""
 
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.report.figures.raster import drawn, written
 from tests.scripts import module
 from tests.vehicle_tables import DURING, LESS, RAW, SIGMA, tables
@@ -84,3 +86,38 @@ def test_readings_stand_side_by_side_where_a_campaign_has_runs_and_no_vehicle_un
     navigated.__dict__["nozzle_travel"] = navigated.nozzle_travel.iloc[:0]
     _, side_by_side = figures.interpretations_table(navigated)
     assert side_by_side.rows[0][2:6] == ("88.0", "57.0", "88.6", "88.6")
+
+
+FLIGHT = {
+    "liftoff": 0.0, "kick": 3.0, "max_q": 45.0, "stage1_cutoff": 85.0, "stage1_separation": 87.0,
+    "stage2_ignition": 90.0, "fairing_separation": 145.0, "stage2_cutoff": 165.0, "stage2_separation": 168.0,
+    "stage3_ignition": 418.0, "stage3_cutoff": 507.5, "injection": 507.5,
+}  # fmt: skip
+
+
+def of_three_motors():
+    found, times = tables(), list(FLIGHT.values())
+    rows = {"case": CASE, "event": list(FLIGHT), "kind": "event", "t_s": times, "t_end_s": times, "satellites": ""}
+    found.__dict__["events"] = pd.DataFrame(rows)
+    return found
+
+
+def test_phases_are_those_between_the_events_of_the_flight():
+    frame = figures.phases_of(of_three_motors(), CASE)
+    spans = {
+        phase: list(zip(rows.t_s, rows.t_end_s, strict=True)) for phase, rows in frame.groupby("phase", sort=False)
+    }
+    assert spans["boost"] == [(0.0, 85.0), (90.0, 165.0), (418.0, 507.5)]
+    assert spans["coast"] == [(85.0, 90.0), (165.0, 418.0)]
+    assert spans["endoatmospheric"] == [(0.0, 145.0)]
+    assert spans["exoatmospheric"] == [(145.0, 507.5)]
+    # lift-off, three cut-offs, two separations, two ignitions, each as long as the filter's envelope has it
+    card = EnvelopeCard()
+    changes = [FLIGHT[name] for name in FLIGHT if name.startswith("stage") or name == "liftoff"]
+    assert spans["change of phase"] == [(t - card.before_change, t + card.after_change) for t in changes]
+
+
+def test_phases_are_drawn_row_by_row():
+    axes = drawn(figures.phases(of_three_motors(), CASE)).axes[0]
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["motors", "atmosphere", "filter"]
+    assert len(written(figures.phases(of_three_motors(), CASE), "png")) > 5000

@@ -277,10 +277,11 @@ class VehicleAscent(FlightCard):
     dispersion: Dispersion | None = Field(
         None, description="off-nominal vehicle, with the steering that is solved for the vehicle of the card"
     )
-    guidance: Literal["nominal", "open_loop", "explicit"] = Field(
+    guidance: Literal["nominal", "open_loop", "explicit", "schuler"] = Field(
         "nominal",
         description="nominal: every run has the nominal ascent; open_loop: the nominal attitude programme, followed "
-        "by the navigated attitude; explicit: the last stage is steered by the navigated state",
+        "by the navigated attitude; explicit: the last stage is steered by the navigated state; schuler: the same, "
+        "with the gravity over the rest of the burn in closed form, proportional to the radius",
         json_schema_extra={"digest_if_set": True},
     )
     cutoff: Literal["energy", "time"] = Field(
@@ -339,11 +340,11 @@ class VehicleAscent(FlightCard):
 
     def _unguided(self) -> Iterator[str]:
         if self.dispersion is not None and (self.dispersion.sigmas or self.dispersion.drawn):
-            yield "dispersion: sigmas and draw need guidance: open_loop or explicit"
+            yield "dispersion: sigmas and draw need guidance: open_loop, explicit or schuler"
         if self.cutoff != "energy":
-            yield "cutoff: has no effect without guidance: give guidance: open_loop or explicit"
+            yield "cutoff: has no effect without guidance: give guidance: open_loop, explicit or schuler"
         if self.attitude_lag is not None:
-            yield "attitude_lag: has no effect without guidance: give guidance: open_loop or explicit"
+            yield "attitude_lag: has no effect without guidance: give guidance: open_loop, explicit or schuler"
 
     def _misguided(self) -> Iterator[str]:
         if self.parking is not None:

@@ -80,6 +80,7 @@ class GuidanceLaw(NamedTuple):
     exhaust : m/s. Exhaust speed as it is known before lift-off.
     target : Where it ends the burn.
     kept : (N_KEPT,). What it keeps from pass to pass, see `steer`; updated.
+    schuler : Whether it predicts gravity by the Schuler approximation.
     """
 
     start: float
@@ -89,6 +90,7 @@ class GuidanceLaw(NamedTuple):
     exhaust: float
     target: Target
     kept: Floats
+    schuler: bool = False
 
 
 class AscentInputs(NamedTuple):
@@ -265,7 +267,7 @@ def guide(t: float, y: Floats, engine: Propulsion, around: AscentInputs) -> bool
     slope = rates(t, y, engine, around)
     g = gravity_j4(y[0], y[1], y[2])
     felt = math.sqrt((slope[3] - g[0]) ** 2 + (slope[4] - g[1]) ** 2 + (slope[5] - g[2]) ** 2)
-    return steer(law.kept, t, y[:3] - e[6:9], y[3:6] - e[3:6], felt, law.exhaust, law.target)
+    return steer(law.kept, t, y[:3] - e[6:9], y[3:6] - e[3:6], felt, law.exhaust, law.target, law.schuler)
 
 
 @making_arrays

@@ -1,6 +1,7 @@
 """Unified powered-flight guidance of one burn: a linear-tangent direction that reaches radius, speed, climb and plane.
 
-`steer` updates the law; `dynamics.commanded` is the direction by it, and `dynamics.fly_last` ends the burn.
+`steer` updates the law; `dynamics.commanded` is the direction by it, and `dynamics.fly_last` ends the burn. The effect
+of gravity over the rest of the burn is integrated, or follows in closed form from the Schuler approximation.
 
 McHenry, Brand, Long, Cockrell and Thibodeau, Space Shuttle ascent guidance, navigation, and control, Journal of the
 Astronautical Sciences 27(1), 1979; Brand, Brown and Higgins, Unified powered flight guidance, NTRS 19740004402 (1973).
@@ -62,6 +63,19 @@ def _coasted(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
     return r, v
 
 
+@making_arrays
+def schuler_coast(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
+    """Return position and velocity (3,) after a span (s) of free fall, by the Schuler approximation.
+
+    Gravity points to the centre of the Earth, and is proportional to the distance from it: a'' = -w^2 a on each axis.
+    The frequency w is that of a Schuler pendulum at r, the root of gravity over radius.
+    """
+    gravity = np.array(gravity_j4(r[0], r[1], r[2]))
+    w = (np.dot(gravity, gravity) / np.dot(r, r)) ** 0.25
+    c, s = math.cos(w * span), math.sin(w * span)
+    return c * r + s / w * v, c * v - w * s * r
+
+
 @jit
 def integrals(acceleration: float, exhaust: float, span: float) -> tuple[float, float, float, float, float, float]:
     """Return the integrals L, J, H, S, Q, P over a span (s) of constant thrust that begins with an acceleration.
@@ -93,7 +107,9 @@ def _begin(kept: Floats, r: Floats, v: Floats, target: Target) -> None:
 
 
 @making_arrays
-def _pass(kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exhaust: float, target: Target) -> float:
+def _pass(
+    kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exhaust: float, target: Target, schuler: bool
+) -> float:
     """Refine velocity to go and direction once; return by how much the former has changed (m/s)."""
     vgo = kept[VGO : VGO + 3].copy()
     size = np.linalg.norm(vgo)
@@ -121,7 +137,7 @@ def _pass(kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exh
         moved = moved - (S * phi + Q * rate) * turn / pace
     lost = vgo - gained
     r1, v1 = r - 0.1 * moved - tgo / 30.0 * gained, v + 1.2 * moved / tgo - 0.1 * gained
-    r2, v2 = _coasted(r1, v1, tgo)
+    r2, v2 = schuler_coast(r1, v1, tgo) if schuler else _coasted(r1, v1, tgo)
     vgrav, rgrav = v2 - v1, r2 - r1 - v1 * tgo
     place = r + v * tgo + rgrav + moved
     place = place - np.dot(place, left) * left
@@ -137,7 +153,16 @@ def _pass(kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exh
 
 
 @making_arrays
-def steer(kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exhaust: float, target: Target) -> bool:
+def steer(
+    kept: Floats,
+    t: float,
+    r: Floats,
+    v: Floats,
+    acceleration: float,
+    exhaust: float,
+    target: Target,
+    schuler: bool = False,
+) -> bool:
     """Bring guidance up to date at a navigated state; return whether it has converged.
 
     Parameters
@@ -148,12 +173,13 @@ def steer(kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exh
     acceleration : m/s^2. Specific force along the thrust, as sensed.
     exhaust : m/s. Exhaust speed as it is known before lift-off.
     target : Target
+    schuler : Whether gravity over the rest of the burn is that of the Schuler approximation; else it is integrated.
     """
     if kept[STARTED] == 0.0:
         _begin(kept, r, v, target)
         change = 1e9
         for _ in range(_PASSES):
-            change = _pass(kept, t, r, v, acceleration, exhaust, target)
+            change = _pass(kept, t, r, v, acceleration, exhaust, target, schuler)
             if not change > _CONVERGED:
                 break
         kept[STARTED], limit = 1.0, _CONVERGED
@@ -161,6 +187,6 @@ def steer(kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exh
         # the thrust since the last pass is what is no gravity
         g = np.array(gravity_j4(r[0], r[1], r[2]))
         kept[VGO : VGO + 3] -= v - kept[VELOCITY : VELOCITY + 3] - (t - kept[TIME]) * g
-        change, limit = _pass(kept, t, r, v, acceleration, exhaust, target), _JUMP
+        change, limit = _pass(kept, t, r, v, acceleration, exhaust, target, schuler), _JUMP
     kept[VELOCITY : VELOCITY + 3], kept[TIME] = v, t
     return bool(change <= limit)

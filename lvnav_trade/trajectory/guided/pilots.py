@@ -50,7 +50,9 @@ class GuidedPilot(Pilot):
         super().__init__(flown, plan.aim, None)
         self.plan, self.differs = plan, differs
         last = plan.card.vehicle.stages[-1]
-        law = GuidanceLaw(math.inf, plan.card.slew, _CYCLE, _FREEZE, last.exhaust_speed, plan.target, np.zeros(N_KEPT))
+        law = GuidanceLaw(
+            math.inf, plan.card.slew, _CYCLE, _FREEZE, last.exhaust_speed, plan.target, np.zeros(N_KEPT), plan.schuler
+        )
         self.around = AscentInputs(
             plan.programme, navigation, self.drag, differs.wind, differs.misalignment[0].copy(), law, plan.lag
         )

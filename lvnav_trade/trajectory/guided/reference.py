@@ -35,6 +35,7 @@ class GuidancePlan(NamedTuple):
     by_energy : Whether it is cut off at the energy, and not at the time.
     spreads : Sigma of each source that is dispersed, by its name.
     lag : s. Time constant with which the body follows its command; 0: at once.
+    schuler : Whether explicit guidance predicts gravity by the Schuler approximation.
     """
 
     card: VehicleAscent
@@ -48,6 +49,7 @@ class GuidancePlan(NamedTuple):
     by_energy: bool = True
     spreads: tuple[tuple[str, float], ...] = ()
     lag: float = 0.0
+    schuler: bool = False
 
 
 def steering_times(plan: GuidancePlan, t: Floats) -> slice:
@@ -68,7 +70,8 @@ def plan_of(card: VehicleAscent) -> GuidancePlan:
     solved = _planned(card.model_dump_json(exclude=unused), card)
     return solved._replace(
         card=card,
-        explicit=card.guidance == "explicit",
+        explicit=card.guidance in ("explicit", "schuler"),
+        schuler=card.guidance == "schuler",
         by_energy=card.cutoff == "energy",
         spreads=tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in named),
         lag=card.attitude_lag or 0.0,

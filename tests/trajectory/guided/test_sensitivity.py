@@ -49,6 +49,7 @@ def errors_of(kind, t):
         ("electron_leo", "explicit", "energy"),
         ("pslv_polar", "open_loop", "time"),
         ("churchill_sso", "explicit", "energy"),
+        ("two_stage_leo", "schuler", "energy"),
         ("electron_leo lagging", "explicit", "energy"),
         ("two_stage_leo lagging", "open_loop", "energy"),
     ],
