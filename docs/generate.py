@@ -34,7 +34,7 @@ NAVIGATION = {
         "theory", "inertial", "several_units", "receiver", "receiver_observables", "sensors", "alignment", "filter",
         "gains", "modelling_the_vehicle", "faults", "integrity",
     ),
-    "Validation": ("validation", "vehicles", "conae", "dlr", "numbers_across_machines"),
+    "Validation": ("validation", "vehicles", "conae", "dlr", "published_elements", "numbers_across_machines"),
     "Reports": ("reports/README",),
     "Reference": (
         "reference/fields", "reference/metrics", "reference/tables", "reference/commands", "reference/python",
