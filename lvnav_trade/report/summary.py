@@ -10,7 +10,16 @@ from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assu
 from lvnav_trade.report.blocks import Block, Details, Table, Text, figure, listed, number, table, words
 from lvnav_trade.report.document import margin_policy, place_of
 from lvnav_trade.report.sentences import say
-from lvnav_trade.report.validity import MARKS, RESTS_ON, filter_cells, mark, overconfidence, short_lived, window_cells
+from lvnav_trade.report.validity import (
+    MARKS,
+    RESTS_ON,
+    empty_stages,
+    filter_cells,
+    mark,
+    overconfidence,
+    short_lived,
+    window_cells,
+)
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import by_case
 from lvnav_trade.results.requirements.margins import ORDER, key_cases, worst
@@ -28,6 +37,7 @@ def summary(tables: Tables) -> list[Block]:
     """Return the verdict in a few lines, the margin of every requirement in every case, and the ranking."""
     frame = METRICS["margins"](tables)
     blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *short_lived(tables), *overconfidence(tables)]
+    blocks += empty_stages(tables)
     blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
     ways = ways_to_comply(METRICS["improvements"](tables))
     if len(ways):

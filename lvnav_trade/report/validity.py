@@ -116,6 +116,25 @@ def short_lived(tables: Tables) -> list[Block]:
     return blocks + _not_evaluated(tables)
 
 
+def empty_stages(tables: Tables) -> list[Block]:
+    """Return a note on runs whose last stage is empty before its cut-off, whatever the navigation."""
+    ends = METRICS["cutoff"](tables)
+    empty = ends[ends.depleted_count > 0]
+    if empty.empty:
+        return []
+    worst = empty.loc[empty.depleted_count.idxmax()]
+    text = say(
+        "empty_stages",
+        cases=len(empty),
+        of=len(ends),
+        most=int(worst.depleted_count),
+        runs=int(worst.runs),
+        case=worst.case,
+        least=int(empty.depleted_count.min()),
+    )
+    return [Text(text, "Empty stages.")]
+
+
 def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
     """Return texts on windows with the evidence of each; if all have the same evidence, the texts and the evidence
     apart.

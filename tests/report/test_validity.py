@@ -6,12 +6,20 @@ import pytest
 
 from lvnav_trade.report.blocks import Text
 from lvnav_trade.report.summary import summary
-from lvnav_trade.report.validity import filter_cells, filter_verdict, overconfidence, short_lived, window_cells
+from lvnav_trade.report.validity import (
+    empty_stages,
+    filter_cells,
+    filter_verdict,
+    overconfidence,
+    short_lived,
+    window_cells,
+)
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.requirements.margins import margins
 from lvnav_trade.results.requirements.windows import windows
 from lvnav_trade.results.tables.read import Tables, load
 from tests import synthetic
+from tests.injections import with_injections
 
 BRIEF = {"name": "velocity", "metric": "velocity_error_3d", "at": "stage1_cutoff", "probability": 0.95,
          "below": "0.65 m/s", "confidence": 0.9}  # fmt: skip
@@ -168,3 +176,17 @@ def test_more_requirements_than_there_is_room_for_are_in_a_table_of_their_own(al
     found = alone.with_frames()
     found.__dict__["campaign"] = {**alone.campaign, "requirements": [{**BRIEF, "name": f"v{k}"} for k in range(3)]}
     assert window_cells(found) == {}
+
+
+def test_runs_that_empty_their_stage_are_stated_with_the_worst_design(tmp_path) -> None:
+    plain = load(synthetic.results(tmp_path, n_run=8, size=8))
+    assert empty_stages(plain) == []
+    tables = with_injections(plain)
+    label = next(iter(tables.labels.values()))
+    (note,) = empty_stages(tables)
+    assert note.lead == "Empty stages."
+    assert note.text == (
+        f"In 1 of 1 designs, the last stage is empty before its cut-off in 1 of 8 runs (most: {label}). The error of "
+        "their orbit counts as infinite, whatever the navigation. See Injection accuracy for the draws of these runs."
+    )
+    assert note in summary(tables)
