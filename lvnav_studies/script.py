@@ -173,14 +173,14 @@ def main(study: StudyScript, arguments: Sequence[str] | None = None) -> int:
         Exit code: 0, 2 for a mistake in a file, 4 where runs failed.
     """
     parser = argparse.ArgumentParser(description=f"Run every campaign of {study.folder.name} and write one report.")
-    parser.add_argument("--keep", required=True, metavar="FOLDER", help="where the study's report goes")
-    parser.add_argument("--runs", type=int, help="runs per case, in place of the campaigns' own")
+    parser.add_argument("--keep", required=True, metavar="FOLDER", help="folder of the study's report")
+    parser.add_argument("--runs", type=int, help="runs per case, instead of the campaigns' numbers")
     parser.add_argument("--out", metavar="FOLDER", help="folder of the results (results/NAME if absent)")
-    parser.add_argument("--fresh", action="store_true", help="begin again instead of resuming")
+    parser.add_argument("--fresh", action="store_true", help="start again instead of resuming")
     parser.add_argument("--only-page", action="store_true", help="make the report from existing results")
-    parser.add_argument("--recount", action="store_true", help="count the kept report anew, without results")
+    parser.add_argument("--recount", action="store_true", help="recount the kept report; no results are needed")
     parser.add_argument(
-        "--campaigns", nargs="+", metavar="NAME", help="run these alone, and renew what the kept report has of them"
+        "--campaigns", nargs="+", metavar="NAME", help="run only these, and update them in the kept report"
     )
     parser.add_argument("--jobs", type=int, default=-1, help="worker processes, -1 for all cores")
     asked = parser.parse_args(arguments)

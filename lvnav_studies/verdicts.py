@@ -23,7 +23,7 @@ _HEADINGS = {
 # Columns of these tables, as `lvnav_trade.api.pages.shown` reads them
 _LEFT_OUT = "item | remark"
 _COLUMNS = (
-    "item | campaign and reading = case | formal: number | true: number | Monte Carlo = monte_carlo: number | "
+    "item | campaign and case = case | formal: number | true: number | Monte Carlo = monte_carlo: number | "
     "95 % = low to high: number | bounds = band_low to band_high: number | below (%) = percentile: .0f | remark"
 )
 

@@ -207,7 +207,7 @@ def inside_envelope(
         )
         for axes, value, bound, label in named:
             axes.plot(t, value, lw=0.5, color=PALETTE[0], label="true")
-            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
+            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
             axes.plot(t, -bound, lw=1.2, color=PALETTE[1])
             axes.set_ylabel(label)
             axes.margins(x=0.0)

@@ -269,9 +269,10 @@ def write(verdicts: dict[int, Verdict], folder: Path) -> None:
     page = [
         "# Combination matrix",
         "",
-        f"{len(cases)} cases in which every pair of levels of {len(DIMENSIONS)} dimensions stands at least once,",
-        f"on a minute of flight, {RUNS} runs each: RMS of Monte Carlo over linear covariance of every output at",
-        f"{', '.join(f'{t:g} s' for t in TIMES)}, within its chi-square interval ({LEVEL:g} a case).",
+        f"{len(cases)} cases that contain every pair of levels of {len(DIMENSIONS)} dimensions at least once.",
+        f"Each case has {RUNS} runs of one minute. For every output, the ratio of the Monte Carlo RMS to that of",
+        f"linear covariance must be within its chi-square interval ({LEVEL:g} per case) at",
+        f"{', '.join(f'{t:g} s' for t in TIMES)}.",
         "",
         f"- Both engines agree: {agree} cases.",
         *([f"- Not run yet: {len(waiting)} ({', '.join(map(str, waiting))})."] if waiting else []),

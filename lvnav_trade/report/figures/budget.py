@@ -133,5 +133,5 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     sums = [f"{total[name]:.1f} %" for name in names]
     ax.text(1.01, np.arange(len(names)) + 0.5, sums, x_part=True, ha="left")
     ax.set(xlim=(float(edges[1]), float(edges[-1])), **limits)
-    over_time([ax], tables, case, margin=0.0, label="time since lift-off (s), when the error was made")
+    over_time([ax], tables, case, margin=0.0, label="time since lift-off (s) at which the error enters")
     return figure

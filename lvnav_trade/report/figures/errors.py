@@ -249,7 +249,7 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     extent = [-_LEAST, _LEAST, *frame[frame.case.isin(selected) & (frame.lag_number > 0)].autocorrelation_ratio]
     limits = 1.1 * float(np.min(extent)), 1.1 * float(np.max(extent))
     for ax, label in zip(grid.ravel(), selected, strict=False):
-        ax.axhspan(-bound, bound, color=SHADE, alpha=0.35, label="95 % of one flight, if white")
+        ax.axhspan(-bound, bound, color=SHADE, alpha=0.35, label="95 % of one run, if white")
         for channel, rows in frame[frame.case == label].groupby("channel", sort=False):
             lags = rows[rows.lag_number > 0]
             colour = PALETTE[1] if "rate" in str(channel) or "vel" in str(channel) else PALETTE[0]
@@ -274,7 +274,12 @@ def consistency(tables: Tables, case: str) -> Figure:
     errors, innovations = (with_gaps(pick(METRICS[name](tables), case=tables.labels[case])) for name in ("nees", "nis"))
     figure, grid = canvas(2 + gated, 1, 2.1, sharex=True)
     _panel(grid[0, 0], errors, "anees_ratio", "ANEES per degree\nof freedom (-)")
-    _panel(grid[1, 0], innovations, "anis_ratio", "ANIS per row,\ncorrected (-)" if gated else "ANIS per row (-)")
+    _panel(
+        grid[1, 0],
+        innovations,
+        "anis_ratio",
+        "ANIS per measurement,\ncorrected (-)" if gated else "ANIS per measurement (-)",
+    )
     mark_decisions(grid[1, 0], tables, case)
     if gated:
         _gate(grid[2, 0], innovations)
@@ -286,7 +291,7 @@ def _gate(ax: Panel, rows: pd.DataFrame) -> None:
     ax.plot(rows.t_s, 100.0 * rows.rejected_ratio, color=PALETTE[0], lw=1.0)
     ax.plot(rows.t_s, 100.0 * rows.false_rejection_ratio, color=PALETTE[1], ls="--", lw=1.1)
     ax.axhline(100.0 * REJECTS_TOO_MUCH, color="black", ls=":", lw=0.9)
-    ax.set(ylabel="rows rejected (%)\ndotted: LinCov's limit", ylim=(0.0, None))
+    ax.set(ylabel="measurements rejected (%)\ndotted: LinCov's limit", ylim=(0.0, None))
 
 
 def _panel(ax: Panel, rows: pd.DataFrame, value: str, name: str) -> None:
@@ -313,7 +318,7 @@ def logic(tables: Tables, case: str) -> Figure:
         if (upper[mode] > lower[mode]).any():
             axes.fill_between(wide.index, lower[mode], upper[mode], step=True, label=mode, ec="white", **_LOOKS[mode])
     if wide.empty:
-        axes.text(0.5, 0.5, "the filter has no logic", x_part=True, y_part=True, ha="center", color=GREY)
+        axes.text(0.5, 0.5, "the filter has no mode logic", x_part=True, y_part=True, ha="center", color=GREY)
     axes.set(xlim=(history.t_s.min(), history.t_s.max()), ylim=(0.0, 100.0), ylabel="runs (%)")
     over_time([axes], tables, case, margin=0.0)
     return figure

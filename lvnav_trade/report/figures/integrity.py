@@ -30,7 +30,7 @@ def decisions(tables: Tables, case: str) -> Figure:
     """Draw the share of runs that isolate each channel, by epoch, for one case; open markers are linear covariance."""
     rows, (figure, ax) = _of_case(tables, case), panel(2.4)
     if rows.empty:
-        return message("nothing is isolated", "time since lift-off (s)", "runs (%)")
+        return message("no failure is isolated", "time since lift-off (s)", "runs (%)")
     for isolated, colour in _COLOURS.items():
         channel_rows = rows[rows.isolated_element == isolated]
         if len(channel_rows):
@@ -115,7 +115,7 @@ def validity(tables: Tables) -> Figure:
         image[at] = furthest.get(label, np.nan)
         marks[at] = "–" if outside.get(label, False) else "✗" if refuted.get(label, False) else ""
     figure, ax = panel(1.3 + 0.32 * len(rows))
-    label = "furthest ratio of RMS\nto linear covariance (-)"
+    label = "worst ratio of RMS\nto linear covariance (-)"
     across_edges, down_edges = (np.arange(count + 1) for count in image.T.shape)
     ax.cells(across_edges, down_edges, image, (1.0, _WORST), cmap="YlOrBr", label=label)
     for (row, column), mark in marks.items():

@@ -16,8 +16,8 @@ from lvnav_trade.results.requirements.curves import BASE, base_level
 from lvnav_trade.results.tables.read import Tables
 
 _DRAWN = 0.02, 50.0  # limits of the axis of ratios; ratios beyond are drawn as arrows at its ends
-_AT_AN_EDGE = "in band, published flight none of ours"
-_FLOWN = "flown in the study"
+_AT_AN_EDGE = "in band, published flight outside our runs"
+_FLOWN = "used in the study"
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
@@ -104,13 +104,13 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
         q = np.quantile(run_ratios, [0.05, 0.25, 0.5, 0.75, 0.95])
         for low, high, label, style in (
             (max(band[0], 0.02), band[1], "band", {"color": SHADE, "lw": 9, "alpha": 0.35}),
-            (q[0], q[4], "90 % of our flights", {"color": PALETTE[0], "lw": 1.2}),
-            (q[1], q[3], "half of them", {"color": PALETTE[0], "lw": 5}),
+            (q[0], q[4], "90 % of our runs", {"color": PALETTE[0], "lw": 1.2}),
+            (q[1], q[3], "50 % of our runs", {"color": PALETTE[0], "lw": 5}),
         ):
             ax.hlines(place, low, high, label=label if place == 0 else None, **style)
         ax.plot([q[2]], [place], ls="none", marker="|", color="white", ms=7)
     ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
-    _ratio_axes(ax, [name for name, _, _ in rows], "our flights, each by itself / published (-)")
+    _ratio_axes(ax, [name for name, _, _ in rows], "our runs, each divided by published (-)")
     return figure
 
 
@@ -243,8 +243,12 @@ def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) 
     for ax, (name, unit, factor, label) in zip(grid[:, 0], _ERRORS, strict=True):
         for column, text, style in (
             (f"{name}_error_{unit}", "error itself", {"color": PALETTE[1], "ls": "--"}),
-            (f"{name}_missed_{unit}", "missed by the transition in a step", {"color": PALETTE[0]}),
-            (f"{name}_missed_mean_{unit}", "mean of what is missed, norm", {"color": "black", "lw": 0.8, "ls": ":"}),
+            (f"{name}_missed_{unit}", "error of the transition in a step", {"color": PALETTE[0]}),
+            (
+                f"{name}_missed_mean_{unit}",
+                "mean error of the transition, norm",
+                {"color": "black", "lw": 0.8, "ls": ":"},
+            ),
         ):
             ax.plot(table.t_s, factor * table[column].where(table[column] > 0.0), label=text, **style)
         for _, start, _ in phases:

@@ -227,7 +227,7 @@ def delays(tables: Tables, case: str) -> Figure:
             true.set(ylim=0.7 * float(drawn.min()))
         residual.axhline(0.0, color="black", lw=0.7)
         true.set(ylabel=f"{layer}, true\ndelay (m)")
-        residual.set(ylabel=f"{layer}, left by\nthe correction (m)")
+        residual.set(ylabel=f"{layer}, residual\nafter correction (m)")
         over_time(panels, tables, case)
     return figure
 

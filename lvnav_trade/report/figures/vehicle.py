@@ -126,7 +126,7 @@ def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
         if band is not None:
             axes.axhspan(*band, color=GREY, alpha=0.15, label=f"band: {band[0]:g} to {band[1]:g} %")
         axes.set(title=axis, xlabel="rate gain over that of the card (-)")
-    grid[0, 0].set(ylabel="less nozzle movement\nwith the filtered rate (%, 95 %)")
+    grid[0, 0].set(ylabel="reduction of nozzle movement\nwith the filtered rate (%, 95 %)")
     return figure
 
 
@@ -145,7 +145,7 @@ def turning(tables: Tables, case: str) -> Figure:
         (grid[1, 0], "jerk_m_per_s3", "jerk_envelope_m_per_s3", "jerk along z (m/s³)"),
     ):
         axes.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
-        axes.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
+        axes.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
         axes.plot(rows.t_s, -rows[bound], lw=1.2, color=PALETTE[1])
         axes.set(ylabel=label, margin=0.0)
     grid[1, 0].set(xlabel="time since lift-off (s)")

@@ -64,7 +64,7 @@ def errors_of(tables: Tables, frame: pd.DataFrame) -> dict[str, str]:
 
 @once
 def effects(tables: Tables) -> pd.DataFrame:
-    """Return how the error of each requirement follows each axis over all designs; no rows of results without many.
+    """Return the dependence of the error of each requirement on each axis over all designs; empty without many designs.
     Without requirements: how attitude, velocity and position at injection do.
 
     rank_correlation: Spearman's, of numeric axes. low, high: its 95 % interval (Bonett and Wright 2000), of designs
@@ -161,7 +161,7 @@ def _first_order(parts: Any, value: Floats, is_sampled: bool) -> float:
 
 @once
 def regions(tables: Tables) -> pd.DataFrame:
-    """Return which share of the designs meets each requirement, and all of them, in each part of each axis.
+    """Return the fraction of designs that meet each requirement, and all of them, in each part of each axis.
 
     A part is a level, or a fifth of the designs by a numeric axis, from `low` to `high` in `unit`. share_low,
     share_high: exact binomial 95 % interval, of designs that are drawn at random. No rows of results without many

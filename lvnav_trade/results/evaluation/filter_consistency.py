@@ -52,7 +52,7 @@ def nees(tables: Tables) -> pd.DataFrame:
 
 
 def nis(tables: Tables) -> pd.DataFrame:
-    """Return the mean normalised innovation squared of accepted rows over time, with 95 % bounds for that many rows.
+    """Return the mean normalised innovation squared of accepted measurements over time, with 95 % bounds.
 
     Columns: case, t_s, measurement_count, rejected_count, raw_ratio (mean of the accepted), anis_ratio (the same over
     its expectation for a matched filter with this gate), low_ratio, high_ratio, expected_ratio (LinCov, with the same
@@ -93,7 +93,7 @@ def accepted_moments(gate: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def consistency(tables: Tables) -> pd.DataFrame:
-    """Return for each case and test (ANEES, ANIS) the time mean, what LinCov expects, and how much lies inside.
+    """Return for each case and test (ANEES, ANIS) the time mean, the expectation by LinCov, and the fraction inside.
 
     Columns: case, test, mean_ratio, expected_ratio, inside_ratio (0.95 is expected of a matched filter), time_count.
     """

@@ -60,7 +60,7 @@ FOLDS = 10
 
 
 def rms(tables: Tables) -> pd.DataFrame:
-    """Return the errors of every case, phase or event, quantity and axis, in the units of people.
+    """Return the errors of every case, phase or event, quantity and axis, in display units.
 
     rms, low, high: Monte Carlo with its 95 % chi-square interval. Over a phase the errors of one run are taken as fully
     correlated in time, so the interval is never too narrow. formal_sigma: root mean square of the filter's own sigma,
@@ -238,7 +238,7 @@ def _slope(error: Floats, draws: Floats) -> Floats:
 
 
 def controlled(tables: Tables) -> pd.DataFrame:
-    """Return the 3-D navigation errors at injection (or the last event), plain and controlled, in people's units.
+    """Return the 3-D navigation errors at injection (or the last event), plain and controlled, in display units.
 
     rms, low, high: as everywhere, 95 % by chi-square. controlled_*: with control variates, 95 %. effective_runs: how
     many plain runs the controlled ones are worth. lincov: what linear covariance expects. known_share_ratio: part of

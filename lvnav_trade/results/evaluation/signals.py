@@ -98,7 +98,7 @@ def counted(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def outages(tables: Tables) -> pd.DataFrame:
-    """Return the 3-D navigation errors around every fault, in the units of people.
+    """Return the 3-D navigation errors around every fault, in display units.
 
     Columns: case, fault, t_start_s, t_end_s, metric, unit, before, at_end, after (10 s after the end, or at the end of
     the flight), worst and t_worst_s (see `_until_recovered`), t_recovered_s (NaN where the error does not recover),
@@ -162,7 +162,7 @@ def transitions(tables: Tables) -> pd.DataFrame:
 
 
 def losses(tables: Tables) -> pd.DataFrame:
-    """Return how often a channel stopped tracking, by reason: a satellite that sets ("out of view") stands among them.
+    """Return the number of losses of tracking by reason, including satellites that set ("out of view").
 
     Columns: case, reason, loss_count, satellite_count, first_s, last_s. Empty where no receiver has channels.
     """
@@ -192,7 +192,7 @@ def tracked_over_time(tables: Tables, case: str) -> pd.DataFrame:
 
 
 def tracking(tables: Tables) -> pd.DataFrame:
-    """Return how well each case has a fix, to the second.
+    """Return the availability of a fix in each case, to the second.
 
     Columns: case, first_fix_s (first time with four satellites), to_fix_s (since the first time at all), least_count
     and mean_count of satellites tracked from then on, gap_count (times that fewer than four are tracked after it),
@@ -221,7 +221,7 @@ def _gaps(t: np.ndarray, good: np.ndarray) -> list[float]:
 
 
 def recovery(tables: Tables) -> pd.DataFrame:
-    """Return what every fault takes from the receiver, and how long after its end that is back, to the second.
+    """Return the satellites lost by every fault, and the time until they are tracked again, to the second.
 
     Columns: case, fault, t_start_s, t_end_s, before_count (tracked just before the fault), least_count (in it),
     lost_count (satellites tracked before and not tracked at some time in it), to_fix_s (from its end until four are

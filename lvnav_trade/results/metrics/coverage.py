@@ -51,8 +51,6 @@ class Coverage(Metric):
 
 
 METRICS = tuple(
-    Coverage(
-        f"{quantity}_coverage", "-", f"share of runs with {quantity} within three of the filter's sigmas", quantity
-    )
+    Coverage(f"{quantity}_coverage", "-", f"fraction of runs with {quantity} within three formal sigmas", quantity)
     for quantity in NAVIGATION_UNITS
 )

@@ -260,7 +260,7 @@ def state_metric(quantity: str, unit: str) -> StateError:
 
 
 def _navigation(quantity: str, axis: str) -> NavigationError:
-    of_backup = " of the strapdown that is never corrected" if quantity.startswith(BACKUP) else ""
+    of_backup = " of the uncorrected backup strapdown" if quantity.startswith(BACKUP) else ""
     size = "length of the three-axis error" if axis == NORM else f"{axis} component of the error"
     plain = quantity.removeprefix(BACKUP)
     return NavigationError(

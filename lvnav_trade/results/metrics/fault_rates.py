@@ -37,8 +37,8 @@ class FaultRate(Metric):
 
 
 METRICS = (
-    FaultRate("false_alarm_rate", "-", "share of runs with a decision for a fault, of a flight without one"),
-    FaultRate("detection_rate", "-", "share of runs in which a fault is detected"),
-    FaultRate("isolation_rate", "-", "share of runs in which the faulty channel is isolated"),
-    FaultRate("wrong_isolation_rate", "-", "share of runs in which another channel is isolated"),
+    FaultRate("false_alarm_rate", "-", "fraction of runs without a fault in which a fault is reported"),
+    FaultRate("detection_rate", "-", "fraction of runs in which a fault is detected"),
+    FaultRate("isolation_rate", "-", "fraction of runs in which the faulty channel is isolated"),
+    FaultRate("wrong_isolation_rate", "-", "fraction of runs in which another channel is isolated"),
 )

@@ -270,7 +270,7 @@ def _any(case: CaseResults) -> Injections | None:
 
 
 def _error(name: str, unit: str, label: str, factor: float, meaning: str, *quantities: str) -> InjectionError:
-    meaning = f"achieved orbit of a guided ascent less its target: {meaning}"
+    meaning = f"achieved minus target orbit of a guided ascent: {meaning}"
     return InjectionError(f"injection_{name}_error", unit, meaning, quantities or (name,), label, factor)
 
 
@@ -290,8 +290,8 @@ METRICS: tuple[Metric, ...] = (
     ),
     _error("inclination", "rad", "deg", _DEG, "inclination"),
     _error("node", "rad", "deg", _DEG, "right ascension of the ascending node"),
-    Depletion("depletion", "dimensionless", "share of guided ascents whose last stage is empty before its cut-off"),
-    ExtraPropellant("extra_propellant", "kg", "propellant that guided ascents burn beyond their reference flight"),
+    Depletion("depletion", "dimensionless", "fraction of guided ascents whose last stage is empty before cut-off"),
+    ExtraPropellant("extra_propellant", "kg", "propellant burnt by guided ascents beyond the reference flight"),
     AtCutoff("cutoff_time", "s", "time of the last cut-off of guided ascents, since lift-off", "t"),
     AtCutoff("propellant_left", "kg", "propellant left in the last stage of guided ascents", "left"),
 )

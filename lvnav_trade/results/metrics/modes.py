@@ -119,7 +119,7 @@ def spread_of(each: Floats) -> str:
 
 METRICS: tuple[Metric, ...] = (
     ModeNumber(ENTRY_TIME, "s", "time from the start of a phase until the filter's logic enters a mode"),
-    ModeShare(ENTRY_SHARE, "-", "share of runs in which the filter's logic enters a mode"),
+    ModeShare(ENTRY_SHARE, "-", "fraction of runs in which the mode logic enters a mode"),
     ModeNumber(DURATION, "s", "time that the filter's logic is in a mode"),
-    ModeNumber(CHANGES, "-", "how often the filter's logic enters a mode"),
+    ModeNumber(CHANGES, "-", "number of changes into a mode"),
 )

@@ -43,11 +43,11 @@ class Rank(Metric):
 
 
 METRICS = (
-    Rank("observable_states", "-", "least number of observable states of any stretch"),
+    Rank("observable_states", "-", "smallest number of observable states in any interval"),
     Rank(
         "informed_states",
         "-",
-        "least number of states about which any stretch has more than the tolerance of information",
+        "smallest number of states with information above the tolerance in any interval",
         with_information=True,
     ),
 )

@@ -197,7 +197,7 @@ def _arrays(states: list[mission.State]) -> tuple[Floats, Floats, Floats]:
 
 
 def corridor_verdicts(tables: Tables) -> pd.DataFrame:
-    """Return whether the estimated point of impact keeps to the corridor with the probability asked for.
+    """Return the verdicts on the corridor of the estimated point of impact.
 
     verdict : by linear covariance at the stored time with the least probability (t_s): "met", "violated", or
         "not applicable" if a gate rejects too many measurements

@@ -120,7 +120,7 @@ def _split(error: Floats, knowledge: Floats) -> tuple[float, ...]:
 
 
 def injection_sources(tables: Tables) -> pd.DataFrame:
-    """Return what one sigma of each number of an injection is made of by linear covariance, largest source first.
+    """Return the composition of one sigma of each injection error by linear covariance, largest source first.
 
     part : navigation or vehicle
     share_ratio : share of the sum of squares; all sources are independent, so their squares add

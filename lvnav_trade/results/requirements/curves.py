@@ -149,7 +149,7 @@ def _base_value(tables: Tables, path: str, unit: str) -> float | None:
 
 @once
 def curves(tables: Tables) -> pd.DataFrame:
-    """Return for each numeric axis and requirement the error that the asked fraction of flights stays below.
+    """Return for each numeric axis and requirement the quantile of the error at the required probability.
 
     Each case with a value of the axis has a row. Without requirements there are no rows.
 

@@ -49,7 +49,7 @@ def test_a_row_in_band_whose_single_flight_is_none_of_ours_has_a_mark_of_its_own
         ratio=[0.8, 0.9, 1.1, 1.2], in_band=[True, True, True, False], percentile=[0.5, 50, np.nan, 99]
     )
     shown = {line.get_label(): list(line.get_xdata()) for line in drawn(ratios(frame)).axes[0].get_lines()}
-    assert shown["in band, published flight none of ours"] == [0.8]
+    assert shown["in band, published flight outside our runs"] == [0.8]
     assert shown["in band"] == [0.9, 1.1]
     assert shown["out of band"] == [1.2]
 
@@ -57,7 +57,7 @@ def test_a_row_in_band_whose_single_flight_is_none_of_ours_has_a_mark_of_its_own
 def test_without_a_flight_at_an_edge_the_legend_has_no_entry_of_them(tables):
     labels = {mark.label for mark in ratios(references(tables)).legend()}
     assert {"in band", "out of band"} < labels
-    assert not any("none of ours" in label for label in labels)
+    assert not any("outside our runs" in label for label in labels)
 
 
 def test_items_that_stand_alone_need_no_case(tables):
@@ -116,7 +116,7 @@ def test_a_ring_marks_what_the_study_flies_and_the_line_goes_through_it(tables, 
     expected = sorted([(base, values["aaaaaaaaaaaa"]), (2.0, values["bbbbbbbbbbbb"])])
     np.testing.assert_allclose(np.transpose(line.get_data()), expected)
     np.testing.assert_allclose(np.transpose(ring.get_data()), [(base, values["aaaaaaaaaaaa"])])
-    assert ring.get_label() == "flown in the study"
+    assert ring.get_label() == "used in the study"
 
 
 def test_a_zero_that_is_flown_is_a_line_where_the_axis_is_logarithmic(tables):
@@ -125,7 +125,7 @@ def test_a_zero_that_is_flown_is_a_line_where_the_axis_is_logarithmic(tables):
     wide = other.with_frames(cases=pd.concat([other.cases, more]))
     wide.campaign = other.campaign
     ax = drawn(locus(wide, "heading", STATED, "cm/s")).axes[0]
-    assert [line.get_label() for line in ax.get_lines()] == ["ours", "flown in the study (0 deg)"]
+    assert [line.get_label() for line in ax.get_lines()] == ["ours", "used in the study (0 deg)"]
     assert 0.0 not in ax.get_lines()[0].get_xdata()
 
 

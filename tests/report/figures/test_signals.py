@@ -95,7 +95,7 @@ def test_the_end_of_tracking_is_marked_with_its_reason(good):
 def test_true_delays_stand_above_what_the_correction_leaves(good):
     axes = drawn(PLOTS["delays"](good, CASE)).axes
     assert [a.get_ylabel().split("\n")[0] for a in axes] == [
-        "troposphere, true", "ionosphere, true", "troposphere, left by", "ionosphere, left by"
+        "troposphere, true", "ionosphere, true", "troposphere, residual", "ionosphere, residual"
     ]  # fmt: skip
     true, left = (next(line for line in a.get_lines() if line.get_label() == "their median") for a in axes[1::2])
     known = np.isfinite(true.get_ydata())
