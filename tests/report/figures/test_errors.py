@@ -114,7 +114,7 @@ def test_the_legend_names_the_modes_that_occur(watched):
 
 def test_without_a_logic_it_says_so(good):
     figure = drawn(PLOTS["logic"](good, good.cases.case[0]))
-    assert "no logic" in figure.axes[0].texts[0].get_text()
+    assert "no mode logic" in figure.axes[0].texts[0].get_text()
 
 
 def test_a_worst_run_is_the_one_of_the_table_of_runs_up_to_its_failure(good, tmp_path):
