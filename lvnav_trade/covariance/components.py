@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.covariance.epoch_differences import SuccessiveErrors, successive_of
-from lvnav_trade.covariance.imu_array import REMAINDER, WHITE, Differences, differences, stands_for
+from lvnav_trade.covariance.imu_array import REMAINDER, WHITE, Differences, differences, state_weights
 from lvnav_trade.covariance.slots import Component, as_lanes, by_length, slot_tables
 from lvnav_trade.covariance.sources import measurement_tables, n_joint, noise_sources, source_names
 from lvnav_trade.filter.model import transition_blocks
@@ -17,7 +17,7 @@ from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
 from lvnav_trade.quantities.per_axis import rms, squares
 from lvnav_trade.quantities.records import Bools, Floats, Ints
-from lvnav_trade.quantities.state_layout import ErrorTerm, standing_for
+from lvnav_trade.quantities.state_layout import ErrorTerm, states_modelling
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 GRAVITY = -2
@@ -188,7 +188,7 @@ def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component],
     model, signals, shared_components, blocks = prepared.model, prepared.signals, list[Component](), list[int]()
     shared = signals.shared
     for number, family in enumerate(prepared.families if model.aided else ()):
-        stand = standing_for(prepared.layout.extras, family.state, family.labels[0])
+        stand = states_modelling(prepared.layout.extras, family.state, family.labels[0])
         state = stand[0][0] if stand else -1
         factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
         entering = shared.member[number] >= 0
@@ -281,7 +281,9 @@ def components(prepared: Prepared) -> Components:
         matched=matched,
         profile=profile,
         triad=triad,
-        stands=np.zeros((0, 0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad),
+        stands=np.zeros((0, 0, 3, 0))
+        if units is None
+        else state_weights(prepared.layout, units, sensor, driver, triad),
         first=first,
         moving=moving,
         sampled=sampled,

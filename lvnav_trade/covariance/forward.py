@@ -10,7 +10,7 @@ from lvnav_trade.covariance.receiver_error import advance_solution, clone_error,
 from lvnav_trade.filter.policies.delay import keep
 from lvnav_trade.filter.policies.epoch_differences import accumulate_transition, begin_transition
 from lvnav_trade.filter.policies.integrity.state import begin_monitor
-from lvnav_trade.filter.policies.mode_logic import begin_watch
+from lvnav_trade.filter.policies.mode_logic import begin_mode_logic
 from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import group, total_of, whole
@@ -225,15 +225,15 @@ def _solve(work, chain, late, epoch):
 
 
 @jit
-def _report(rx, chain, signals, epoch):
+def _report(receiver, chain, signals, epoch):
     """Set the covariance that the receiver reports on the nominal flight (NominalReport, or None), without the factor
     of the filter's tuning.
     """
-    if rx is not None:
+    if receiver is not None:
         for i in range(6):
             for j in range(6):
                 factor = signals.scale[epoch, i] * signals.scale[epoch, j]
-                rx.covariance[i, j] = chain.reported[epoch, i, j] / factor
+                receiver.covariance[i, j] = chain.reported[epoch, i, j] / factor
 
 
 @jit
@@ -245,7 +245,7 @@ def _jump(mean, clock, jumps):
 
 
 @inlined
-def _measure(work, rx, case, joint, chain, epoch):
+def _measure(work, receiver, case, joint, chain, epoch):
     """Propagate the receiver errors to an epoch, and set the measurements of the nominal flight.
 
     chain : Chain of a receiver that reports a covariance with its solution, or None
@@ -259,7 +259,7 @@ def _measure(work, rx, case, joint, chain, epoch):
     _measure_sensors(work, case.sensors, joint.true.differences, epoch)
     if chain is not None:
         _solve(work, chain, options.late, epoch)
-        _report(rx, chain, signals, epoch)
+        _report(receiver, chain, signals, epoch)
 
 
 @inlined
@@ -282,12 +282,12 @@ def _propagate(work, parts, case, joint, flight, vehicle, late, w):
     propagate(work, case, joint, flight, options.units, w)
     inform_nominal(work.P, options.units, model, first, n_tick, model.seconds[length])
     accumulate_transition(
-        parts.earlier, options.delayed, joint.scratch.D, work.held, model, length, schedule.injection[w]
+        parts.previous_epoch, options.delayed, joint.scratch.D, work.held, model, length, schedule.injection[w]
     )
     _record_window(joint.tape, w, work)
     if late is not None:
         place(work.nav, flight.reference, first + n_tick)
-        keep(parts.past, work.nav, work.previous, work.x, late, w, case.step, algorithm.gravity)
+        keep(parts.state_history, work.nav, work.previous, work.x, late, w, case.step, algorithm.gravity)
         clone_error(joint.state, joint.true, late, w)
 
 
@@ -298,7 +298,7 @@ def _update(work, parts, case, joint, flight, vehicle, report, epoch):
     if vehicle is not None:
         joint.out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
         joint.out.n_row[epoch] += N_SAMPLE
-    _measure(work, parts.rx, case, joint, flight.chain, epoch)
+    _measure(work, parts.receiver, case, joint, flight.chain, epoch)
     if report is not None:
         hold_solution(work, parts, joint, flight.chain.solved, None, report, epoch)
     process_epoch(work, parts, case, joint, parts.open_loop, case.sensors, options.rules, epoch)
@@ -336,9 +336,9 @@ def forward(work, parts, case, joint, flight, record):
     record : Axes of the results
     """
     schedule, options = case.schedule, case.options
-    begin_watch(parts.watch)
+    begin_mode_logic(parts.mode_state)
     begin_monitor(parts.monitor)
-    begin_transition(parts.earlier, options.delayed)
+    begin_transition(parts.previous_epoch, options.delayed)
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:

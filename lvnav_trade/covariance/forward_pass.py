@@ -14,14 +14,14 @@ from lvnav_trade.covariance.workspace import (
     new_flight,
     new_joint,
     new_nominal,
-    new_nominal_earlier,
+    new_nominal_previous_epoch,
 )
 from lvnav_trade.filter.policies.delay import N_PAST
-from lvnav_trade.filter.policies.imu_samples import new_motion
+from lvnav_trade.filter.policies.imu_samples import new_sample_work
 from lvnav_trade.filter.policies.integrity.state import Monitor, new_monitor
-from lvnav_trade.filter.policies.mode_logic import ModeState, new_watch
+from lvnav_trade.filter.policies.mode_logic import ModeState, new_mode_state
 from lvnav_trade.quantities.frames import matrices
-from lvnav_trade.simulation.epoch.case import FilterCase, Parts, case_of
+from lvnav_trade.simulation.epoch.case import FilterCase, OptionalState, case_of
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 
@@ -30,12 +30,12 @@ class PassOutcome(NamedTuple):
 
     out : Covariances, means and budget at the history times.
     monitor : Fault monitor; None without tests for faults.
-    watch : State of the mode logic; None without a mode logic.
+    mode_state : State of the mode logic; None without a mode logic.
     """
 
     out: PassResults
     monitor: Monitor | None
-    watch: ModeState | None
+    mode_state: ModeState | None
 
 
 def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> PassOutcome:
@@ -50,32 +50,32 @@ def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool
         flight,
         HistoryRotations(turned, prepared.record.axes),
     )
-    return PassOutcome(joint.out, parts.monitor, parts.watch)
+    return PassOutcome(joint.out, parts.monitor, parts.mode_state)
 
 
 def linear_case(prepared: Prepared, aided: bool = True) -> FilterCase:
     """Return the inputs of an epoch in linear covariance.
 
     To first order, a direct, an iterated and an unscented filter equal the extended filter, and an open loop equals a
-    closed loop (`Parts` without its arrays). No measurement is rejected by the gate.
+    closed loop (`OptionalState` without its arrays). No measurement is rejected by the gate.
     """
     options = prepared.options._replace(direct=None, iterated=None, unscented=None, solver=None)
     model = prepared.model._replace(aided=prepared.model.aided and aided, gate_squared=np.inf)
     return case_of(prepared, options=options, model=model)
 
 
-def _new_parts(prepared: Prepared) -> Parts:
+def _new_parts(prepared: Prepared) -> OptionalState:
     """Return the arrays of the optional features that a case has, for its nominal flight."""
     options, parts = prepared.options, dict[str, Any]()
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     if options.rules is not None:
-        parts["watch"] = new_watch(*sizes)
+        parts["mode_state"] = new_mode_state(*sizes)
     if options.integrity is not None:
         parts["monitor"] = new_monitor(*sizes, options.integrity.window)
     if options.late is not None:
-        parts["past"] = np.zeros((1 + options.late.buffered.size, N_PAST))
+        parts["state_history"] = np.zeros((1 + options.late.buffered.size, N_PAST))
     if options.vehicle is not None:
-        parts["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
+        parts["motion"] = new_sample_work(prepared.layout.n_state, options.vehicle.columns.shape[1])
     if options.solver is not None:
-        parts["rx"] = NominalReport(np.zeros((6, 6)))
-    return Parts(earlier=new_nominal_earlier(prepared), **parts)
+        parts["receiver"] = NominalReport(np.zeros((6, 6)))
+    return OptionalState(previous_epoch=new_nominal_previous_epoch(prepared), **parts)

@@ -149,7 +149,7 @@ def add_sums(out, hist, state, true, units, tick):
                     _add_component(out, hist, state, true, weights, true.first[j] + c)
 
 
-def stands_for(layout: StateLayout, units: ImuArray, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
+def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
     """Return the weight of each component in each filter state that models it, (n_stage, n_block, 3, n_state).
 
     The error of a sensing axis enters the combined triad by its column of the least-squares solution, and multiplies

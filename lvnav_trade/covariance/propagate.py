@@ -308,8 +308,8 @@ def _at_middle(c, a, x, y, z):
 
     c : (9,) rotation matrix at the start of the tick; a : (3,) rad, rotation over the tick
     """
-    rx, ry, rz = cross(a[0], a[1], a[2], x, y, z)
-    x, y, z = x + 0.5 * rx, y + 0.5 * ry, z + 0.5 * rz
+    receiver, ry, rz = cross(a[0], a[1], a[2], x, y, z)
+    x, y, z = x + 0.5 * receiver, y + 0.5 * ry, z + 0.5 * rz
     return (
         c[0] * x + c[1] * y + c[2] * z,
         c[3] * x + c[4] * y + c[5] * z,

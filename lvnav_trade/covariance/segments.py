@@ -59,7 +59,7 @@ def segments_of(prepared: Prepared, true: Components, passed: PassOutcome) -> li
 
 def _mode_log(prepared: Prepared, passed: PassOutcome) -> Floats:
     """Return the mode of the filter after each epoch, (n_epoch,); waiting without a mode logic."""
-    return passed.watch.mode if passed.watch is not None else np.full(prepared.t_epoch.size, float(WAITING))
+    return passed.mode_state.mode if passed.mode_state is not None else np.full(prepared.t_epoch.size, float(WAITING))
 
 
 def _updates(prepared: Prepared) -> Ints:

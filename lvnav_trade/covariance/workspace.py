@@ -10,7 +10,7 @@ from lvnav_trade.covariance.epoch_differences import N_ENTRIES
 from lvnav_trade.covariance.receiver_error import N_SOLUTION_ENTRY
 from lvnav_trade.covariance.slots import as_lanes
 from lvnav_trade.covariance.sources import n_joint
-from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, new_earlier
+from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, new_previous_epoch
 from lvnav_trade.filter.receivers.receiver import N_STATE
 from lvnav_trade.kernels.lanes import grouped_zeros, zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM
@@ -250,12 +250,12 @@ def new_nominal(prepared: Prepared) -> Nominal:
     return nominal
 
 
-def new_nominal_earlier(prepared: Prepared) -> PreviousEpoch | None:
+def new_nominal_previous_epoch(prepared: Prepared) -> PreviousEpoch | None:
     """Return the arrays for the previous epoch of the nominal run; None without differences of two epochs."""
     delayed, model = prepared.options.delayed, prepared.model
     if delayed is None:
         return None
-    return new_earlier(delayed, len(model.lever_arms), model.extra_offset.size, model.n_state)
+    return new_previous_epoch(delayed, len(model.lever_arms), model.extra_offset.size, model.n_state)
 
 
 def _new_covariance(prepared: Prepared, true: Components) -> JointCovariance:

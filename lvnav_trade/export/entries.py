@@ -34,7 +34,7 @@ def update(work: Any, parts: Any, case: Any, epoch: Any) -> None:
 
 def correct_outputs(work: Any, parts: Any, model: Any) -> None:
     """Set nav, par, clock_hat and extra to the corrected outputs of an open loop, until restore_outputs."""
-    apply_correction(work, parts.open_loop, parts.watch, model)
+    apply_correction(work, parts.open_loop, parts.mode_state, model)
 
 
 def restore_outputs(work: Any, parts: Any, model: Any) -> None:

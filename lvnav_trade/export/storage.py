@@ -51,7 +51,7 @@ TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
 SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
 COUNTED = {
     "work": ("innovation", "nis", "n_row", "n_reject"),
-    "watch": ("mode", "reason"),
+    "mode_state": ("mode", "reason"),
     "monitor": ("isolated", "excluded"),
 }
 # True quantities of a flight, which are not part of its filter.

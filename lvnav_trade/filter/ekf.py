@@ -130,18 +130,19 @@ def _place_at(work, model, nav, increments, first, dt):
 
 
 @jit
-def place_antenna(work, past, late, model, dt, epoch):
+def place_antenna(work, state_history, late, model, dt, epoch):
     """Set the estimated state of every antenna from the navigation state and the rate of the last step.
 
     Parameters
     ----------
-    past : stored states of `late.keep`. With a buffered receiver the antenna is placed at the time of validity.
+    state_history : stored states of `late.keep`. With a buffered receiver the antenna is placed at the time of
+        validity.
     late : DelayProcessing, or None
     dt : s, of a strapdown step
     """
     _place_at(work, model, work.nav, work.previous, 0, dt)
     if late is not None and not late.extrapolated and late.receiver >= 0:
-        stored = past[place_of(late, late.receiver, epoch)]
+        stored = state_history[place_of(late, late.receiver, epoch)]
         _place_at(work, model, stored, stored, LAST, dt)
 
 
@@ -161,7 +162,7 @@ def _add_extra(work, model, signals, epoch, row, channel):
 
 
 @jit
-def _fill_further(work, earlier, delayed, model, signals, epoch):
+def _fill_further(work, previous_epoch, delayed, model, signals, epoch):
     """Set the rows of the further observables: carrier phase and differences of two epochs."""
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
@@ -174,24 +175,26 @@ def _fill_further(work, earlier, delayed, model, signals, epoch):
             predicted = range_row(work.H[row], work.antenna[a], ux, uy, uz, distance, work.clock_hat[0])
             predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
             if delayed.difference[kind]:
-                before = earlier.antenna[signals.antenna[epoch - 1, s]]
+                before = previous_epoch.antenna[signals.antenna[epoch - 1, s]]
                 ux, uy, uz, distance = line_of_sight(signals.satellite[epoch - 1, s], before)
                 predicted = predicted - subtract_earlier(
-                    work.H[row], delayed.earlier, before, ux, uy, uz, distance, earlier.clock[0]
+                    work.H[row], delayed.previous_entry, before, ux, uy, uz, distance, previous_epoch.clock[0]
                 )
-                predicted = predicted - subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel)
+                predicted = predicted - subtract_extra(
+                    work, previous_epoch, delayed, model, signals, epoch, row, channel
+                )
             work.z[row] = work.ranges[slot, kind] - predicted
 
 
 @jit
-def fill_tight(work, earlier, delayed, model, signals, epoch):
+def fill_tight(work, previous_epoch, delayed, model, signals, epoch):
     """Set Jacobian rows `work.H` and innovations `work.z` (measured minus predicted) of all satellites in use.
 
     Each satellite has `model.n_kind` rows: pseudorange (m), range rate (m/s), then the further observables.
 
     Parameters
     ----------
-    earlier, delayed : PreviousEpoch and Delayed of differences of two epochs; None without further observables
+    previous_epoch, delayed : PreviousEpoch and Delayed of differences of two epochs; None without further observables
     model, signals : FilterModel, Signals
     epoch : index
     """
@@ -206,7 +209,7 @@ def fill_tight(work, earlier, delayed, model, signals, epoch):
         predicted = rate_row(work.H[row], at, moving, ux, uy, uz, distance, work.clock_hat[1])
         work.z[row] = work.ranges[slot, 1] - (predicted + _add_extra(work, model, signals, epoch, row, channel + 1))
     if delayed is not None:
-        _fill_further(work, earlier, delayed, model, signals, epoch)
+        _fill_further(work, previous_epoch, delayed, model, signals, epoch)
 
 
 @jit
@@ -227,12 +230,12 @@ def row_of(model, work, channel):
 
 
 @jit
-def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
+def fill_sensor(work, state_history, late, model, signals, sensors, k, epoch):
     """Set Jacobian rows and innovations (measured minus predicted) of sensor k.
 
     Parameters
     ----------
-    past : stored states. With delay compensation the prediction is that of the time of validity.
+    state_history : stored states. With delay compensation the prediction is that of the time of validity.
     late : DelayProcessing, or None
     model, signals, sensors : FilterModel, Signals, Sensors
     k, epoch : indices
@@ -240,7 +243,7 @@ def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
     at = row_of(model, work, sensors.channel[k])
     code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
     if late is not None and late.of_sensor[k] >= 0:
-        stored = past[place_of(late, late.of_sensor[k], epoch)]
+        stored = state_history[place_of(late, late.of_sensor[k], epoch)]
         fill(work.H, work.z, at, code, work.observed[k], stored, theta, known)
     else:
         fill(work.H, work.z, at, code, work.observed[k], work.nav, theta, known)
@@ -270,31 +273,31 @@ def channel_of(model, signals, epoch, row):
 
 
 @jit
-def _report(reported, rx, signals, epoch):
+def _report(reported, receiver, signals, epoch):
     """Set the reported covariance (6, 6) of a solution: that of the receiver (Receiver), or of a simulated solution
     (None) the variances of the filter model.
     """
     for i in range(6):
         for j in range(6):
-            if rx is not None:
-                reported[i, j] = rx.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
+            if receiver is not None:
+                reported[i, j] = receiver.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
             else:
                 reported[i, j] = like(reported[0, 0], signals.variance[epoch, i] if i == j else 0.0)
 
 
 @jit
-def _add_spread(reported, points):
+def _add_spread(reported, sigma_points):
     """Add the variance that the regression over sigma points (SigmaPoints, or None) does not explain to the noise."""
-    if points is not None:
+    if sigma_points is not None:
         for i in range(6):
-            reported[i, i] = reported[i, i] + points.spread[i]
+            reported[i, i] = reported[i, i] + sigma_points.spread[i]
 
 
 @jit
-def _extrapolate(work, past, late, epoch):
+def _extrapolate(work, state_history, late, epoch):
     """Extrapolate a delayed solution to the present, if the filter is so configured (DelayProcessing, or None)."""
     if late is not None and late.extrapolated:
-        carry_on(work.z, work.reported, past, work.P, late, epoch)
+        carry_on(work.z, work.reported, state_history, work.P, late, epoch)
 
 
 @jit
@@ -308,22 +311,22 @@ def _whiten(work, gains, model):
 
 
 @jit
-def decorrelate(work, parts, case, rx, late, epoch):
+def decorrelate(work, parts, case, receiver, late, epoch):
     """Decorrelate the rows of a solution by its reported covariance, so that they can be processed as scalars.
 
     With R = L L' the rows become L^-1 z and L^-1 H, with unit variance.
 
     Parameters
     ----------
-    rx : Receiver, whose solution reports a covariance; None for a simulated solution
+    receiver : Receiver, whose solution reports a covariance; None for a simulated solution
     late : DelayProcessing, whose extrapolation correlates position with velocity; None without delay compensation
     """
-    if rx is None and late is None:
+    if receiver is None and late is None:
         return
     if case.model.has_covariance:
-        _report(work.reported, rx, case.signals, epoch)
-        _add_spread(work.reported, parts.points)
-        _extrapolate(work, parts.past, late, epoch)
+        _report(work.reported, receiver, case.signals, epoch)
+        _add_spread(work.reported, parts.sigma_points)
+        _extrapolate(work, parts.state_history, late, epoch)
         _whiten(work, case.options.gains, case.model)
 
 
@@ -349,10 +352,10 @@ def clear_epoch(work, epoch):
 
 
 @inlined
-def fill_receiver(work, earlier, delayed, model, signals, epoch):
+def fill_receiver(work, previous_epoch, delayed, model, signals, epoch):
     """Set the rows of all receiver measurements of an epoch, linearised at the same state."""
     if model.tight:
-        fill_tight(work, earlier, delayed, model, signals, epoch)
+        fill_tight(work, previous_epoch, delayed, model, signals, epoch)
     else:
         fill_loose(work, model, signals, epoch)
 
@@ -376,14 +379,14 @@ def correct_receiver(work, model):
 
 
 @jit
-def correct(work, past, late, model):
+def correct(work, state_history, late, model):
     """Feed the error state back to all estimates and set it to zero (closed loop).
 
     Corrected are navigation state, stored states of delayed measurements, IMU parameters, clock and extra states.
     """
     x = work.x
     correct_motion(work.nav, x)
-    correct_stored(past, late, x)  # delayed measurements are compared with corrected states
+    correct_stored(state_history, late, x)  # delayed measurements are compared with corrected states
     correct_parameters(work, model)
     correct_receiver(work, model)
     processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)

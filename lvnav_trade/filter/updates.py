@@ -14,9 +14,9 @@ def has_reported_covariance(model, channel):
 
 
 @jit
-def _with_spread(variance, points, row):
+def _with_spread(variance, sigma_points, row):
     """Add the variance that the regression over sigma points (SigmaPoints, or None) does not explain."""
-    return variance if points is None else variance + points.spread[row]
+    return variance if sigma_points is None else variance + sigma_points.spread[row]
 
 
 @jit
@@ -28,18 +28,18 @@ def _of_reported(work, gains, row):
 
 
 @jit
-def noise_variance(work, points, case, epoch, row, channel):
+def noise_variance(work, sigma_points, case, epoch, row, channel):
     """Return the noise variance of a scalar measurement in the filter model.
 
     Parameters
     ----------
-    points : Points of an unscented filter, whose regression adds variance; None with Jacobians
+    sigma_points : Points of an unscented filter, whose regression adds variance; None with Jacobians
     case : FilterCase
     epoch, row, channel : indices
     """
     if has_reported_covariance(case.model, channel):
         return _of_reported(work, case.options.gains, row)
-    return _with_spread(like(work.x[0], case.signals.variance[epoch, channel]), points, row)
+    return _with_spread(like(work.x[0], case.signals.variance[epoch, channel]), sigma_points, row)
 
 
 @inlined
@@ -95,13 +95,13 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
 
 
 @inlined
-def update_and_count(work, points, case, epoch, row, channel, gate_squared):
+def update_and_count(work, sigma_points, case, epoch, row, channel, gate_squared):
     """Update by one scalar measurement, store its innovation and count it as accepted or rejected.
 
     Arguments are those of `noise_variance` and `update_state`. Returns the weight: 0 if the gate rejects the
     measurement or its innovation is not a number.
     """
-    variance = noise_variance(work, points, case, epoch, row, channel)
+    variance = noise_variance(work, sigma_points, case, epoch, row, channel)
     normalised, weight = update_state(work, case, case.options.gains, variance, epoch, row, channel, gate_squared)
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0

@@ -130,7 +130,7 @@ class ExtraBlock(NamedTuple):
     correlation: PerAxis = 0.0
 
 
-def standing_for(extras: tuple[ExtraBlock, ...], state: str, label: str) -> list[tuple[int, int]]:
+def states_modelling(extras: tuple[ExtraBlock, ...], state: str, label: str) -> list[tuple[int, int]]:
     """Return the extra states that model a true error.
 
     Parameters

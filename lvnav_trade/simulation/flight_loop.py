@@ -15,7 +15,7 @@ def _measure(work, parts, case, key, epoch):
     observe(work, parts, case, options.solver, key, epoch)
     hold_solution(work, parts, None, None, options.solver, options.report, epoch)
     measure_sensors(work, parts.units, case.sensors, options.units, case.signals, key, epoch)
-    tape_epoch(parts.tape, work, parts.rx, epoch)
+    tape_epoch(parts.tape, work, parts.receiver, epoch)
 
 
 @inlined
@@ -34,7 +34,7 @@ def fly(work, parts, case, truth, key):
     """
     schedule, options, unit = case.schedule, case.options, truth.unit
     begin(work, parts.units, case, truth, key)
-    begin_solver(work, parts.rx, options.solver)
+    begin_solver(work, parts.receiver, options.solver)
     tape_start(parts.tape, work)
     begin_filter(work, parts, options)
     for w in range(schedule.n_tick.shape[0]):
@@ -54,5 +54,7 @@ def fly(work, parts, case, truth, key):
             tape_after(parts.tape, work, epoch)
         # history times follow the update: errors at an epoch are those after its measurements
         if schedule.hist[w] >= 0:
-            record(work, parts, case, parts.missed, truth.record, max(0, first + n_tick - 1), schedule.hist[w])
+            record(
+                work, parts, case, parts.transition_errors, truth.record, max(0, first + n_tick - 1), schedule.hist[w]
+            )
     tape_after(parts.tape, work, -1)

@@ -39,7 +39,7 @@ class ImuArrayWork(NamedTuple):
 
 def new_units(units: Any, n_tick: int, lanes: int = 0) -> ImuArrayWork:
     """Return the arrays of an IMU array (Units): one run, or `lanes` runs on the last axis."""
-    n_triad, n_pair, vote = units.n_axis.size, units.pair_sensor.size, units.redundant
+    n_triad, n_pair, redundancy = units.n_axis.size, units.pair_sensor.size, units.redundant
     shapes = {
         "tables": (2 * n_triad, N_TABLE),
         "sensed": (n_triad, n_tick, 6),
@@ -47,45 +47,45 @@ def new_units(units: Any, n_tick: int, lanes: int = 0) -> ImuArrayWork:
         "before": (4,),
         "difference": (max(1, n_pair), 3),
     }
-    redundant = None if vote is None else new_redundant(int(vote.owner.max()) + 1, n_triad, lanes)
+    redundant = None if redundancy is None else new_redundant(int(redundancy.owner.max()) + 1, n_triad, lanes)
     return ImuArrayWork(**zeros_of(shapes, lanes), redundant=redundant)
 
 
 @jit
-def begin_units(own, units):
+def begin_units(imus, units):
     """Reset the arrays of an IMU array (ImuArray, or None) at the start of a run."""
     if units is not None:
         for i in range(4):
-            own.before[i] = like(own.before[i], 0.0)
-        for k in range(own.remainder.shape[0]):
+            imus.before[i] = like(imus.before[i], 0.0)
+        for k in range(imus.remainder.shape[0]):
             for i in range(6):
-                own.remainder[k, i] = like(own.remainder[k, i], 0.0)
-        for p in range(own.difference.shape[0]):
+                imus.remainder[k, i] = like(imus.remainder[k, i], 0.0)
+        for p in range(imus.difference.shape[0]):
             for i in range(3):
-                own.difference[p, i] = like(own.before[i], 0.0)
-        begin_redundant(own.redundant, units)
+                imus.difference[p, i] = like(imus.before[i], 0.0)
+        begin_redundant(imus.redundant, units)
 
 
 @jit
-def take_difference(work, own, units, k):
+def take_difference(work, imus, units, k):
     """Set the measurement of sensor k, if it is a difference of two IMUs, to the sum since its last measurement."""
     if units is not None:
         p = units.pair_of[k]
         if p >= 0:
             for i in range(3):
-                work.observed[k, i] = own.difference[p, i]
-                own.difference[p, i] = like(own.difference[p, i], 0.0)
+                work.observed[k, i] = imus.difference[p, i]
+                imus.difference[p, i] = like(imus.difference[p, i], 0.0)
 
 
 @jit
-def add_relative_biases(work, own, units):
+def add_relative_biases(work, imus, units):
     """Add the true relative biases to the errors of the states that model them (ImuArray, or None)."""
     if units is not None:
         for p in range(units.pair_sensor.shape[0]):
             at = units.pair_state[p]
             if at >= 0:
                 for k in range(units.n_axis.shape[0]):
-                    table = own.tables[2 * k + units.pair_sensor[p]]
+                    table = imus.tables[2 * k + units.pair_sensor[p]]
                     for c in range(units.n_axis[k]):
                         for i in range(3):
                             work.x[at + i] = work.x[at + i] + units.pair_solved[p, k, i, c] * table[BIAS + c]
@@ -111,18 +111,18 @@ def _gather_block(table, frames, kind, values):
 
 
 @jit
-def gather_units(own, units, values, sensors, drivers):
+def gather_units(imus, units, values, sensors, drivers):
     """Sum the true parameters into the tables of the triads; arguments as in `processes.gather`."""
-    for k in range(own.tables.shape[0]):
+    for k in range(imus.tables.shape[0]):
         for i in range(N_TABLE):
-            own.tables[k, i] = like(own.tables[k, i], 0.0)
+            imus.tables[k, i] = like(imus.tables[k, i], 0.0)
     for b in range(sensors.shape[0]):
         triad = units.triads[b]
-        _gather_block(own.tables[2 * triad + sensors[b]], units.frames[triad], drivers[b], values[b])
+        _gather_block(imus.tables[2 * triad + sensors[b]], units.frames[triad], drivers[b], values[b])
 
 
 @jit
-def fuse_tables(fused, own, units, tick):
+def fuse_tables(fused, imus, units, tick):
     """Set the tables (2, N_TABLE) of the combined triad at a tick, which give the true values of filter parameters.
 
     Nonlinearity is not included: it depends on squares along the axes of each IMU.
@@ -131,10 +131,10 @@ def fuse_tables(fused, own, units, tick):
         for i in range(N_TABLE):
             fused[sensor, i] = like(fused[sensor, i], 0.0)
         for k in range(units.n_axis.shape[0]):
-            table = own.tables[2 * k + sensor]
+            table = imus.tables[2 * k + sensor]
             for c in range(units.n_axis[k]):
                 for i in range(3):
-                    share = entering(own.redundant, units, tick, k, sensor, i, c)
+                    share = entering(imus.redundant, units, tick, k, sensor, i, c)
                     fused[sensor, BIAS + i] = fused[sensor, BIAS + i] + share * table[BIAS + c]
                     for first in (OWN, OTHER):
                         for j in range(3):
@@ -161,14 +161,14 @@ def _axis_error(table, c, along, a, other, dt):
 
 
 @jit
-def _sense_triad(own, units, k, at, ticks, dt, key, run):
+def _sense_triad(imus, units, k, at, ticks, dt, key, run):
     """Set the increments of a triad over some ticks: true increments, errors, white noise, quantisation.
 
     ticks : (2,) first tick, number of ticks; key : (2,) key words of the seed
     """
     (first_tick, n_tick), (k0, k1) = ticks, key
-    out, frames, white = own.sensed[k], units.frames[k], units.white[k]
-    gyro, accel = own.tables[2 * k], own.tables[2 * k + 1]
+    out, frames, white = imus.sensed[k], units.frames[k], units.white[k]
+    gyro, accel = imus.tables[2 * k], imus.tables[2 * k + 1]
     for tick in range(first_tick, first_tick + n_tick):
         row, epoch = at + tick - first_tick, np.uint64(tick)
         a, f = units.dtheta[k, tick], units.dvel[k, tick]
@@ -185,17 +185,17 @@ def _sense_triad(own, units, k, at, ticks, dt, key, run):
         if white[6 + sensor] > 0.0:
             for row in range(at, at + n_tick):
                 for i in range(3 * sensor, 3 * sensor + 3):
-                    out[row, i], own.remainder[k, i] = quantise(out[row, i], own.remainder[k, i], white[6 + sensor])
+                    out[row, i], imus.remainder[k, i] = quantise(out[row, i], imus.remainder[k, i], white[6 + sensor])
 
 
 @jit
-def swung(own, units, k, x, y, z, dt):
+def lever_arm_increment(imus, units, k, x, y, z, dt):
     """Return the velocity increment (3) m/s of a triad by its lever arm r over a tick, body axes.
 
     It is (dw x r) + w x (w x r) dt, with w dt the combined angle increment x, y, z (rad) of the tick, and dw the change
     of w since the previous tick.
     """
-    lever, before = units.lever[k], own.before
+    lever, before = units.lever[k], imus.before
     first = before[3]  # 0 at the first tick, which has no previous one
     tx, ty, tz = cross(
         first * (x - before[0]), first * (y - before[1]), first * (z - before[2]), lever[0], lever[1], lever[2]
@@ -206,16 +206,16 @@ def swung(own, units, k, x, y, z, dt):
 
 
 @jit
-def _add_difference(own, units, sensor, k, c, value):
+def _add_difference(imus, units, sensor, k, c, value):
     """Add an increment along axis c of triad k to the measured differences of two IMUs."""
     for p in range(units.pair_sensor.shape[0]):
         if units.pair_sensor[p] == sensor:
             for i in range(3):
-                own.difference[p, i] = own.difference[p, i] + units.pair_solved[p, k, i, c] * value
+                imus.difference[p, i] = imus.difference[p, i] + units.pair_solved[p, k, i, c] * value
 
 
 @jit
-def _fuse(increments, own, units, at, n_tick, dt):
+def _fuse(increments, imus, units, at, n_tick, dt):
     """Set the increments of the combined triad from those of the IMUs, with lever arms compensated."""
     n = units.n_axis.shape[0]
     for row in range(at, at + n_tick):
@@ -224,54 +224,54 @@ def _fuse(increments, own, units, at, n_tick, dt):
         for k in range(n):
             for c in range(units.n_axis[k]):
                 for i in range(3):
-                    increments[row, i] = increments[row, i] + units.solved[0, k, 0, i, c] * own.sensed[k, row, c]
-                _add_difference(own, units, 0, k, c, own.sensed[k, row, c])
+                    increments[row, i] = increments[row, i] + units.solved[0, k, 0, i, c] * imus.sensed[k, row, c]
+                _add_difference(imus, units, 0, k, c, imus.sensed[k, row, c])
         x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
         for k in range(n):
-            sx, sy, sz = swung(own, units, k, x, y, z, dt)
+            sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                value = own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
+                value = imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
                 for i in range(3):
                     increments[row, 3 + i] = increments[row, 3 + i] + units.solved[0, k, 1, i, c] * value
-                _add_difference(own, units, 1, k, c, value)
-        own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
+                _add_difference(imus, units, 1, k, c, value)
+        imus.before[0], imus.before[1], imus.before[2], imus.before[3] = x, y, z, like(x, 1.0)
 
 
 @jit
-def _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt):
+def _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick, dt):
     """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection."""
-    n, redundant = units.n_axis.shape[0], own.redundant
+    n, redundant = units.n_axis.shape[0], imus.redundant
     for row in range(at, at + n_tick):
         for k in range(n):
             for c in range(units.n_axis[k]):
-                note(redundant, 0, k, c, own.sensed[k, row, c])
-        combine(increments, redundant, units, vote, row, 0)
+                note(redundant, 0, k, c, imus.sensed[k, row, c])
+        combine(increments, redundant, units, redundancy, row, 0)
         x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
         for k in range(n):
-            sx, sy, sz = swung(own, units, k, x, y, z, dt)
+            sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                note(redundant, 1, k, c, own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
-        combine(increments, redundant, units, vote, row, 1)
-        own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
-        check(redundant, units, vote, first_tick + row - at)
+                note(redundant, 1, k, c, imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
+        combine(increments, redundant, units, redundancy, row, 1)
+        imus.before[0], imus.before[1], imus.before[2], imus.before[3] = x, y, z, like(x, 1.0)
+        check(redundant, units, redundancy, first_tick + row - at)
 
 
 @jit
-def _fuse_ticks(increments, own, units, vote, at, first_tick, n_tick, dt):
-    if vote is None:
-        _fuse(increments, own, units, at, n_tick, dt)
+def _fuse_ticks(increments, imus, units, redundancy, at, first_tick, n_tick, dt):
+    if redundancy is None:
+        _fuse(increments, imus, units, at, n_tick, dt)
     else:
-        _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt)
+        _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick, dt)
 
 
 @jit
-def sense_units(work, own, units, at, first_tick, n_tick, dt, key):
+def sense_units(work, imus, units, at, first_tick, n_tick, dt, key):
     """Set the increments of the combined triad for some ticks, from row `at` on.
 
-    The increments of each IMU are in `own.sensed` afterwards.
+    The increments of each IMU are in `imus.sensed` afterwards.
     """
     for k in range(units.n_axis.shape[0]):
-        _sense_triad(own, units, k, at, (first_tick, n_tick), dt, key, work.run[0])
-    _fuse_ticks(work.increments, own, units, units.redundant, at, first_tick, n_tick, dt)
+        _sense_triad(imus, units, k, at, (first_tick, n_tick), dt, key, work.run[0])
+    _fuse_ticks(work.increments, imus, units, units.redundant, at, first_tick, n_tick, dt)

@@ -80,238 +80,240 @@ def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
 
 
 @jit
-def begin_redundant(own, units):
+def begin_redundant(work, units):
     """Reset the arrays at the start of a run: every IMU is in use (RedundancyWork, or None)."""
-    if own is not None:
-        zero = like(own.over[0], 0.0)
-        own.reduced[0], own.alarm[0] = zero, zero
-        for u in range(own.out.shape[0]):
-            own.out[u], own.when[u] = zero, zero
-        _clear(own)
-        for k in range(own.value.shape[0]):
+    if work is not None:
+        zero = like(work.over[0], 0.0)
+        work.reduced[0], work.alarm[0] = zero, zero
+        for u in range(work.out.shape[0]):
+            work.out[u], work.when[u] = zero, zero
+        _clear(work)
+        for k in range(work.value.shape[0]):
             for sensor in range(2):
                 for i in range(3):
                     for c in range(3):
-                        own.solved[k, sensor, i, c] = like(zero, units.solved[0, k, sensor, i, c])
-                        own.informed[k, sensor, i, c] = like(zero, units.redundant.mean[0, k, sensor, i, c])
+                        work.solved[k, sensor, i, c] = like(zero, units.solved[0, k, sensor, i, c])
+                        work.informed[k, sensor, i, c] = like(zero, units.redundant.mean[0, k, sensor, i, c])
 
 
 @jit
-def _clear(own):
+def _clear(work):
     for sensor in range(2):
-        for k in range(own.value.shape[0]):
+        for k in range(work.value.shape[0]):
             for c in range(3):
-                own.sums[sensor, k, c] = like(own.over[0], 0.0)
+                work.sums[sensor, k, c] = like(work.over[0], 0.0)
 
 
-def entering(own: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
+def entering(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
     """Return the weight of axis c of a triad in axis i of the combined triad at a tick (RedundancyWork, or None)."""
     whole = units.solved[units.flown[tick], k, sensor, i, c]
-    return whole if own is None else where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], whole)
+    return whole if work is None else where(work.reduced[0] > 0.0, work.solved[k, sensor, i, c], whole)
 
 
 @overload(entering)
-def _entering(own, units, tick, k, sensor, i, c):
-    if own == types.none:
-        return lambda own, units, tick, k, sensor, i, c: units.solved[0, k, sensor, i, c]
-    return lambda own, units, tick, k, sensor, i, c: where(
-        own.reduced[0] > 0.0, own.solved[k, sensor, i, c], units.solved[units.flown[tick], k, sensor, i, c]
+def _entering(work, units, tick, k, sensor, i, c):
+    if work == types.none:
+        return lambda work, units, tick, k, sensor, i, c: units.solved[0, k, sensor, i, c]
+    return lambda work, units, tick, k, sensor, i, c: where(
+        work.reduced[0] > 0.0, work.solved[k, sensor, i, c], units.solved[units.flown[tick], k, sensor, i, c]
     )
 
 
 @jit
-def note(own, sensor, k, c, value):
+def note(work, sensor, k, c, value):
     """Store an increment along an axis for selection and test."""
-    own.value[k, c] = value
-    own.sums[sensor, k, c] = own.sums[sensor, k, c] + value
+    work.value[k, c] = value
+    work.sums[sensor, k, c] = work.sums[sensor, k, c] + value
 
 
 @jit
-def combine(increments, own, units, vote, row, sensor):
+def combine(increments, work, units, redundancy, row, sensor):
     """Set the combined increments of a tick: mean of the IMUs in use, or their middle value on each axis."""
     n = units.n_axis.shape[0]
     for i in range(3):
-        if vote.middle:
-            for u in range(own.order.shape[0]):
-                own.order[u] = where(own.out[u] > 0.0, FAR, like(own.over[0], 0.0))
+        if redundancy.middle:
+            for u in range(work.order.shape[0]):
+                work.order[u] = where(work.out[u] > 0.0, FAR, like(work.over[0], 0.0))
             for k in range(n):
-                u = vote.owner[k]
+                u = redundancy.owner[k]
                 for c in range(units.n_axis[k]):
-                    own.order[u] = own.order[u] + vote.alone[k, i, c] * own.value[k, c]
-            increments[row, 3 * sensor + i] = _middle_of(own)
+                    work.order[u] = work.order[u] + redundancy.alone[k, i, c] * work.value[k, c]
+            increments[row, 3 * sensor + i] = _middle_of(work)
         else:
-            total = like(own.over[0], 0.0)
+            total = like(work.over[0], 0.0)
             for k in range(n):
                 for c in range(units.n_axis[k]):
-                    total = total + own.solved[k, sensor, i, c] * own.value[k, c]
+                    total = total + work.solved[k, sensor, i, c] * work.value[k, c]
             increments[row, 3 * sensor + i] = total
 
 
 @jit
-def _middle_of(own):
-    """Return the median of `own.order`, which is sorted here; excluded IMUs are sorted to the end.
+def _middle_of(work):
+    """Return the median of `work.order`, which is sorted here; excluded IMUs are sorted to the end.
 
     With an even number of IMUs it is the mean of the middle two.
     """
-    n, used = own.order.shape[0], like(own.over[0], 0.0)
+    n, used = work.order.shape[0], like(work.over[0], 0.0)
     for u in range(n):
-        used = used + where(own.out[u] > 0.0, 0.0, 1.0)
+        used = used + where(work.out[u] > 0.0, 0.0, 1.0)
     for last in range(n - 1, 0, -1):
         for u in range(last):
-            a, b = own.order[u], own.order[u + 1]
-            own.order[u], own.order[u + 1] = where(b < a, b, a), where(b < a, a, b)
-    median = own.order[0]
+            a, b = work.order[u], work.order[u + 1]
+            work.order[u], work.order[u + 1] = where(b < a, b, a), where(b < a, a, b)
+    median = work.order[0]
     for m in range(2, n + 1):
-        median = where(used == float(m), 0.5 * (own.order[(m - 1) // 2] + own.order[m // 2]), median)
+        median = where(used == float(m), 0.5 * (work.order[(m - 1) // 2] + work.order[m // 2]), median)
     return median
 
 
 @jit
-def _weight(own, skip, vote, weights, k, c):
+def _weight(work, skip, redundancy, weights, k, c):
     """Return the weight of an axis in the fit: 0 if its IMU is excluded or omitted (`skip`)."""
-    u = vote.owner[k]
-    return where(own.out[u] > 0.0, 0.0, 0.0 if u == skip else weights[k, c])
+    u = redundancy.owner[k]
+    return where(work.out[u] > 0.0, 0.0, 0.0 if u == skip else weights[k, c])
 
 
 @jit
-def _residual(own, units, vote, sensor, window, skip):
+def _residual(work, units, redundancy, sensor, window, skip):
     """Return the weighted sum of squared residuals of a fit without IMU `skip` (-1 none), and its dof."""
-    weights, n, zero = vote.weight[window, sensor], units.n_axis.shape[0], like(own.over[0], 0.0)
+    weights, n, zero = redundancy.weight[window, sensor], units.n_axis.shape[0], like(work.over[0], 0.0)
     for i in range(3):
-        own.b[i] = zero
+        work.b[i] = zero
         for j in range(3):
-            own.A[i, j] = zero + (1e-12 * weights[0, 0] if i == j else 0.0)  # regular also with too few axes
+            work.A[i, j] = zero + (1e-12 * weights[0, 0] if i == j else 0.0)  # regular also with too few axes
     dof = zero - 3.0
     for k in range(n):
         for c in range(units.n_axis[k]):
-            h, w = units.frames[k, c, 0], _weight(own, skip, vote, weights, k, c)
+            h, w = units.frames[k, c, 0], _weight(work, skip, redundancy, weights, k, c)
             dof = dof + where(w > 0.0, 1.0, 0.0)
             for i in range(3):
-                own.b[i] = own.b[i] + w * h[i] * own.sums[sensor, k, c]
+                work.b[i] = work.b[i] + w * h[i] * work.sums[sensor, k, c]
                 for j in range(3):
-                    own.A[i, j] = own.A[i, j] + w * h[i] * h[j]
-    invert(own.inverse, own.A)
+                    work.A[i, j] = work.A[i, j] + w * h[i] * h[j]
+    invert(work.inverse, work.A)
     for i in range(3):
-        own.fit[i] = own.inverse[i, 0] * own.b[0] + own.inverse[i, 1] * own.b[1] + own.inverse[i, 2] * own.b[2]
+        work.fit[i] = work.inverse[i, 0] * work.b[0] + work.inverse[i, 1] * work.b[1] + work.inverse[i, 2] * work.b[2]
     square = zero
     for k in range(n):
         for c in range(units.n_axis[k]):
-            h, w = units.frames[k, c, 0], _weight(own, skip, vote, weights, k, c)
-            residual = own.sums[sensor, k, c] - (h[0] * own.fit[0] + h[1] * own.fit[1] + h[2] * own.fit[2])
+            h, w = units.frames[k, c, 0], _weight(work, skip, redundancy, weights, k, c)
+            residual = work.sums[sensor, k, c] - (h[0] * work.fit[0] + h[1] * work.fit[1] + h[2] * work.fit[2])
             square = square + w * residual * residual
     return square, dof
 
 
 @jit
-def _in_use(own, u, prime):
+def _in_use(work, u, prime):
     """Return 1 where a unit enters what is fused: it is not out; of a prime, no unit before it is in use either."""
-    used = where(own.out[u] > 0.0, 0.0, like(own.over[0], 1.0))
+    used = where(work.out[u] > 0.0, 0.0, like(work.over[0], 1.0))
     if prime:
         for before in range(u):
-            used = where(own.out[before] > 0.0, used, 0.0)
+            used = where(work.out[before] > 0.0, used, 0.0)
     return used
 
 
 @jit
-def _reduce(own, units, vote):
+def _reduce(work, units, redundancy):
     """Set the weights of the axes in the mean of the IMUs in use."""
-    n, zero = units.n_axis.shape[0], like(own.over[0], 0.0)
+    n, zero = units.n_axis.shape[0], like(work.over[0], 0.0)
     for sensor in range(2):
         for i in range(3):
             for j in range(3):
-                own.A[i, j] = zero + (1e-12 if i == j else 0.0)
+                work.A[i, j] = zero + (1e-12 if i == j else 0.0)
         for k in range(n):
-            w = where(_in_use(own, vote.owner[k], vote.prime) > 0.0, vote.shares[sensor, k], 0.0)
+            w = where(_in_use(work, redundancy.owner[k], redundancy.prime) > 0.0, redundancy.shares[sensor, k], 0.0)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
                     for j in range(3):
-                        own.A[i, j] = own.A[i, j] + w * h[i] * h[j]
-        invert(own.inverse, own.A)
+                        work.A[i, j] = work.A[i, j] + w * h[i] * h[j]
+        invert(work.inverse, work.A)
         for k in range(n):
-            w = where(_in_use(own, vote.owner[k], vote.prime) > 0.0, vote.shares[sensor, k], 0.0)
+            w = where(_in_use(work, redundancy.owner[k], redundancy.prime) > 0.0, redundancy.shares[sensor, k], 0.0)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
-                    value = own.inverse[i, 0] * h[0] + own.inverse[i, 1] * h[1] + own.inverse[i, 2] * h[2]
-                    present = own.solved[k, sensor, i, c]
-                    own.solved[k, sensor, i, c] = where(own.reduced[0] > 0.0, w * value, present)
+                    value = work.inverse[i, 0] * h[0] + work.inverse[i, 1] * h[1] + work.inverse[i, 2] * h[2]
+                    present = work.solved[k, sensor, i, c]
+                    work.solved[k, sensor, i, c] = where(work.reduced[0] > 0.0, w * value, present)
 
 
 @jit
-def _hand_over(own, units, vote, tick):
+def _hand_over(work, units, redundancy, tick):
     """Exclude the first unit after a tick."""
-    own.out[0], own.when[0] = like(own.over[0], 1.0), like(own.over[0], tick + 1.0)
-    own.reduced[0] = like(own.over[0], 1.0)
-    _reduce(own, units, vote)
+    work.out[0], work.when[0] = like(work.over[0], 1.0), like(work.over[0], tick + 1.0)
+    work.reduced[0] = like(work.over[0], 1.0)
+    _reduce(work, units, redundancy)
 
 
 @jit
-def _rate_without(own, units, vote, sensor, window):
+def _rate_without(work, units, redundancy, sensor, window):
     """Set by what ratio units are excluded, the smallest first: what is left without it, over its limit; of a prime,
     where a failure hands over, 0, and FAR of the others. FAR where nothing is left to exclude.
     """
-    for u in range(own.out.shape[0]):
-        if vote.hands_over:
-            own.ratio[u] = where(_in_use(own, u, vote.prime) > 0.0, 0.0, like(own.over[0], FAR))
+    for u in range(work.out.shape[0]):
+        if redundancy.hands_over:
+            work.ratio[u] = where(_in_use(work, u, redundancy.prime) > 0.0, 0.0, like(work.over[0], FAR))
         else:
-            square, dof = _residual(own, units, vote, sensor, window, u)
-            own.ratio[u] = where((own.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(vote.limits, dof))
+            square, dof = _residual(work, units, redundancy, sensor, window, u)
+            work.ratio[u] = where((work.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(redundancy.limits, dof))
 
 
 @jit
-def check(own, units, vote, tick):
+def check(work, units, redundancy, tick):
     """Test the IMUs after a tick that ends a test window; exclude the failed IMU, or record an alarm. Hand over from
     the prime IMU at its stated tick.
     """
-    if tick + 1 == vote.hand_over:
-        _hand_over(own, units, vote, tick)
-    if vote.ticks == 0 or (tick + 1) % vote.ticks != 0:
+    if tick + 1 == redundancy.hand_over:
+        _hand_over(work, units, redundancy, tick)
+    if redundancy.ticks == 0 or (tick + 1) % redundancy.ticks != 0:
         return
-    window = (tick + 1) // vote.ticks - 1
+    window = (tick + 1) // redundancy.ticks - 1
     for sensor in range(2):
-        square, dof = _residual(own, units, vote, sensor, window, -1)
-        fails = where((dof >= 1.0) & (square > limit(vote.limits, dof)), 1.0, 0.0)
-        if not vote.excludes:
-            own.alarm[0] = where((fails > 0.0) & (own.alarm[0] == 0.0), tick + 1.0, own.alarm[0])
+        square, dof = _residual(work, units, redundancy, sensor, window, -1)
+        fails = where((dof >= 1.0) & (square > limit(redundancy.limits, dof)), 1.0, 0.0)
+        if not redundancy.excludes:
+            work.alarm[0] = where((fails > 0.0) & (work.alarm[0] == 0.0), tick + 1.0, work.alarm[0])
             continue
-        _rate_without(own, units, vote, sensor, window)
-        least = like(own.over[0], FAR)
-        for u in range(own.out.shape[0]):
-            least = where(own.ratio[u] < least, own.ratio[u], least)
-        for u in range(own.out.shape[0]):
-            worst = (fails > 0.0) & (own.ratio[u] == least) & (least < FAR)
-            own.out[u], own.when[u] = where(worst, 1.0, own.out[u]), where(worst, tick + 1.0, own.when[u])
-            own.reduced[0] = where(worst, 1.0, own.reduced[0])
-    _reduce(own, units, vote)
-    _clear(own)
+        _rate_without(work, units, redundancy, sensor, window)
+        least = like(work.over[0], FAR)
+        for u in range(work.out.shape[0]):
+            least = where(work.ratio[u] < least, work.ratio[u], least)
+        for u in range(work.out.shape[0]):
+            worst = (fails > 0.0) & (work.ratio[u] == least) & (least < FAR)
+            work.out[u], work.when[u] = where(worst, 1.0, work.out[u]), where(worst, tick + 1.0, work.when[u])
+            work.reduced[0] = where(worst, 1.0, work.reduced[0])
+    _reduce(work, units, redundancy)
+    _clear(work)
 
 
 @jit
-def inform(P, own, units, model, seconds):
+def inform(P, work, units, model, seconds):
     """Inflate the covariance of the filter for excluded IMUs over a window (UnitWork and Units, or None).
 
     The mean of the remaining IMUs has more noise than that of all, which the filter model assumes. seconds : s, of the
     window
     """
     if units is not None:
-        _inform(P, own.redundant, units, units.redundant, model, seconds)
+        _inform(P, work.redundant, units, units.redundant, model, seconds)
 
 
 @jit
-def _inform(P, own, units, vote, model, seconds):
-    if own is not None:
-        grow(P, own.solved, own.informed, own.reduced[0], units.n_axis, vote, model, seconds)
-        for k in range(own.solved.shape[0]):
+def _inform(P, work, units, redundancy, model, seconds):
+    if work is not None:
+        grow(P, work.solved, work.informed, work.reduced[0], units.n_axis, redundancy, model, seconds)
+        for k in range(work.solved.shape[0]):
             for sensor in range(2):
                 for i in range(3):
                     for c in range(3):
-                        last = own.informed[k, sensor, i, c]
-                        own.informed[k, sensor, i, c] = where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], last)
+                        last = work.informed[k, sensor, i, c]
+                        work.informed[k, sensor, i, c] = where(
+                            work.reduced[0] > 0.0, work.solved[k, sensor, i, c], last
+                        )
 
 
 @jit
-def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
+def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
     """Inflate a covariance over a window for the additional errors of the mean of some IMUs.
 
     White noise and random walk of the biases exceed those of the mean of all IMUs. When the weights change, the
@@ -322,7 +324,7 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
     P : (n, n) covariance, updated in place
     solved, before : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
     wanted : 1 in the runs with excluded IMUs
-    n_axis, vote, model : number of axes of each triad, ImuRedundancy, FilterModel
+    n_axis, redundancy, model : number of axes of each triad, ImuRedundancy, FilterModel
     seconds : s, length of the window
     """
     for sensor in range(2):
@@ -330,21 +332,23 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
                 for i in range(3):
-                    all_units = vote.mean[0, k, sensor, i, c]
+                    all_units = redundancy.mean[0, k, sensor, i, c]
                     excess = solved[k, sensor, i, c] * solved[k, sensor, i, c] - all_units * all_units
-                    total = total + excess * vote.noise[sensor, k, c]
+                    total = total + excess * redundancy.noise[sensor, k, c]
         total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)  # mean over the three axes
         for i in range(3):
             P[at + i, at + i] = P[at + i, at + i] + total
     for b in range(model.par_offset.shape[0]):
         if model.par_driver[b] == CONSTANT:
-            if vote.prime:
-                _renew_bias(P, (solved, before), wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b])
-            _grow_bias(P, (solved, before), wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b], seconds)
+            if redundancy.prime:
+                _renew_bias(P, (solved, before), wanted, n_axis, redundancy, model.par_sensor[b], model.par_offset[b])
+            _grow_bias(
+                P, (solved, before), wanted, n_axis, redundancy, model.par_sensor[b], model.par_offset[b], seconds
+            )
 
 
 @jit
-def _renew_bias(P, weights, wanted, n_axis, vote, sensor, at):
+def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, at):
     """Begin what a filter knows of a bias after a hand-over: uncorrelated, with the variance -P. `_grow_bias` adds
     s1^2 + s2^2.
 
@@ -359,8 +363,8 @@ def _renew_bias(P, weights, wanted, n_axis, vote, sensor, at):
             for c in range(n_axis[k]):
                 now = solved[k, sensor, i, c]
                 off = now - before[k, sensor, i, c]
-                change = change + off * off * vote.spread[sensor, k, c]
-                fresh = fresh + now * now * vote.spread[sensor, k, c]
+                change = change + off * off * redundancy.spread[sensor, k, c]
+                fresh = fresh + now * now * redundancy.spread[sensor, k, c]
         known, handed = P[at + i, at + i], (wanted > 0.0) & (change > 0.0)
         for j in range(P.shape[0]):
             P[at + i, j] = where(handed, 0.0, P[at + i, j])
@@ -370,15 +374,15 @@ def _renew_bias(P, weights, wanted, n_axis, vote, sensor, at):
 
 
 @jit
-def _grow_bias(P, weights, wanted, n_axis, vote, sensor, at, seconds):
+def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, at, seconds):
     """Inflate the variances of a bias, three states from `at` on, as `grow` describes; weights : solved, before."""
     solved, before = weights
     for i in range(3):
         total = like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
-                all_units, now = vote.mean[0, k, sensor, i, c], solved[k, sensor, i, c]
+                all_units, now = redundancy.mean[0, k, sensor, i, c], solved[k, sensor, i, c]
                 change = now - before[k, sensor, i, c]
-                total = total + change * change * vote.spread[sensor, k, c]
-                total = total + (now * now - all_units * all_units) * vote.walk[sensor, k, c] * seconds
+                total = total + change * change * redundancy.spread[sensor, k, c]
+                total = total + (now * now - all_units * all_units) * redundancy.walk[sensor, k, c] * seconds
         P[at + i, at + i] = P[at + i, at + i] + where((wanted > 0.0) & (total > 0.0), total, 0.0)

@@ -9,13 +9,13 @@ from numba import config
 
 from lvnav_trade.filter.policies.backup import new_backup
 from lvnav_trade.filter.policies.delay import N_PAST
-from lvnav_trade.filter.policies.epoch_differences import new_earlier
-from lvnav_trade.filter.policies.imu_samples import new_motion
+from lvnav_trade.filter.policies.epoch_differences import new_previous_epoch
+from lvnav_trade.filter.policies.imu_samples import new_sample_work
 from lvnav_trade.filter.policies.integrity.state import decisions_of, new_monitor
-from lvnav_trade.filter.policies.iterated import new_again
-from lvnav_trade.filter.policies.mode_logic import DATA_LOST, ModeState, new_watch
+from lvnav_trade.filter.policies.iterated import new_iteration_work
+from lvnav_trade.filter.policies.mode_logic import DATA_LOST, ModeState, new_mode_state
 from lvnav_trade.filter.policies.open_loop import new_open_loop
-from lvnav_trade.filter.policies.unscented import new_points
+from lvnav_trade.filter.policies.unscented import new_sigma_points
 from lvnav_trade.filter.receivers.receiver import N_STATE as N_RECEIVER
 from lvnav_trade.filter.receivers.receiver import new_receiver
 from lvnav_trade.kernels import processes
@@ -34,7 +34,7 @@ from lvnav_trade.quantities.records import (
     Floats,
     RunBlock,
 )
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.flight_loop import fly
 from lvnav_trade.simulation.guided_runs import injections
 from lvnav_trade.simulation.imu_array import new_units
@@ -135,7 +135,7 @@ def fly_lanes(work: Any, parts: Any, case: Any, truth: Any, key: Any) -> None:
     fly(view(work), view(parts), case, truth, key)
 
 
-def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
+def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, OptionalState]:
     """Return the arrays of one run, or of eight in lanes, all zero. No array is empty: a lane view needs a length."""
     model, signals, layout = prepared.model, prepared.signals, prepared.layout
     n, n_row, n_lane = layout.n_state, prepared.n_row, WIDTH if lanes else 0
@@ -157,26 +157,26 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
     return Work(**arrays), _new_parts(prepared, n_lane)._replace(run=arrays["run"])
 
 
-def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
+def _new_parts(prepared: Prepared, n_lane: int) -> OptionalState:
     """Return the arrays of the optional features that a case has; `n_lane` is 0 for one run."""
     options, layout, parts = prepared.options, prepared.layout, dict[str, Any]()
     n, n_channel = layout.n_state, prepared.channels.n_receiver
     if options.solver is not None:
-        parts["rx"] = new_receiver(n_lane, len(prepared.sky.names))
+        parts["receiver"] = new_receiver(n_lane, len(prepared.sky.names))
     if prepared.scenario.filter.feedback == "open":
         parts["open_loop"] = new_open_loop(n, len(layout.parameters), prepared.model.extra_offset.size, n_lane)
     if options.late is not None:
-        parts["past"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
+        parts["state_history"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
     if options.rules is not None:
-        parts["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane, n)
+        parts["mode_state"] = new_mode_state(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane, n)
     if options.integrity is not None:
         sizes = (prepared.t_epoch.size, n_channel, prepared.n_row, options.integrity.window)
         parts["monitor"] = new_monitor(*sizes, n_lane)
     if options.vehicle is not None or options.samples is not None:
         n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
-        parts["motion"] = new_motion(n, n_entry, n_lane)
+        parts["motion"] = new_sample_work(n, n_entry, n_lane)
     if options.report is not None:
-        parts["held"] = LastSolutionError(
+        parts["solution_error"] = LastSolutionError(
             **zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane)
         )
     if options.units is not None:
@@ -184,24 +184,24 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         parts["units"] = new_units(options.units, n_tick, n_lane)
     if options.delayed is not None:
         n_extra, lever_arms = prepared.model.extra_offset.size, prepared.model.lever_arms
-        parts["earlier"] = new_earlier(options.delayed, len(lever_arms), n_extra, n, n_lane)
+        parts["previous_epoch"] = new_previous_epoch(options.delayed, len(lever_arms), n_extra, n, n_lane)
         shape = (len(prepared.sky.names), prepared.model.n_kind)
-        parts["last"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
+        parts["previous_observables"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
     if options.misses is not None:
-        parts["missed"] = TransitionErrors(
+        parts["transition_errors"] = TransitionErrors(
             **zeros_of(dict.fromkeys(TransitionErrors._fields, (prepared.t_hist.size, n)), n_lane)
         )
     if options.backup is not None:
         parts["backup"] = new_backup(n, n_lane)
     if options.unscented is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        parts["points"] = new_points(n, len(layout.parameters), n_tick, prepared.n_row, n_lane)
+        parts["sigma_points"] = new_sigma_points(n, len(layout.parameters), n_tick, prepared.n_row, n_lane)
     if options.iterated is not None:
-        parts["again"] = new_again(n, prepared.model.extra_offset.size, n_lane)
-    return Parts(**parts)
+        parts["iteration"] = new_iteration_work(n, prepared.model.extra_offset.size, n_lane)
+    return OptionalState(**parts)
 
 
-def _fly(prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = False) -> tuple[Work, Parts]:
+def _fly(prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = False) -> tuple[Work, OptionalState]:
     """Simulate run `first`, or eight runs from it on; taped: one run, with a tape."""
     work, parts = new_work(prepared, lanes)
     if taped:
@@ -259,7 +259,7 @@ def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[TransitionE
     """Yield the transition errors of runs 0 to n_run - 1, some runs at a time, with the run on the first axis."""
     lanes = not config.DISABLE_JIT
     for first in range(0, n_run, WIDTH if lanes else 1):
-        misses = _fly(prepared, seed, first, lanes)[1].missed
+        misses = _fly(prepared, seed, first, lanes)[1].transition_errors
         yield TransitionErrors(*(_by_run(array, lanes)[: n_run - first] for array in misses))
 
 
@@ -317,8 +317,8 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
         for name, kind in _OUTPUT.items():
             runs = _by_run(getattr(work, name), use_lanes)
             joined.setdefault(name, np.empty((n_run, *runs.shape[1:]), dtype=kind))[done : done + new] = runs[:new]
-        if parts.watch is not None:
-            changes.append(_changes(prepared, parts.watch, first, new, use_lanes))
+        if parts.mode_state is not None:
+            changes.append(_changes(prepared, parts.mode_state, first, new, use_lanes))
         if parts.monitor is not None:
             isolated, excluded = (
                 _by_run(log, use_lanes)[:new] for log in (parts.monitor.isolated, parts.monitor.excluded)
@@ -340,9 +340,9 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     )
 
 
-def _changes(prepared: Prepared, watch: ModeState, first_run: int, n_run: int, lanes: bool) -> Floats:
+def _changes(prepared: Prepared, mode_state: ModeState, first_run: int, n_run: int, lanes: bool) -> Floats:
     """Return the mode transitions (n, 5) of some runs: run, t (s), mode before, mode after, reason."""
-    mode, reason = (_by_run(array, lanes)[:n_run] for array in (watch.mode, watch.reason))
+    mode, reason = (_by_run(array, lanes)[:n_run] for array in (mode_state.mode, mode_state.reason))
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
     run, at = np.nonzero(reason)
     check = prepared.failing[None, :]

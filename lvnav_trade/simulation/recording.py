@@ -89,7 +89,7 @@ def _record_backup(work, backup, first, history, hist):
 
 
 @jit
-def _record_states(work, own, history, shared, units, model, hist):
+def _record_states(work, imus, history, shared, units, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
     x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
     _navigation_errors(x, work, history, model, hist)
@@ -98,7 +98,7 @@ def _record_states(work, own, history, shared, units, model, hist):
         x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
         x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
     _extra_errors(work, shared, model)
-    add_relative_biases(work, own, units)
+    add_relative_biases(work, imus, units)
     _record_motion(err, sigma, 0, x, P, history, hist)
     for i in range(9, model.reported.shape[0]):
         state = model.reported[i]
@@ -151,31 +151,31 @@ def _record_samples(work, motion, samples, model, tick, hist):
 
 
 @jit
-def _record_solution(work, held, report, history, model, hist):
+def _record_solution(work, solution_error, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
         axes, at = history.axes[hist], report.first_output
         err, sigma = work.err[hist], work.sigma[hist]
         for i in range(3):
             along = axes[i, 0], axes[i, 1], axes[i, 2]
-            _record_vector(err, sigma, at + i, held.error, held.covariance, RX_VEL, along)
-            _record_vector(err, sigma, at + 3 + i, held.error, held.covariance, RX_POS, along)
+            _record_vector(err, sigma, at + i, solution_error.error, solution_error.covariance, RX_VEL, along)
+            _record_vector(err, sigma, at + 3 + i, solution_error.error, solution_error.covariance, RX_POS, along)
         for k in range(2):
-            err[at + 6 + k] = held.error[RX_BIAS + k]
-            sigma[at + 6 + k] = sqrt(held.covariance[RX_BIAS + k, RX_BIAS + k])
+            err[at + 6 + k] = solution_error.error[RX_BIAS + k]
+            sigma[at + 6 + k] = sqrt(solution_error.covariance[RX_BIAS + k, RX_BIAS + k])
 
 
 @jit
-def _record_misses(work, missed, history, model, hist):
+def _record_misses(work, transition_errors, history, model, hist):
     """Write the error of the inertial system, and the error of the filter's transition since the previous history time.
 
     The error state is then set to the true error, from which the transition propagates it.
     """
-    if missed is not None:
-        _navigation_errors(missed.error[hist], work, history, model, hist)
+    if transition_errors is not None:
+        _navigation_errors(transition_errors.error[hist], work, history, model, hist)
         for i in range(model.n_state):
-            error = missed.error[hist, i]
-            missed.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
+            error = transition_errors.error[hist, i]
+            transition_errors.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
             work.x[i] = error
 
 
@@ -184,29 +184,29 @@ def _record_errors(work, parts, case, open_loop, history, tick, hist):
     """Record the errors of all outputs; those of an open loop (OpenLoop, or None) with its correction applied."""
     model, options = case.model, case.options
     if open_loop is not None:
-        apply_correction(work, open_loop, parts.watch, model)
+        apply_correction(work, open_loop, parts.mode_state, model)
     _motion_errors(work, parts.motion, options.vehicle, tick)
     _record_states(work, parts.units, history, case.signals.shared, options.units, model, hist)
     if open_loop is not None:
         remove_correction(work, open_loop, model)
     _record_samples(work, parts.motion, options.samples, model, tick, hist)
-    _record_solution(work, parts.held, options.report, history, model, hist)
+    _record_solution(work, parts.solution_error, options.report, history, model, hist)
     _record_backup(work, parts.backup, options.backup, history, hist)
 
 
 @inlined
-def record(work, parts, case, missed, history, tick, hist):
+def record(work, parts, case, transition_errors, history, tick, hist):
     """Record the errors of a run at a history time, or those of the filter's transition.
 
     Parameters
     ----------
     work, parts, case : Work, Parts, FilterCase
-    missed : TransitionErrors, which gets the errors of the transition; None to record estimation errors
+    transition_errors : TransitionErrors, which gets the errors of the transition; None to record estimation errors
     history : HistoryTruth, true motion at the history times
     tick : last tick before the history time
     hist : history time
     """
-    if missed is not None:
-        _record_misses(work, missed, history, case.model, hist)
+    if transition_errors is not None:
+        _record_misses(work, transition_errors, history, case.model, hist)
     else:
         _record_errors(work, parts, case, parts.open_loop, history, tick, hist)

@@ -20,13 +20,13 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
 @jit
-def begin(work, own, case, truth, key):
+def begin(work, imus, case, truth, key):
     """Initialise a run at tick 0: draw true IMU parameters, clock and correlated errors, and the initial error.
 
     Parameters
     ----------
     work : Work, updated in place
-    own : UnitWork of an IMU array; None for one IMU
+    imus : ImuArrayWork of an IMU array; None for one IMU
     case, truth : FilterCase, Truth
     key : (2,) key words of the seed
     """
@@ -45,8 +45,8 @@ def begin(work, own, case, truth, key):
     processes.zero_all(work.tables)
     processes.zero_all(work.true_par)
     processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
-    begin_units(own, case.options.units)
-    _gather_tables(work, own, unit, case.options.units)
+    begin_units(imus, case.options.units)
+    _gather_tables(work, imus, unit, case.options.units)
     n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
     work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
     work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
@@ -84,13 +84,13 @@ def from_errors(work, start, k0, k1, run):
 
 
 @jit
-def _gather_tables(work, own, unit, units):
+def _gather_tables(work, imus, unit, units):
     """Set the error tables from true parameters; in an IMU array (Units) of each IMU and of the combined triad."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
     else:
-        gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
-        fuse_tables(work.true_tables, own, units, 0)
+        gather_units(imus, units, work.true_par, unit.sensors, unit.drivers)
+        fuse_tables(work.true_tables, imus, units, 0)
 
 
 @jit
@@ -120,15 +120,15 @@ def _add_profiles(tables, unit, units, tick):
 
 
 @jit
-def _set_true_tables(work, own, unit, units, tick):
+def _set_true_tables(work, imus, unit, units, tick):
     """Set the error tables from true parameters and profiles, for the process step that starts at a tick."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
         _add_profiles(work.true_tables, unit, units, tick)
     else:
-        gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
-        _add_profiles(own.tables, unit, units, tick)
-        fuse_tables(work.true_tables, own, units, tick)
+        gather_units(imus, units, work.true_par, unit.sensors, unit.drivers)
+        _add_profiles(imus.tables, unit, units, tick)
+        fuse_tables(work.true_tables, imus, units, tick)
 
 
 @jit
@@ -145,7 +145,7 @@ def _miss_gravity(work, value, seconds):
 
 
 @inlined
-def _sense_ticks(work, own, unit, units, at, tick, count, key):
+def _sense_ticks(work, imus, unit, units, at, tick, count, key):
     """Set the increments of `count` ticks of one process step, from row `at` on."""
     if units is None:
         k0, k1 = key
@@ -166,17 +166,17 @@ def _sense_ticks(work, own, unit, units, at, tick, count, key):
             work.run[0],
         )
     else:
-        sense_units(work, own, units, at, tick, count, unit.dt, key)
+        sense_units(work, imus, units, at, tick, count, unit.dt, key)
 
 
 @inlined
-def sense(work, own, unit, units, first, n_tick, key):
+def sense(work, imus, unit, units, first, n_tick, key):
     """Set the increments that the IMU outputs in a window, and step the varying parameters.
 
     Parameters
     ----------
     work : Work, updated in place
-    own : UnitWork of an IMU array; None for one IMU
+    imus : ImuArrayWork of an IMU array; None for one IMU
     unit : ImuTruth
     units : Units of an IMU array, whose combined triad is the output; None for one IMU
     first, n_tick : first tick, number of ticks
@@ -191,9 +191,9 @@ def sense(work, own, unit, units, first, n_tick, key):
             if tick > 0:
                 number = np.uint64(tick // unit.process_ticks)
                 processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, number)
-            _set_true_tables(work, own, unit, units, tick)
+            _set_true_tables(work, imus, unit, units, tick)
         count = min(n_tick - done, unit.process_ticks - phase)
-        _sense_ticks(work, own, unit, units, done, tick, count, key)
+        _sense_ticks(work, imus, unit, units, done, tick, count, key)
         if unit.gravity >= 0:
             _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
         done += count
@@ -235,10 +235,10 @@ def _shared_error(work, shared, epoch, channel):
 
 
 @jit
-def begin_solver(work, rx, solver):
+def begin_solver(work, receiver, solver):
     """Switch on a receiver that computes its solution (Solver, or None), with the estimate as its first guess."""
     if solver is not None:
-        switch_on(rx, work.nav[R], work.nav[R + 1], work.nav[R + 2])
+        switch_on(receiver, work.nav[R], work.nav[R + 1], work.nav[R + 2])
 
 
 @jit
@@ -317,10 +317,10 @@ def _measure_directly(work, signals, word, epoch, key):
 
 
 @jit
-def _solve(work, rx, solver, signals, epoch):
+def _solve(work, receiver, solver, signals, epoch):
     """Compute the receiver's solution, which the filter takes as its measurement."""
     solve(
-        rx,
+        receiver,
         solver.point,
         solver.filter,
         signals.satellite[epoch],
@@ -331,7 +331,7 @@ def _solve(work, rx, solver, signals, epoch):
     )
     if not signals.frozen[epoch]:  # behind a frozen output the receiver continues internally
         for i in range(6):
-            work.solution[i] = rx.solution[i]
+            work.solution[i] = receiver.solution[i]
 
 
 @jit
@@ -341,7 +341,7 @@ def _sensor_error(work, signals, epoch, channel, normal):
 
 
 @jit
-def measure_sensors(work, own, sensors, units, signals, key, epoch):
+def measure_sensors(work, imus, sensors, units, signals, key, epoch):
     """Set the measurements of all sensors other than the receiver (Sensors, or None) at an epoch."""
     if sensors is not None:
         zero, (k0, k1) = like(work.clock[0], 0.0), key
@@ -353,7 +353,7 @@ def measure_sensors(work, own, sensors, units, signals, key, epoch):
                 e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
                 e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
                 measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
-                take_difference(work, own, units, k)
+                take_difference(work, imus, units, k)
 
 
 @jit
@@ -379,14 +379,14 @@ def observe(work, parts, case, solver, key, epoch):
     _step_receiver(work, signals, word, epoch, key)
     if solver is not None:
         _measure_ranges(work, 2, signals, word, epoch, key)
-        smooth(parts.rx, work, solver.smoothing, signals, word, epoch, key)
-        _solve(work, parts.rx, solver, signals, epoch)
+        smooth(parts.receiver, work, solver.smoothing, signals, word, epoch, key)
+        _solve(work, parts.receiver, solver, signals, epoch)
         return
     if signals.frozen[epoch]:
         _repeat(work, further, signals, epoch)
         return
     if model.tight:
         _measure_ranges(work, model.n_kind, signals, word, epoch, key)
-        _observe_further(work, parts.last, case, further, key, epoch)
+        _observe_further(work, parts.previous_observables, case, further, key, epoch)
     else:
         _measure_directly(work, signals, word, epoch, key)

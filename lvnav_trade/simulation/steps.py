@@ -10,7 +10,7 @@ from lvnav_trade.filter.policies.epoch_differences import accumulate_transition,
 from lvnav_trade.filter.policies.imu_samples import begin_motion, correct_vehicle, last_sample
 from lvnav_trade.filter.policies.integrity.state import begin_monitor
 from lvnav_trade.filter.policies.linearise import propagate_estimate
-from lvnav_trade.filter.policies.mode_logic import begin_watch, hold_correction
+from lvnav_trade.filter.policies.mode_logic import begin_mode_logic, hold_correction
 from lvnav_trade.filter.policies.open_loop import apply_feedback, propagate_held, propagate_open_loop
 from lvnav_trade.filter.policies.unscented import hold_window
 from lvnav_trade.kernels import processes
@@ -26,11 +26,11 @@ from lvnav_trade.simulation.imu_redundancy import inform
 @inlined
 def begin_filter(work, parts, options):
     """Reset the arrays of a filter's optional features; its estimate is already that of the start."""
-    begin_watch(parts.watch)
+    begin_mode_logic(parts.mode_state)
     begin_monitor(parts.monitor)
     begin_backup(parts.backup, work)
     begin_motion(parts.motion, options.samples)
-    begin_transition(parts.earlier, options.delayed)
+    begin_transition(parts.previous_epoch, options.delayed)
 
 
 @inlined
@@ -60,16 +60,16 @@ def propagate(work, parts, case, w):
     n_tick, start, seconds = schedule.n_tick[w], case.tick * schedule.first_tick[w], model.seconds[length]
     linearise(work.rates, work.nav, linearised)  # at the state before the window
     advance_backup(parts.backup, work, model, n_tick, case.step, start)
-    hold_window(parts.points, work, n_tick)
+    hold_window(parts.sigma_points, work, n_tick)
     _advance(work, parts, case, options.vehicle, w)  # compensates the increments in place
     linearised_sums(work.rates, work.sums, seconds, linearised)
-    propagate_estimate(work, case, parts.points, parts.open_loop, w)  # fills the transition that the others use
+    propagate_estimate(work, case, parts.sigma_points, parts.open_loop, w)  # fills the transition that the others use
     inform(work.P, parts.units, options.units, model, seconds)
-    accumulate_transition(parts.earlier, options.delayed, work.D, work.sums, model, length, injection)
+    accumulate_transition(parts.previous_epoch, options.delayed, work.D, work.sums, model, length, injection)
     predict_backup(parts.backup, work, model, length, injection)
-    propagate_open_loop(work, parts.points, parts.open_loop, model, length, linearised)
-    propagate_held(work, parts.watch, options.rules, model, length)
-    keep(parts.past, work.nav, work.previous, work.x, options.late, w, case.step, model.strapdown.gravity)
+    propagate_open_loop(work, parts.sigma_points, parts.open_loop, model, length, linearised)
+    propagate_held(work, parts.mode_state, options.rules, model, length)
+    keep(parts.state_history, work.nav, work.previous, work.x, options.late, w, case.step, model.strapdown.gravity)
 
 
 @jit
@@ -95,9 +95,9 @@ def begin_epoch(work, parts, case, epoch):
 def update(work, parts, case, epoch):
     """Update the filter by the measurements of an epoch, feed the error state back, and store or clone the estimate."""
     options = case.options
-    hold_correction(parts.watch, options.rules, work.x)
+    hold_correction(parts.mode_state, options.rules, work.x)
     process_epoch(work, parts, case, None, parts.open_loop, case.sensors, options.rules, epoch)
     correct_vehicle(work, parts.motion, case.model, options.vehicle)
-    apply_feedback(work, parts.past, parts.open_loop, options.late, case.model)
+    apply_feedback(work, parts.state_history, parts.open_loop, options.late, case.model)
     end_epoch(work, parts, case, epoch)
-    clone_open_loop(work.x, parts.past, parts.open_loop, options.late, options.delayed, epoch)
+    clone_open_loop(work.x, parts.state_history, parts.open_loop, options.late, options.delayed, epoch)

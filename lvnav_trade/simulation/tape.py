@@ -115,14 +115,14 @@ def tape_increments(tape, work, first, n_tick):
 
 
 @jit
-def tape_epoch(tape, work, rx, epoch):
-    """Record the measurements of an epoch. rx : Receiver that reports a covariance, or None."""
+def tape_epoch(tape, work, receiver, epoch):
+    """Record the measurements of an epoch. receiver : Receiver that reports a covariance, or None."""
     if tape is not None:
         _copy_rows(tape.ranges[epoch], work.ranges)
         _copy(tape.solution[epoch], work.solution)
         _copy_rows(tape.observed[epoch], work.observed)
-        if rx is not None:
-            _copy_rows(tape.covariance[epoch], rx.covariance)
+        if receiver is not None:
+            _copy_rows(tape.covariance[epoch], receiver.covariance)
 
 
 @jit

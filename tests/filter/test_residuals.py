@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from lvnav_trade.covariance.history import adjoint, covariance
 from lvnav_trade.filter import ekf
 from lvnav_trade.quantities.state_layout import state_names
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import update_receiver
 from tests.building import MATCHED, loaded, prepare_hop, with_fields
 from tests.covariance.test_history import agrees, inside
@@ -80,7 +80,7 @@ def test_noise_that_rows_share_is_the_dense_update_with_the_full_covariance(sche
     assert np.abs(whole[0, 1]) > 0.0  # a satellite's range with its rate
     gain = P @ H[:, others].T @ np.linalg.inv(H[:, others] @ P @ H[:, others].T + whole)
     ekf.clear_epoch(work, epoch)
-    update_receiver(work, Parts(), case_of(prepared), None, None, epoch, np.inf, None)
+    update_receiver(work, OptionalState(), case_of(prepared), None, None, epoch, np.inf, None)
     sigma = np.sqrt(np.diag(P))
     np.testing.assert_allclose(work.x[others] / sigma, gain @ z / sigma, rtol=0, atol=1e-9)
     expected = P - gain @ H[:, others] @ P

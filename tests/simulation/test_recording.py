@@ -11,7 +11,7 @@ from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.strapdown import R, V
 from lvnav_trade.kernels.transition import ACCEL, GYRO, OTHER_0, OWN_0, POS, SQUARE, VEL
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.montecarlo import new_work, run_block
 from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.recording import N_SAMPLE_OUTPUT, record, true_parameter
@@ -23,7 +23,7 @@ from tests.simulation.test_flight_loop import scene
 
 def recorded(work, prepared, history, hist, open_loop=None):
     alone = case_of(prepared, options=Options())  # no mode logic, no part of another option
-    record(work, Parts(open_loop=open_loop), alone, None, history, 0, hist)
+    record(work, OptionalState(open_loop=open_loop), alone, None, history, 0, hist)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

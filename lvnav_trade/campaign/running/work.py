@@ -53,16 +53,12 @@ class Engine(NamedTuple):
     run_block: Callable[[Any, int, int, int], Any]  # (prepared, seed, first run, number of runs): RunBlock
     covariance: Callable[[Any], CovHistory]  # (prepared)
     summarise: Callable[..., Any]  # (block, events, scale, outputs): BlockSummary
-    compile_kernels: Callable[
-        [Any, CovarianceRequest], None
-    ]  # (prepared, asked): of the backward pass and the runs, in advance
+    compile_kernels: Callable[[Any, CovarianceRequest], None]  # (prepared, asked): backward pass and runs, in advance
     explain: Callable[..., Any]  # (scenario, prepared, covariance, asked): diagnostics
     beyond: Callable[..., stopping.Counts]  # (requirements, case, prepared, covariance, summary): violating runs
     starts: Callable[[Any, int, int], Any]  # (prepared, seed, n): initial draws of the first n runs
     control: Callable[[Scenario, int, int], Any]  # (scenario, seed, n): missions under control, or None
-    used: Callable[
-        [Any, Collection[str]], settings_read.EffectiveSettings | None
-    ]  # (prepared, paths read): effective settings, or None
+    used: Callable[[Any, Collection[str]], settings_read.EffectiveSettings | None]  # (prepared, paths read)
     remarks: Callable[[Scenario], tuple[Remark, ...]] = lambda scenario: ()  # on the flight
 
 
@@ -159,9 +155,7 @@ class CovarianceResult(NamedTuple):
     rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
     error: str = ""  # reason why there is no result
     mistakes: tuple[Mistake, ...] = ()  # input errors that appear only when the case is prepared
-    used: settings_read.EffectiveSettings | None = (
-        None  # settings of the scenario that have an effect; None if not determined
-    )
+    used: settings_read.EffectiveSettings | None = None  # settings that have an effect; None if not determined
     is_whole: bool = False  # whether diagnostics and tables of the case are finished too
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.covariance.history import turns
-from lvnav_trade.covariance.workspace import Nominal, new_nominal, new_nominal_earlier
+from lvnav_trade.covariance.workspace import Nominal, new_nominal, new_nominal_previous_epoch
 from lvnav_trade.filter.ekf import channel_of, fill_receiver, place_antenna
 from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, is_present, store_estimate
 from lvnav_trade.kernels import transition
@@ -112,20 +112,20 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
     place_antenna(work, None, None, model, prepared.unit.dt, epoch)
 
 
-def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
+def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
     """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
 
     None without differences of two epochs. The navigation state of `work` is changed.
     """
     delayed, model = prepared.options.delayed, prepared.model
-    earlier = new_nominal_earlier(prepared)
-    if delayed is None or earlier is None:
+    previous_epoch = new_nominal_previous_epoch(prepared)
+    if delayed is None or previous_epoch is None:
         return None
     error = np.zeros_like(d)
     error[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
     place(prepared, work, max(0, epoch - 1), error)
-    store_estimate(work, earlier, None, None, delayed, model, epoch)
-    return earlier
+    store_estimate(work, previous_epoch, None, None, delayed, model, epoch)
+    return previous_epoch
 
 
 Windows = list[tuple[int, int, Floats]]
@@ -346,9 +346,9 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats, n
 def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
     """Return minus the predicted measurements of an epoch, by an estimate in error by d, up to a constant."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
-    earlier = place_earlier(prepared, work, epoch, d)
+    previous_epoch = place_previous_epoch(prepared, work, epoch, d)
     place(prepared, work, epoch, d)
-    fill_receiver(work, earlier, delayed, model, signals, epoch)
+    fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
     return work.z[_present(prepared, epoch)]
 
 

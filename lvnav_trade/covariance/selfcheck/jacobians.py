@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.nonlinearity import increments, place, place_earlier, tick_at
+from lvnav_trade.covariance.diagnostics.nonlinearity import increments, place, place_previous_epoch, tick_at
 from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.states import sizes
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
@@ -125,9 +125,9 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
 def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the receiver rows that the filter processes."""
     model, signals = prepared.model, prepared.signals
-    delayed, earlier = prepared.options.delayed, place_earlier(prepared, work, epoch, d)
+    delayed, previous_epoch = prepared.options.delayed, place_previous_epoch(prepared, work, epoch, d)
     _estimate(prepared, work, epoch, d)
-    fill_receiver(work, earlier, delayed, model, signals, epoch)
+    fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
     rows = [(row, channel_of(model, signals, epoch, row)) for row in range(n_measured(model, signals, epoch))]
     return _dense(prepared, work, [pair for pair in rows if is_present(delayed, model, epoch, pair[1])])
 

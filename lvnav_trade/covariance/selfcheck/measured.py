@@ -137,7 +137,7 @@ def _drawn(prepared: Prepared, seed: int) -> EpochDraws:
             shared[run, k + 1] = work.shared[: shared.shape[2]]
             if plain[epoch] and prepared.channels.receiver:
                 _add_receiver(white, prepared, work, epoch, ranges)
-                _add_phases(white, prepared, work, parts.last, epoch)
+                _add_phases(white, prepared, work, parts.previous_observables, epoch)
             for name, innovation in _innovations(prepared, work, epoch).items():
                 z, sigma = innovation[0] - clean[epoch][name][0], innovation[1]
                 white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])

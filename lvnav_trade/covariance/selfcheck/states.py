@@ -10,7 +10,7 @@ from lvnav_trade.filter.ekf import correct
 from lvnav_trade.filter.policies.imu_samples import correct_vehicle
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.quantities.state_layout import state_names, state_outputs
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.montecarlo import Work, new_work
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.recording import record
@@ -60,7 +60,7 @@ def _tick(prepared: Prepared, hist: int) -> int:
     return max(0, int(prepared.hist_tick[hist]) - 1)
 
 
-def _apply_error(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) -> None:
+def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int, d: Floats) -> None:
     """Set the estimate of a run without true parameters, clock and correlated errors to the truth minus the error d."""
     model, truth, vehicle = prepared.model, prepared.record, prepared.options.vehicle
     work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
@@ -77,15 +77,15 @@ def _apply_error(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Flo
         parts.motion.force[:] = vehicle.force[tick] - d[at + 3 : at + 6]
 
 
-def _recorded_error(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
+def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int) -> Floats:
     """Return the error (n_reported,) that a run records, in reporting axes."""
     of_states = prepared.options._replace(samples=None, report=None, backup=None)
-    parts = Parts(units=parts.units, motion=parts.motion)
+    parts = OptionalState(units=parts.units, motion=parts.motion)
     record(work, parts, case_of(prepared, options=of_states), None, prepared.record, _tick(prepared, hist), hist)
     return np.array(work.err[hist, : len(prepared.layout.reported)])
 
 
-def _feed_back(prepared: Prepared, work: Work, parts: Parts, x: Floats) -> None:
+def _feed_back(prepared: Prepared, work: Work, parts: OptionalState, x: Floats) -> None:
     """Feed an error state x (n_state,), frame i, back to the estimate."""
     work.x[:] = x
     correct_vehicle(work, parts.motion, prepared.model, prepared.options.vehicle)

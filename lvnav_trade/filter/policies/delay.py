@@ -111,12 +111,12 @@ def _turn(stored, seconds, dt):
 
 
 @inlined
-def keep(past, nav, previous, x, late, window, dt, kind):
+def keep(state_history, nav, previous, x, late, window, dt, kind):
     """Store the state at the end of a window, if a delayed measurement will be compared with it.
 
     Parameters
     ----------
-    past : (n_place + 1, N_PAST) store, updated in place
+    state_history : (n_place + 1, N_PAST) store, updated in place
     nav : (10,) navigation state, frame i
     previous : (6,) rad, m/s. Last increments
     x : (n,) error state; zero in a closed loop
@@ -130,9 +130,9 @@ def keep(past, nav, previous, x, late, window, dt, kind):
             # an earlier velocity may belong to another epoch than the state that is stored in the same window
             for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
                 for i in range(3):
-                    past[place_of(late, line, epoch), EARLY + i] = nav[V + i] + x[VEL + i]
+                    state_history[place_of(late, line, epoch), EARLY + i] = nav[V + i] + x[VEL + i]
             for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
-                stored = past[place_of(late, line, epoch)]
+                stored = state_history[place_of(late, line, epoch)]
                 for i in range(10):
                     stored[NAV + i] = nav[i]
                 for i in range(6):
@@ -146,7 +146,7 @@ def keep(past, nav, previous, x, late, window, dt, kind):
 
 
 @jit
-def correct_stored(past, late, x):
+def correct_stored(state_history, late, x):
     """Correct the stored states by the error state x (n,) that is fed back.
 
     Measurements still to come are thus compared with the best estimate of their time of validity.
@@ -154,31 +154,31 @@ def correct_stored(past, late, x):
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:
-                correct_motion(past[place], x)
+                correct_motion(state_history[place], x)
 
 
 @jit
-def correct_stored_errors(past, late, x, before):
+def correct_stored_errors(state_history, late, x, before):
     """Correct the stored error states of an open loop by the correction of an epoch: x (n,) minus `before` (n,)."""
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:
                 for i in range(9):
-                    past[place, ERROR + i] = past[place, ERROR + i] + x[i] - before[i]
+                    state_history[place, ERROR + i] = state_history[place, ERROR + i] + x[i] - before[i]
 
 
 @jit
-def predicted_of_stored(past, place, h, entries, columns, x):
+def predicted_of_stored(state_history, place, h, entries, columns, x):
     """Return the measurement predicted by the stored error state minus that predicted by the present one (open loop).
 
     Parameters
     ----------
-    past, place : store, and place of the state of the time of validity
+    state_history, place : store, and place of the state of the time of validity
     h : Jacobian row
     entries, columns : entries of the row that are not zero, and the states that they multiply
     x : (n,) present error state
     """
-    stored, total = past[place], like(x[0], 0.0)
+    stored, total = state_history[place], like(x[0], 0.0)
     for c in range(columns.shape[0]):
         if columns[c] < 9:
             total = total + h[entries[c]] * (stored[ERROR + columns[c]] - x[columns[c]])
@@ -186,16 +186,16 @@ def predicted_of_stored(past, place, h, entries, columns, x):
 
 
 @jit
-def repeat_extrapolation(past, late):
+def repeat_extrapolation(state_history, late):
     """Restore the acceleration of the epoch before, so that another pass of an iterated update can extrapolate."""
     if late is not None and late.extrapolated:
-        last = past[late.buffered.shape[0]]
+        last = state_history[late.buffered.shape[0]]
         for i in range(N_EXTRAPOLATED):
             last[i] = last[N_EXTRAPOLATED + i]
 
 
 @jit
-def carry_on(z, reported, past, P, late, epoch):
+def carry_on(z, reported, state_history, P, late, epoch):
     """Extrapolate a delayed solution to the present by one Euler step (eq. 7.19, 7.20).
 
     With the delay d, position moves by d v and velocity by d a, v and a being those of the filter. The covariance grows
@@ -205,12 +205,13 @@ def carry_on(z, reported, past, P, late, epoch):
     ----------
     z : (6,) innovations, updated in place
     reported : (6, 6) reported covariance of the solution, updated in place
-    past : store, with the state at the time of validity. The acceleration of this epoch is stored for the next.
+    state_history : store, with the state at the time of validity. The acceleration of this epoch is stored for the
+        next.
     P : (n, n) covariance of the filter
     late : DelayProcessing
     epoch : index
     """
-    stored, last = past[place_of(late, late.receiver, epoch)], past[late.buffered.shape[0]]
+    stored, last = state_history[place_of(late, late.receiver, epoch)], state_history[late.buffered.shape[0]]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
     # estimated velocity at the time of validity: in an open loop that of the inertial system plus the error state
     at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]

@@ -34,7 +34,7 @@ class DifferenceProcessing(NamedTuple):
 
     difference : (n_kind,). Whether the observable is a difference of two epochs.
     present : (n_epoch, n_receiver). Whether the channel has a measurement.
-    earlier : First Jacobian entry of the earlier epoch.
+    previous_entry : First Jacobian entry of the earlier epoch.
     renewed : (n_epoch, n_extra) SI squared. Variance to which an extra state is reset at the epoch; -1: no reset.
     cloned : (n_clone,). States that have a clone.
     clone : First clone in the state vector.
@@ -43,7 +43,7 @@ class DifferenceProcessing(NamedTuple):
 
     difference: Bools
     present: Bools
-    earlier: int
+    previous_entry: int
     renewed: Floats
     cloned: Ints
     clone: int
@@ -73,7 +73,7 @@ class PreviousEpoch(NamedTuple):
     growth: Floats
 
 
-def new_earlier(
+def new_previous_epoch(
     delayed: DifferenceProcessing, n_antenna: int, n_extra: int, n_state: int, lanes: int = 0
 ) -> PreviousEpoch:
     """Return the arrays of a filter's earlier epoch: one run, or `lanes` runs on the last axis."""
@@ -128,7 +128,7 @@ def is_present(delayed, model, epoch, channel):
 
 
 @jit
-def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
+def subtract_extra(work, previous_epoch, delayed, model, signals, epoch, row, channel):
     """Set the Jacobian entries of extra states at the earlier epoch of a difference.
 
     Returns the contribution of their estimates, which is subtracted from the prediction.
@@ -136,7 +136,7 @@ def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
     Parameters
     ----------
     work : arrays of the run
-    earlier, delayed : PreviousEpoch, DifferenceProcessing
+    previous_epoch, delayed : PreviousEpoch, DifferenceProcessing
     model, signals : FilterModel, Signals
     epoch, row, channel : indices
     """
@@ -146,8 +146,8 @@ def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
         e = model.extra_member[f, channel]
         if e >= 0:
             partial = like(work.x[0], signals.partial[f, epoch - 1, channel])
-            h[delayed.earlier + D_EXTRA + f] = -partial
-            total = total + partial * earlier.extra[e]
+            h[delayed.previous_entry + D_EXTRA + f] = -partial
+            total = total + partial * previous_epoch.extra[e]
     return total
 
 
@@ -190,14 +190,14 @@ def clone(P, delayed):
 
 
 @inlined
-def accumulate_transition(earlier, delayed, blocks, sums, model, length, injection):
+def accumulate_transition(previous_epoch, delayed, blocks, sums, model, length, injection):
     """Accumulate transition matrix and process noise since the previous epoch over one window.
 
     Only a filter that computes the earlier state from the present state needs them.
 
     Parameters
     ----------
-    earlier, delayed : PreviousEpoch, and DifferenceProcessing or None
+    previous_epoch, delayed : PreviousEpoch, and DifferenceProcessing or None
     blocks : (n_block, 9) blocks of the transition over the window
     sums : (18,) integrals of the strapdown over the window
     model : FilterModel
@@ -205,17 +205,17 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
     injection : change of operating region at the end of the window, -1 none
     """
     if delayed is not None and delayed.back:
-        seconds, n, factor = model.seconds[length], earlier.phi.shape[0], model.inflation[length]
+        seconds, n, factor = model.seconds[length], previous_epoch.phi.shape[0], model.inflation[length]
         if factor != 1.0:
-            inflate(earlier.noise, factor, model.n_estimated)
+            inflate(previous_epoch.noise, factor, model.n_estimated)
             for j in range(n):
                 for i in range(model.n_estimated):
-                    earlier.phi[j, i] = earlier.phi[j, i] * factor
-            earlier.growth[0] = earlier.growth[0] * factor
+                    previous_epoch.phi[j, i] = previous_epoch.phi[j, i] * factor
+            previous_epoch.growth[0] = previous_epoch.growth[0] * factor
         # phi is transposed, so each of its rows is a column that the transition of the window multiplies
         for j in range(n):
             apply_phi(
-                earlier.phi[j],
+                previous_epoch.phi[j],
                 blocks,
                 model.block_rows,
                 model.block_columns,
@@ -223,9 +223,9 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
                 model.clock,
                 seconds,
             )
-        add_turned(earlier.noise, model.uneven, sums, seconds)
+        add_turned(previous_epoch.noise, model.uneven, sums, seconds)
         predict(
-            earlier.noise,
+            previous_epoch.noise,
             blocks,
             model.block_rows,
             model.block_columns,
@@ -234,22 +234,22 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
             model.clock,
             seconds,
         )
-        add_turned(earlier.noise, model.uneven, sums, seconds)
+        add_turned(previous_epoch.noise, model.uneven, sums, seconds)
         if injection >= 0:
             for i in range(n):
-                earlier.noise[i, i] = earlier.noise[i, i] + model.injected[injection, i]
+                previous_epoch.noise[i, i] = previous_epoch.noise[i, i] + model.injected[injection, i]
 
 
 @jit
-def begin_transition(earlier, delayed):
+def begin_transition(previous_epoch, delayed):
     """Reset the accumulated transition to the identity and its noise to zero."""
     if delayed is not None and delayed.back:
-        n = earlier.phi.shape[0]
-        earlier.growth[0] = like(earlier.clock[0], 1.0)
+        n = previous_epoch.phi.shape[0]
+        previous_epoch.growth[0] = like(previous_epoch.clock[0], 1.0)
         for i in range(n):
             for j in range(n):
-                earlier.phi[i, j] = like(earlier.clock[0], 1.0 if i == j else 0.0)
-                earlier.noise[i, j] = like(earlier.clock[0], 0.0)
+                previous_epoch.phi[i, j] = like(previous_epoch.clock[0], 1.0 if i == j else 0.0)
+                previous_epoch.noise[i, j] = like(previous_epoch.clock[0], 0.0)
 
 
 @jit
@@ -284,17 +284,17 @@ def _solve(lu, y):
 
 
 @jit
-def find_earlier(P, earlier, delayed):
+def recover_previous_epoch(P, previous_epoch, delayed):
     """Set the clones in the covariance P (n, n) to the earlier state, computed from the present state.
 
-    `earlier.noise` becomes (P - Q) Phi^-T. The rows and columns of the clones themselves are cleared first. With fading
-    memory the computed covariance is inflated by `growth`, as that of a stored clone would be.
+    `previous_epoch.noise` becomes (P - Q) Phi^-T. The rows and columns of the clones themselves are cleared first.
+    With fading memory the computed covariance is inflated by `growth`, as that of a stored clone would be.
     """
     if delayed is not None and delayed.back:
-        growth = earlier.growth[0]
+        growth = previous_epoch.growth[0]
         n, n_clone, first = P.shape[0], delayed.cloned.shape[0], delayed.clone
-        _factorise(earlier.lu, earlier.phi)
-        back = earlier.noise  # element (i, j): covariance of the present state i with the earlier state j
+        _factorise(previous_epoch.lu, previous_epoch.phi)
+        back = previous_epoch.noise  # element (i, j): covariance of the present state i with the earlier state j
         for i in range(n):
             for j in range(n):
                 back[i, j] = P[i, j] - back[i, j]
@@ -302,7 +302,7 @@ def find_earlier(P, earlier, delayed):
             for j in range(n):
                 back[first + c, j], back[j, first + c] = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
         for i in range(n):
-            _solve(earlier.lu, back[i])
+            _solve(previous_epoch.lu, back[i])
         for c in range(n_clone):
             for i in range(n):
                 if not (first <= i and i < first + n_clone):
@@ -310,16 +310,16 @@ def find_earlier(P, earlier, delayed):
                     P[first + c, i] = growth * back[i, delayed.cloned[c]]
         # covariance of earlier states with each other: Phi^-1 once more, from the left
         for c in range(n_clone):
-            column = earlier.phi[c]
+            column = previous_epoch.phi[c]
             for i in range(n):
                 column[i] = back[i, delayed.cloned[c]]
-            _solve(earlier.lu, column)
+            _solve(previous_epoch.lu, column)
             for d in range(n_clone):
                 P[first + d, first + c] = growth * growth * column[delayed.cloned[d]]
 
 
 @jit
-def correct_earlier(x, earlier, delayed, model):
+def correct_previous_epoch(x, previous_epoch, delayed, model):
     """Correct the stored estimate of the earlier epoch by the clones in the error state x (n,).
 
     Needed if the error state is fed back between scalar measurements of the same epoch.
@@ -327,8 +327,8 @@ def correct_earlier(x, earlier, delayed, model):
     if delayed is not None:
         for c in range(delayed.cloned.shape[0]):
             state, value = delayed.cloned[c], x[delayed.clone + c]
-            for a in range(earlier.antenna.shape[0]):
-                at = earlier.antenna[a]
+            for a in range(previous_epoch.antenna.shape[0]):
+                at = previous_epoch.antenna[a]
                 if POS <= state and state < POS + 3:
                     at[state - POS] = at[state - POS] + value
                 elif state < ATT + 3:  # an attitude error about one axis rotates the lever arm: x cross arm
@@ -337,22 +337,22 @@ def correct_earlier(x, earlier, delayed, model):
                     at[third], at[6 + third] = at[third] + up, at[6 + third] + up
                     at[second], at[6 + second] = at[second] - down, at[6 + second] - down
             if state == model.clock:
-                earlier.clock[0] = earlier.clock[0] + value
+                previous_epoch.clock[0] = previous_epoch.clock[0] + value
             for e in range(model.extra_offset.shape[0]):
                 if model.extra_offset[e] == state:
-                    earlier.extra[e] = earlier.extra[e] + value
+                    previous_epoch.extra[e] = previous_epoch.extra[e] + value
 
 
 @inlined
-def store_estimate(work, earlier, past, late, delayed, model, epoch):
+def store_estimate(work, previous_epoch, state_history, late, delayed, model, epoch):
     """Store the estimate at the end of an epoch, for the differences of the next epoch.
 
     Parameters
     ----------
     work : arrays of the run
-    earlier : PreviousEpoch, updated in place
-    past, late : stored states, and DelayProcessing of a delayed receiver, whose estimate is that of the time of
-        validity; or None
+    previous_epoch : PreviousEpoch, updated in place
+    state_history, late : stored states, and DelayProcessing of a delayed receiver, whose estimate is that of the time
+        of validity; or None
     delayed, model : DifferenceProcessing, or None; FilterModel
     epoch : index
     """
@@ -360,17 +360,21 @@ def store_estimate(work, earlier, past, late, delayed, model, epoch):
         for a in range(model.lever_arms.shape[0]):
             if late is not None and late.receiver >= 0:
                 antenna(
-                    earlier.antenna[a], past[place_of(late, late.receiver, epoch)], work.rate, model.lever_arms[a], 0.0
+                    previous_epoch.antenna[a],
+                    state_history[place_of(late, late.receiver, epoch)],
+                    work.rate,
+                    model.lever_arms[a],
+                    0.0,
                 )
             else:
-                antenna(earlier.antenna[a], work.nav, work.rate, model.lever_arms[a], 0.0)
-        earlier.clock[0] = work.clock_hat[0]
+                antenna(previous_epoch.antenna[a], work.nav, work.rate, model.lever_arms[a], 0.0)
+        previous_epoch.clock[0] = work.clock_hat[0]
         for e in range(work.extra.shape[0]):
-            earlier.extra[e] = work.extra[e]
+            previous_epoch.extra[e] = work.extra[e]
 
 
 @inlined
-def clone_formal(P, earlier, delayed):
+def clone_formal(P, previous_epoch, delayed):
     """Make the present epoch the earlier one in the covariance P (n, n) of the filter.
 
     The present states are cloned, or the accumulation of the transition starts again.
@@ -378,15 +382,15 @@ def clone_formal(P, earlier, delayed):
     if delayed is not None:
         if not delayed.back:
             clone(P, delayed)
-        begin_transition(earlier, delayed)
+        begin_transition(previous_epoch, delayed)
 
 
 @inlined
-def clone_open_loop(x, past, open_loop, late, delayed, epoch):
+def clone_open_loop(x, state_history, open_loop, late, delayed, epoch):
     """Set the clones in the error state x (n,) of an open loop to the states at the end of an epoch."""
     if delayed is not None and open_loop is not None:
         for c in range(delayed.cloned.shape[0]):
             state = delayed.cloned[c]
             x[delayed.clone + c] = x[state]
             if late is not None and late.receiver >= 0 and state < 9:
-                x[delayed.clone + c] = past[place_of(late, late.receiver, epoch), ERROR + state]
+                x[delayed.clone + c] = state_history[place_of(late, late.receiver, epoch), ERROR + state]

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from lvnav_trade.filter.ekf import correct_parameters, correct_receiver
-from lvnav_trade.filter.policies.epoch_differences import correct_earlier
+from lvnav_trade.filter.policies.epoch_differences import correct_previous_epoch
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
 from lvnav_trade.kernels.mechanisation import mechanise
@@ -58,7 +58,7 @@ class ImuSampleWork(NamedTuple):
     h: Floats
 
 
-def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> ImuSampleWork:
+def new_sample_work(n_state: int, n_entry: int, lanes: int = 0) -> ImuSampleWork:
     """Return the arrays of a run's samples: one run, or `lanes` runs on the last axis."""
     shapes = {
         "rate": (3,),
@@ -110,15 +110,15 @@ def correct_vehicle(work, motion, model, vehicle):
 def correct_tick(work, parts, case):
     """Add the error state to the estimates after a tick. An open loop corrects motion and IMU parameters only."""
     correct_vehicle(work, parts.motion, case.model, case.options.vehicle)
-    _correct_closed(work, parts.earlier, parts.open_loop, case.options.delayed, case.model)
+    _correct_closed(work, parts.previous_epoch, parts.open_loop, case.options.delayed, case.model)
 
 
 @jit
-def _correct_closed(work, earlier, open_loop, delayed, model):
+def _correct_closed(work, previous_epoch, open_loop, delayed, model):
     if open_loop is None:
         correct_motion(work.nav, work.x)
         correct_receiver(work, model)
-        correct_earlier(work.x, earlier, delayed, model)
+        correct_previous_epoch(work.x, previous_epoch, delayed, model)
         for i in range(model.n_state):
             work.x[i] = like(work.x[0], 0.0)
 

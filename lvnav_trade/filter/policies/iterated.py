@@ -61,7 +61,7 @@ class IterationWork(NamedTuple):
     counts: Floats
 
 
-def new_again(n_state: int, n_extra: int, lanes: int = 0) -> IterationWork:
+def new_iteration_work(n_state: int, n_extra: int, lanes: int = 0) -> IterationWork:
     """Return the arrays of an iterated update: one run, or `lanes` runs on the last axis."""
     shapes = {
         "P": (n_state, n_state),
@@ -82,78 +82,86 @@ def _copy(to, source):
 
 
 @jit
-def hold(again, work, epoch):
+def store_prediction(iteration, work, epoch):
     """Store the prediction that an update starts from (IterationWork, or None)."""
-    if again is not None:
-        for i in range(again.x.shape[0]):
-            _copy(again.P[i], work.P[i])
-        _copy(again.x, work.x)
-        _copy(again.nav, work.nav)
-        _copy(again.clock, work.clock_hat)
-        _copy(again.extra, work.extra)
-        again.counts[0], again.counts[1], again.counts[2] = work.nis[epoch], work.n_row[epoch], work.n_reject[epoch]
+    if iteration is not None:
+        for i in range(iteration.x.shape[0]):
+            _copy(iteration.P[i], work.P[i])
+        _copy(iteration.x, work.x)
+        _copy(iteration.nav, work.nav)
+        _copy(iteration.clock, work.clock_hat)
+        _copy(iteration.extra, work.extra)
+        iteration.counts[0], iteration.counts[1], iteration.counts[2] = (
+            work.nis[epoch],
+            work.n_row[epoch],
+            work.n_reject[epoch],
+        )
 
 
 @jit
-def _move(work, again, passes, model, epoch):
+def _move(work, iteration, passes, model, epoch):
     """Undo the last pass and move the estimates to its result, where rows are linearised next."""
-    for i in range(again.x.shape[0]):
-        again.at[i] = work.x[i] if i < passes.n_present else like(work.x[i], 0.0)
-        work.x[i] = again.at[i]
-        _copy(work.P[i], again.P[i])
-    _restore_estimates(work, again)
+    for i in range(iteration.x.shape[0]):
+        iteration.at[i] = work.x[i] if i < passes.n_present else like(work.x[i], 0.0)
+        work.x[i] = iteration.at[i]
+        _copy(work.P[i], iteration.P[i])
+    _restore_estimates(work, iteration)
     correct_motion(work.nav, work.x)
     correct_receiver(work, model)
-    _copy(work.x, again.x)
-    work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = again.counts[0], again.counts[1], again.counts[2]
+    _copy(work.x, iteration.x)
+    work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = (
+        iteration.counts[0],
+        iteration.counts[1],
+        iteration.counts[2],
+    )
 
 
 @jit
-def _restore_estimates(work, again):
+def _restore_estimates(work, iteration):
     """Set the estimates back to those that the error state refers to."""
-    _copy(work.nav, again.nav)
-    _copy(work.clock_hat, again.clock)
-    _copy(work.extra, again.extra)
+    _copy(work.nav, iteration.nav)
+    _copy(work.clock_hat, iteration.clock)
+    _copy(work.extra, iteration.extra)
 
 
 @jit
-def _add_linear_term(work, again, model, row, channel):
+def _add_linear_term(work, iteration, model, row, channel):
     """Add H_i x_i to an innovation, which then refers to the state that the error state refers to."""
     for c in range(model.n_entry[channel]):
-        value = work.H[row, model.entry[channel, c]] * again.at[model.column[channel, c]]
+        value = work.H[row, model.entry[channel, c]] * iteration.at[model.column[channel, c]]
         work.z[row] = work.z[row] + value
 
 
 @jit
-def linearise_receiver(work, parts, case, again, epoch):
+def linearise_receiver(work, parts, case, iteration, epoch):
     """Undo the last pass and set the receiver's rows, linearised at its result.
 
     Parameters
     ----------
     work, parts : arrays of the run and of its optional features
     case : FilterCase
-    again : IterationWork, of `hold`
+    iteration : IterationWork, of `store_prediction`
     epoch : index
     """
     model, signals, options = case.model, case.signals, case.options
-    _move(work, again, options.iterated, model, epoch)
-    place_antenna(work, parts.past, options.late, model, case.step, epoch)
-    fill_receiver(work, parts.earlier, options.delayed, model, signals, epoch)
+    _move(work, iteration, options.iterated, model, epoch)
+    place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
+    fill_receiver(work, parts.previous_epoch, options.delayed, model, signals, epoch)
     for row in range(n_measured(model, signals, epoch)):
-        _add_linear_term(work, again, model, row, channel_of(model, signals, epoch, row))
-    _restore_estimates(work, again)
-    place_antenna(work, parts.past, options.late, model, case.step, epoch)
-    repeat_extrapolation(parts.past, options.late)
-    decorrelate(work, parts, case, parts.rx, options.late, epoch)
+        _add_linear_term(work, iteration, model, row, channel_of(model, signals, epoch, row))
+    _restore_estimates(work, iteration)
+    place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
+    repeat_extrapolation(parts.state_history, options.late)
+    decorrelate(work, parts, case, parts.receiver, options.late, epoch)
 
 
 @jit
-def linearise_sensor(work, parts, case, again, k, epoch):
+def linearise_sensor(work, parts, case, iteration, k, epoch):
     """Undo the last pass and set the rows of sensor k, linearised at its result."""
     model, sensors = case.model, case.sensors
     at = row_of(model, work, sensors.channel[k])
-    _move(work, again, case.options.iterated, model, epoch)
+    _move(work, iteration, case.options.iterated, model, epoch)
     fill_sensor_at_state(work, parts, case, k, epoch)
     for i in range(sensors.scalars[k]):
-        _add_linear_term(work, again, model, at + i, sensors.channel[k] + i)
-    _restore_estimates(work, again)
+        _add_linear_term(work, iteration, model, at + i, sensors.channel[k] + i)
+    _restore_estimates(work, iteration)

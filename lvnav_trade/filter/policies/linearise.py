@@ -11,12 +11,12 @@ from lvnav_trade.kernels.jit import inlined, jit
 
 
 @inlined
-def propagate_estimate(work, case, points, open_loop, w):
+def propagate_estimate(work, case, sigma_points, open_loop, w):
     """Propagate covariance and estimates over window w: by the transition matrix, or by sigma points (Points)."""
-    if points is None:
+    if sigma_points is None:
         predict_window(work, case.model, case.schedule.length[w], case.schedule.injection[w])
     else:
-        propagate_by_points(work, case, points, open_loop, w)
+        propagate_by_points(work, case, sigma_points, open_loop, w)
 
 
 @jit
@@ -34,30 +34,30 @@ def is_sensor_stored(late, k):
 
 
 @inlined
-def fill_receiver_rows(work, parts, case, points, late, epoch):
+def fill_receiver_rows(work, parts, case, sigma_points, late, epoch):
     """Set Jacobian rows and innovations of the receiver's measurements.
 
     Parameters
     ----------
-    points : Points of an unscented filter, whose regression gives the rows; None: Jacobians
+    sigma_points : Points of an unscented filter, whose regression gives the rows; None: Jacobians
     late : DelayProcessing, or None. Measurements compared with a stored state have Jacobians in any case.
     """
-    if points is None:
-        fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)
+    if sigma_points is None:
+        fill_receiver(work, parts.previous_epoch, case.options.delayed, case.model, case.signals, epoch)
     elif is_receiver_stored(late):
-        fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)
-        clear_spread(points, 0, n_measured(case.model, case.signals, epoch))
+        fill_receiver(work, parts.previous_epoch, case.options.delayed, case.model, case.signals, epoch)
+        clear_spread(sigma_points, 0, n_measured(case.model, case.signals, epoch))
     else:
-        regress_receiver(work, parts, case, points, epoch)
+        regress_receiver(work, parts, case, sigma_points, epoch)
 
 
 @inlined
-def fill_sensor_rows(work, parts, case, points, late, k, epoch):
+def fill_sensor_rows(work, parts, case, sigma_points, late, k, epoch):
     """Set Jacobian rows and innovations of sensor k; parameters as in `fill_receiver_rows`."""
-    if points is None:
+    if sigma_points is None:
         fill_sensor_at_state(work, parts, case, k, epoch)
     elif is_sensor_stored(late, k):
         fill_sensor_at_state(work, parts, case, k, epoch)
-        clear_spread(points, row_of(case.model, work, case.sensors.channel[k]), case.sensors.scalars[k])
+        clear_spread(sigma_points, row_of(case.model, work, case.sensors.channel[k]), case.sensors.scalars[k])
     else:
-        regress_sensor(work, parts, case, points, k, epoch)
+        regress_sensor(work, parts, case, sigma_points, k, epoch)

@@ -82,7 +82,7 @@ class ModeState(NamedTuple):
     held: Floats
 
 
-def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0, n_state: int = 1) -> ModeState:
+def new_mode_state(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0, n_state: int = 1) -> ModeState:
     """Return the arrays of a mode logic: one run, or `lanes` runs on the last axis."""
     shapes = {
         "state": (N_WATCH,),
@@ -98,15 +98,15 @@ def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0,
 
 
 @jit
-def begin_watch(watch):
+def begin_mode_logic(mode_state):
     """Reset the mode logic (ModeState, or None) to waiting for the first samples."""
-    if watch is not None:
+    if mode_state is not None:
         for i in range(N_WATCH):
-            watch.state[i] = like(watch.before[0], 0.0)
-        for i in range(watch.before.shape[0]):
-            watch.before[i] = like(watch.before[0], np.nan)
-        for i in range(watch.held.shape[0]):
-            watch.held[i] = like(watch.before[0], 0.0)
+            mode_state.state[i] = like(mode_state.before[0], 0.0)
+        for i in range(mode_state.before.shape[0]):
+            mode_state.before[i] = like(mode_state.before[0], np.nan)
+        for i in range(mode_state.held.shape[0]):
+            mode_state.held[i] = like(mode_state.before[0], 0.0)
 
 
 @jit
@@ -122,26 +122,26 @@ def is_correcting(mode):
 
 
 @jit
-def hold_correction(watch, rules, x):
+def hold_correction(mode_state, rules, x):
     """Hold the error state x (n,) that the outputs are corrected by, for the time after a stop; called before an epoch
     is processed, so that what is held at a stop is the estimate up to the epoch of the stop.
     """
-    if watch is not None and rules.after_stop != INERTIAL:
-        correcting = is_correcting(watch.state[MODE])
-        for i in range(watch.held.shape[0]):
-            watch.held[i] = where(correcting > 0.0, x[i], watch.held[i])
+    if mode_state is not None and rules.after_stop != INERTIAL:
+        correcting = is_correcting(mode_state.state[MODE])
+        for i in range(mode_state.held.shape[0]):
+            mode_state.held[i] = where(correcting > 0.0, x[i], mode_state.held[i])
 
 
 @jit
-def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
-    """Check the sample of an epoch: set `watch.sample` and count successive good samples.
+def check_measurements(mode_state, rules, delayed, model, signals, epoch, z, n_row):
+    """Check the sample of an epoch: set `mode_state.sample` and count successive good samples.
 
     While the filter runs, a sample is wild if a residual exceeds its limit. Before a start there is no estimate, so
     the sample is compared with the previous one.
 
     Parameters
     ----------
-    watch : ModeState, whose `predicted` is the prediction of z by the error state
+    mode_state : ModeState, whose `predicted` is the prediction of z by the error state
     rules : ModeRules
     delayed : DifferenceProcessing, or None
     model, signals : FilterModel, Signals
@@ -150,21 +150,21 @@ def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
         input
     n_row : number of rows of the receiver
     """
-    state = watch.state
+    state = mode_state.state
     zero = like(state[MODE], 0.0)
     if not rules.good[epoch]:
-        state[COUNT], watch.sample[0], watch.sample[1] = zero, zero, zero
+        state[COUNT], mode_state.sample[0], mode_state.sample[1] = zero, zero, zero
         return
     wild, apart = zero, zero
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         if not is_present(delayed, model, epoch, channel):
             continue
-        limit, before = rules.limits[channel], watch.before[channel]
-        wild = where(magnitude(z[row] - watch.predicted[row]) <= limit, wild, 1.0)
+        limit, before = rules.limits[channel], mode_state.before[channel]
+        wild = where(magnitude(z[row] - mode_state.predicted[row]) <= limit, wild, 1.0)
         # before a start only the previous sample predicts this one: the inertial error changes little in between
         apart = where(magnitude(z[row] - where(before == before, before, z[row])) <= limit, apart, 1.0)
-        watch.before[channel] = z[row]
+        mode_state.before[channel] = z[row]
     apart = where(state[COUNT] > 0.0, apart, 0.0)
     state[COUNT] = where(apart > 0.0, 1.0, state[COUNT] + 1.0)
     running, why = is_running(state[MODE]), state[WHY]
@@ -172,31 +172,32 @@ def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
     for error in range(3):
         may = where(why == LOSS_PERSISTS + error, rules.restarts[error], may)
     ready = where(state[COUNT] >= rules.start_after, 1.0, 0.0)
-    watch.sample[0] = running * (1.0 - wild)
-    watch.sample[1] = (1.0 - running) * ready * may
+    mode_state.sample[0] = running * (1.0 - wild)
+    mode_state.sample[1] = (1.0 - running) * ready * may
 
 
 @jit
-def start_filter(P, x, watch, rules, z):
+def start_filter(P, x, mode_state, rules, z):
     """Set error state and covariance of the runs whose filter starts at this epoch.
 
     With `rules.from_gnss` the sample itself is the initial position and velocity, with the variances in
-    `watch.predicted` (6,) and no correlation with other states. Otherwise the sample is processed as a measurement.
+    `mode_state.predicted` (6,) and no correlation with other states. Otherwise the sample is processed as a
+    measurement.
 
     Parameters
     ----------
     P, x : (n, n) covariance and (n,) error state, updated in place
-    watch, rules : ModeState, ModeRules
+    mode_state, rules : ModeState, ModeRules
     z : (6,) measured minus predicted by the inertial system alone
     """
-    starts = watch.sample[1] > 0.0
+    starts = mode_state.sample[1] > 0.0
     n = rules.P.shape[0]
     for i in range(n):
         x[i] = where(starts, 0.0, x[i])
         for j in range(n):
             P[i, j] = where(starts, rules.P[i, j], P[i, j])
     if not rules.from_gnss:
-        watch.sample[0] = where(starts, 1.0, watch.sample[0])
+        mode_state.sample[0] = where(starts, 1.0, mode_state.sample[0])
         return
     for row in range(N_SPREAD):
         at = POS + row if row < 3 else VEL + row - 3
@@ -204,7 +205,7 @@ def start_filter(P, x, watch, rules, z):
         for j in range(n):
             P[at, j] = where(starts, 0.0, P[at, j])
             P[j, at] = where(starts, 0.0, P[j, at])
-        P[at, at] = where(starts, watch.predicted[row], P[at, at])
+        P[at, at] = where(starts, mode_state.predicted[row], P[at, at])
 
 
 @jit
@@ -218,12 +219,12 @@ def _covariance_error(P, rules):
 
 
 @jit
-def update_mode(watch, rules, epoch, P):
+def update_mode(mode_state, rules, epoch, P):
     """Set the mode of the filter from this epoch on, and log mode and reason.
 
     Called after the sample was processed or rejected. P (n, n) is the covariance after the update.
     """
-    state, used, starts = watch.state, watch.sample[0], watch.sample[1]
+    state, used, starts = mode_state.state, mode_state.sample[0], mode_state.sample[1]
     before, good = state[MODE], rules.good[epoch]
     broken = _covariance_error(P, rules)
     # a filter that starts at this epoch counts as running and converging from here on
@@ -249,5 +250,5 @@ def update_mode(watch, rules, epoch, P):
     reason = where(mode == AIDING, where(before == CONVERGING, CONVERGED, DATA_AGAIN), reason)
     reason = where(mode == STOPPED, error, reason)
     state[MODE] = mode
-    watch.mode[epoch] = mode
-    watch.reason[epoch] = where(mode == before, 0.0, reason)
+    mode_state.mode[epoch] = mode
+    mode_state.reason[epoch] = where(mode == before, 0.0, reason)

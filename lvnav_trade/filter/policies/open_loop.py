@@ -47,7 +47,7 @@ def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Ope
 
 
 @jit
-def propagate_open_loop(work, points, open_loop, model, length, linearised):
+def propagate_open_loop(work, sigma_points, open_loop, model, length, linearised):
     """Propagate the error state of an open loop over a window.
 
     The transition matrix is that of the window itself, even if the covariance is linearised less often: the error state
@@ -55,7 +55,7 @@ def propagate_open_loop(work, points, open_loop, model, length, linearised):
 
     Parameters
     ----------
-    points : Points of an unscented filter, whose mean gives the navigation errors; None with Jacobians
+    sigma_points : Points of an unscented filter, whose mean gives the navigation errors; None with Jacobians
     open_loop : OpenLoop, or None in a closed loop
     model : FilterModel
     length : index of the window length
@@ -75,29 +75,29 @@ def propagate_open_loop(work, points, open_loop, model, length, linearised):
             model.clock,
             model.seconds[length],
         )
-        if points is not None:
-            for i in range(points.mean.shape[0]):
-                work.x[i] = points.mean[i]
+        if sigma_points is not None:
+            for i in range(sigma_points.mean.shape[0]):
+                work.x[i] = sigma_points.mean[i]
 
 
 @jit
-def propagate_held(work, watch, rules, model, length):
+def propagate_held(work, mode_state, rules, model, length):
     """Propagate what a mode logic (ModeState, or None) holds over a window, where the rules ask for it, by the
     transition that `propagate_open_loop` has left in `work.D`.
     """
-    if watch is not None and rules.after_stop == PREDICTED:
+    if mode_state is not None and rules.after_stop == PREDICTED:
         clock, seconds = model.clock, model.seconds[length]
         rows, columns, decay = model.block_rows, model.block_columns, model.decay[length]
-        apply_phi(watch.held, work.D, rows, columns, decay, clock, seconds)
+        apply_phi(mode_state.held, work.D, rows, columns, decay, clock, seconds)
 
 
 @jit
-def apply_feedback(work, past, open_loop, late, model):
+def apply_feedback(work, state_history, open_loop, late, model):
     """Feed the error state back in a closed loop; in an open loop correct the stored states of late measurements."""
     if open_loop is None:
-        ekf.correct(work, past, late, model)
+        ekf.correct(work, state_history, late, model)
     else:
-        correct_stored_errors(past, late, work.x, open_loop.x)
+        correct_stored_errors(state_history, late, work.x, open_loop.x)
 
 
 @jit
@@ -118,16 +118,16 @@ def _copy_estimates(to, source):
 
 
 @jit
-def apply_correction(work, open_loop, watch, model):
+def apply_correction(work, open_loop, mode_state, model):
     """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them.
 
     While a mode logic (ModeState, or None) does not correct the outputs, its held error state takes the place of the
     filter's. It is zero before the first correction, so that the outputs are those of the inertial system.
     """
     _copy_estimates(open_loop, work)
-    if watch is not None:
+    if mode_state is not None:
         for i in range(work.x.shape[0]):
-            work.x[i] = where(is_correcting(watch.state[MODE]) > 0.0, work.x[i], watch.held[i])
+            work.x[i] = where(is_correcting(mode_state.state[MODE]) > 0.0, work.x[i], mode_state.held[i])
     ekf.correct(work, None, None, model)
 
 
@@ -139,7 +139,7 @@ def remove_correction(work, open_loop, model):
 
 
 @jit
-def compare_receiver(work, past, case, late, epoch):
+def compare_receiver(work, state_history, case, late, epoch):
     """Correct the innovations of delayed receiver measurements for the change of the error state since their time of
     validity (open loop; Late, or None).
     """
@@ -149,11 +149,11 @@ def compare_receiver(work, past, case, late, epoch):
             channel = ekf.channel_of(model, case.signals, epoch, row)
             n = model.n_entry[channel]
             entries, columns = model.entry[channel, :n], model.column[channel, :n]
-            work.z[row] = work.z[row] - predicted_of_stored(past, place, work.H[row], entries, columns, work.x)
+            work.z[row] = work.z[row] - predicted_of_stored(state_history, place, work.H[row], entries, columns, work.x)
 
 
 @jit
-def _compare_sensor(work, past, case, open_loop, late, k, epoch):
+def _compare_sensor(work, state_history, case, open_loop, late, k, epoch):
     """Correct the innovations of sensor k as `compare_receiver` does, for the error state before this epoch."""
     if open_loop is not None and late is not None and late.of_sensor[k] >= 0:
         model, place = case.model, place_of(late, late.of_sensor[k], epoch)
@@ -162,15 +162,17 @@ def _compare_sensor(work, past, case, open_loop, late, k, epoch):
             channel, row = case.sensors.channel[k] + i, first + i
             n = model.n_entry[channel]
             entries, columns = model.entry[channel, :n], model.column[channel, :n]
-            work.z[row] = work.z[row] - predicted_of_stored(past, place, work.H[row], entries, columns, open_loop.x)
+            work.z[row] = work.z[row] - predicted_of_stored(
+                state_history, place, work.H[row], entries, columns, open_loop.x
+            )
 
 
 @inlined
 def fill_sensor_at_state(work, parts, case, k, epoch):
     """Set the rows of sensor k at the present navigation state; in an open loop correct those of a late sensor."""
     late = case.options.late
-    ekf.fill_sensor(work, parts.past, late, case.model, case.signals, case.sensors, k, epoch)
-    _compare_sensor(work, parts.past, case, parts.open_loop, late, k, epoch)
+    ekf.fill_sensor(work, parts.state_history, late, case.model, case.signals, case.sensors, k, epoch)
+    _compare_sensor(work, parts.state_history, case, parts.open_loop, late, k, epoch)
 
 
 @inlined

@@ -90,7 +90,7 @@ class SigmaPoints(NamedTuple):
     spread: Floats
 
 
-def new_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0) -> SigmaPoints:
+def new_sigma_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0) -> SigmaPoints:
     """Return the arrays of the points: one run, or `lanes` runs on the last axis."""
     n = N_NAV + 3 * n_par
     shapes = {
@@ -109,13 +109,13 @@ def _copy(to, source, n):
 
 
 @inlined
-def hold_window(points, work, n_tick):
+def hold_window(sigma_points, work, n_tick):
     """Store the navigation state and the increments at the start of a window, from which every point is propagated."""
-    if points is not None:
-        _copy(points.nav, work.nav, 10)
-        _copy(points.previous, work.previous, 6)
+    if sigma_points is not None:
+        _copy(sigma_points.nav, work.nav, 10)
+        _copy(sigma_points.previous, work.previous, 6)
         for k in range(n_tick):
-            _copy(points.increments[k], work.increments[k], 6)
+            _copy(sigma_points.increments[k], work.increments[k], 6)
 
 
 @jit
@@ -169,73 +169,86 @@ def rotation_between(p, q):
 
 
 @jit
-def _propagate_point(points, work, case, column, reach, w):
-    """Propagate a sigma point over window w and set `points.x` to its error at the end, relative to `work.nav`.
+def _propagate_point(sigma_points, work, case, column, reach, w):
+    """Propagate a sigma point over window w and set `sigma_points.x` to its error at the end, relative to `work.nav`.
 
     The point lies at the estimate plus `reach` times a column of the Cholesky factor.
     """
     model, n_tick = case.model, case.schedule.n_tick[w]
-    _copy(points.state, points.nav, 10)
-    _copy(points.last, points.previous, 6)
+    _copy(sigma_points.state, sigma_points.nav, 10)
+    _copy(sigma_points.last, sigma_points.previous, 6)
     for k in range(n_tick):
-        _copy(points.taken[k], points.increments[k], 6)
+        _copy(sigma_points.taken[k], sigma_points.increments[k], 6)
     for i in range(N_NAV):
-        points.x[i] = work.x[i] + reach * points.root[i, column]
-    correct_motion(points.state, points.x)
+        sigma_points.x[i] = work.x[i] + reach * sigma_points.root[i, column]
+    correct_motion(sigma_points.state, sigma_points.x)
     for b in range(model.par_offset.shape[0]):
         for i in range(3):
             at = model.par_offset[b] + i
-            points.par[b, i] = work.par[b, i] + work.x[at] + reach * points.root[at, column]
-    processes.gather(points.tables, points.par, model.par_sensor, model.par_driver)
-    processes.compensate(points.taken, n_tick, points.tables[0], points.tables[1], model.biases_only, case.tick)
+            sigma_points.par[b, i] = work.par[b, i] + work.x[at] + reach * sigma_points.root[at, column]
+    processes.gather(sigma_points.tables, sigma_points.par, model.par_sensor, model.par_driver)
+    processes.compensate(
+        sigma_points.taken, n_tick, sigma_points.tables[0], sigma_points.tables[1], model.biases_only, case.tick
+    )
     algorithm, start = model.strapdown, case.tick * case.schedule.first_tick[w]
     n_step = n_tick // algorithm.subsamples
-    mechanise(points.state, points.sums, points.last, points.taken, n_step, case.step, algorithm, start)
-    points.x[ATT], points.x[ATT + 1], points.x[ATT + 2] = rotation_between(points.state, work.nav)
+    mechanise(
+        sigma_points.state,
+        sigma_points.sums,
+        sigma_points.last,
+        sigma_points.taken,
+        n_step,
+        case.step,
+        algorithm,
+        start,
+    )
+    sigma_points.x[ATT], sigma_points.x[ATT + 1], sigma_points.x[ATT + 2] = rotation_between(
+        sigma_points.state, work.nav
+    )
     for i in range(3):
-        points.x[VEL + i] = points.state[V + i] - work.nav[V + i]
-        points.x[POS + i] = points.state[R + i] - work.nav[R + i]
+        sigma_points.x[VEL + i] = sigma_points.state[V + i] - work.nav[V + i]
+        sigma_points.x[POS + i] = sigma_points.state[R + i] - work.nav[R + i]
 
 
 @jit
-def _propagate_points(points, work, case, open_loop, w):
+def _propagate_points(sigma_points, work, case, open_loop, w):
     """Propagate all sigma points over window w: sets their odd and even parts, centre and mean."""
     for i in range(N_NAV):
-        points.centre[i] = like(work.x[0], 0.0)
+        sigma_points.centre[i] = like(work.x[0], 0.0)
     if open_loop is not None:  # the strapdown is uncorrected, so the estimate needs a propagation of its own
-        _propagate_point(points, work, case, 0, 0.0, w)
-        _copy(points.centre, points.x, N_NAV)
-    _copy(points.mean, points.centre, N_NAV)
-    for a in range(points.odd.shape[0]):
-        _propagate_point(points, work, case, a, REACH, w)
-        _copy(points.odd[a], points.x, N_NAV)
-        _propagate_point(points, work, case, a, -REACH, w)
+        _propagate_point(sigma_points, work, case, 0, 0.0, w)
+        _copy(sigma_points.centre, sigma_points.x, N_NAV)
+    _copy(sigma_points.mean, sigma_points.centre, N_NAV)
+    for a in range(sigma_points.odd.shape[0]):
+        _propagate_point(sigma_points, work, case, a, REACH, w)
+        _copy(sigma_points.odd[a], sigma_points.x, N_NAV)
+        _propagate_point(sigma_points, work, case, a, -REACH, w)
         for i in range(N_NAV):
-            plus, minus = points.odd[a, i], points.x[i]
+            plus, minus = sigma_points.odd[a, i], sigma_points.x[i]
             # the odd part is scaled to one column of the factor, so that sum (odd odd') replaces sum (o o') / 3
-            points.odd[a, i] = (0.5 / REACH) * (plus - minus)
-            points.even[a, i] = 0.5 * (plus + minus) - points.centre[i]
-            points.mean[i] = points.mean[i] + (1.0 / 3.0) * points.even[a, i]
+            sigma_points.odd[a, i] = (0.5 / REACH) * (plus - minus)
+            sigma_points.even[a, i] = 0.5 * (plus + minus) - sigma_points.centre[i]
+            sigma_points.mean[i] = sigma_points.mean[i] + (1.0 / 3.0) * sigma_points.even[a, i]
 
 
 @jit
-def _set_navigation_covariance(P, points):
+def _set_navigation_covariance(P, sigma_points):
     """Set the rows and columns of the navigation errors in a covariance from the propagated sigma points."""
     n = P.shape[0]
     for i in range(N_NAV):
         for j in range(i, n):
             total = like(P[0, 0], 0.0)
-            for a in range(points.odd.shape[0]):
+            for a in range(sigma_points.odd.shape[0]):
                 if j < N_NAV:
-                    total = total + points.odd[a, i] * points.odd[a, j]
-                    total = total + (1.0 / 3.0) * points.even[a, i] * points.even[a, j]
+                    total = total + sigma_points.odd[a, i] * sigma_points.odd[a, j]
+                    total = total + (1.0 / 3.0) * sigma_points.even[a, i] * sigma_points.even[a, j]
                 else:
-                    total = total + points.odd[a, i] * points.root[j, a]
+                    total = total + sigma_points.odd[a, i] * sigma_points.root[j, a]
             P[i, j], P[j, i] = total, total
 
 
 @inlined
-def propagate_by_points(work, case, points, open_loop, w):
+def propagate_by_points(work, case, sigma_points, open_loop, w):
     """Propagate covariance and estimates over window w by sigma points.
 
     Process noise enters in two halves, before and after the propagation, as in the extended filter.
@@ -244,7 +257,7 @@ def propagate_by_points(work, case, points, open_loop, w):
     ----------
     work : arrays of the run
     case : FilterCase
-    points : SigmaPoints, with the start of the window stored by `hold_window`
+    sigma_points : SigmaPoints, with the start of the window stored by `hold_window`
     open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
     w : window
     """
@@ -256,45 +269,45 @@ def propagate_by_points(work, case, points, open_loop, w):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     add_turned(P, model.uneven, work.sums, model.seconds[length])
     # the points spread by the covariance with half of the noise, about the estimate before the window
-    factorise(points.root, P, model, points.odd.shape[0])
-    _propagate_points(points, work, case, open_loop, w)
-    _set_navigation_covariance(P, points)
+    factorise(sigma_points.root, P, model, sigma_points.odd.shape[0])
+    _propagate_points(sigma_points, work, case, open_loop, w)
+    _set_navigation_covariance(P, sigma_points)
     finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
     add_turned(P, model.uneven, work.sums, model.seconds[length])
     inject(P, model, injection)
     if open_loop is None:
-        correct_motion(work.nav, points.mean)
+        correct_motion(work.nav, sigma_points.mean)
     propagate_estimates(work, model, length)
 
 
 @jit
-def _set_state(work, points, column, reach):
+def _set_state(work, sigma_points, column, reach):
     """Set the navigation state to the sigma point at the estimate plus `reach` times a column of the factor."""
-    _copy(work.nav, points.state, 10)
+    _copy(work.nav, sigma_points.state, 10)
     for i in range(N_NAV):
-        points.x[i] = reach * points.root[i, column]
-    correct_motion(work.nav, points.x)
+        sigma_points.x[i] = reach * sigma_points.root[i, column]
+    correct_motion(work.nav, sigma_points.x)
 
 
 @jit
-def _begin_regression(work, points, model):
+def _begin_regression(work, sigma_points, model):
     """Store the navigation state, replace it by the estimate, and factorise the covariance of navigation errors."""
-    factorise(points.root, work.P, model, N_NAV)
-    _copy(points.nav, work.nav, 10)
+    factorise(sigma_points.root, work.P, model, N_NAV)
+    _copy(sigma_points.nav, work.nav, 10)
     correct_motion(work.nav, work.x)
-    _copy(points.state, work.nav, 10)
+    _copy(sigma_points.state, work.nav, 10)
 
 
 @jit
-def _store_rows(work, points, column, is_plus, first, n_row):
+def _store_rows(work, sigma_points, column, is_plus, first, n_row):
     """Store the innovations at a sigma point; after the second of a pair, odd and even parts of the prediction."""
     for row in range(first, first + n_row):
         if is_plus:
-            points.row_odd[row, column] = work.z[row]
+            sigma_points.row_odd[row, column] = work.z[row]
         else:
-            plus, minus = points.row_odd[row, column], work.z[row]
-            points.row_odd[row, column] = (-0.5 / REACH) * (plus - minus)
-            points.row_even[row, column] = points.z[row] - 0.5 * (plus + minus)
+            plus, minus = sigma_points.row_odd[row, column], work.z[row]
+            sigma_points.row_odd[row, column] = (-0.5 / REACH) * (plus - minus)
+            sigma_points.row_even[row, column] = sigma_points.z[row] - 0.5 * (plus + minus)
 
 
 @jit
@@ -304,74 +317,74 @@ def _entry(state):
 
 
 @jit
-def _regress(work, points, first, n_row):
+def _regress(work, sigma_points, first, n_row):
     """Set the navigation entries of Jacobian rows to the regression slope over the sigma points.
 
     The slope solves root' h = odd part by back substitution. The innovation is shifted by the mean of the even parts;
-    it remains relative to the uncorrected state. `points.spread` is the variance that the slope does not explain.
+    it remains relative to the uncorrected state. `sigma_points.spread` is the variance that the slope does not explain.
     """
     for row in range(first, first + n_row):
         h, unexplained, shift = work.H[row], like(work.x[0], 0.0), like(work.x[0], 0.0)
         for column in range(N_NAV - 1, -1, -1):
-            slope = points.row_odd[row, column]
+            slope = sigma_points.row_odd[row, column]
             for later in range(column + 1, N_NAV):
-                slope = slope - h[_entry(later)] * points.root[later, column]
-            pivot = points.root[column, column]
+                slope = slope - h[_entry(later)] * sigma_points.root[later, column]
+            pivot = sigma_points.root[column, column]
             h[_entry(column)] = where(pivot > 0.0, slope / where(pivot > 0.0, pivot, 1.0), 0.0)
-            even = points.row_even[row, column]
+            even = sigma_points.row_even[row, column]
             unexplained = unexplained + (1.0 / 3.0) * even * even
             shift = shift - (1.0 / 3.0) * even + h[_entry(column)] * work.x[column]
-        work.z[row] = points.z[row] + shift
-        points.spread[row] = unexplained
+        work.z[row] = sigma_points.z[row] + shift
+        sigma_points.spread[row] = unexplained
 
 
 @jit
 def _fill_receiver_at_state(work, parts, case, epoch):
     """Set the rows of the receiver's measurements at the present navigation state."""
-    place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
-    fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)
+    place_antenna(work, parts.state_history, case.options.late, case.model, case.step, epoch)
+    fill_receiver(work, parts.previous_epoch, case.options.delayed, case.model, case.signals, epoch)
 
 
 @jit
-def clear_spread(points, first, n_row):
+def clear_spread(sigma_points, first, n_row):
     """Set the unexplained variance of rows that are linearised by Jacobians to zero."""
     for row in range(first, first + n_row):
-        points.spread[row] = like(points.x[0], 0.0)
+        sigma_points.spread[row] = like(sigma_points.x[0], 0.0)
 
 
 @inlined
-def regress_receiver(work, parts, case, points, epoch):
+def regress_receiver(work, parts, case, sigma_points, epoch):
     """Set the rows of the receiver's measurements by regression over the sigma points."""
     n_row = n_measured(case.model, case.signals, epoch)
-    _begin_regression(work, points, case.model)
+    _begin_regression(work, sigma_points, case.model)
     _fill_receiver_at_state(work, parts, case, epoch)
-    _copy(points.z, work.z, n_row)
+    _copy(sigma_points.z, work.z, n_row)
     for column in range(N_NAV):
         for side in range(2):
-            _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
+            _set_state(work, sigma_points, column, (1.0 - 2.0 * side) * REACH)
             _fill_receiver_at_state(work, parts, case, epoch)
-            _store_rows(work, points, column, side == 0, 0, n_row)
-    _copy(work.nav, points.state, 10)
+            _store_rows(work, sigma_points, column, side == 0, 0, n_row)
+    _copy(work.nav, sigma_points.state, 10)
     _fill_receiver_at_state(work, parts, case, epoch)
-    _regress(work, points, 0, n_row)
-    _copy(work.nav, points.nav, 10)
-    place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
+    _regress(work, sigma_points, 0, n_row)
+    _copy(work.nav, sigma_points.nav, 10)
+    place_antenna(work, parts.state_history, case.options.late, case.model, case.step, epoch)
 
 
 @inlined
-def regress_sensor(work, parts, case, points, k, epoch):
+def regress_sensor(work, parts, case, sigma_points, k, epoch):
     """Set the rows of sensor k by regression over the sigma points."""
     n_row, at = case.sensors.scalars[k], row_of(case.model, work, case.sensors.channel[k])
-    _begin_regression(work, points, case.model)
+    _begin_regression(work, sigma_points, case.model)
     fill_sensor_at_state(work, parts, case, k, epoch)
     for row in range(at, at + n_row):
-        points.z[row] = work.z[row]
+        sigma_points.z[row] = work.z[row]
     for column in range(N_NAV):
         for side in range(2):
-            _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
+            _set_state(work, sigma_points, column, (1.0 - 2.0 * side) * REACH)
             fill_sensor_at_state(work, parts, case, k, epoch)
-            _store_rows(work, points, column, side == 0, at, n_row)
-    _copy(work.nav, points.state, 10)
+            _store_rows(work, sigma_points, column, side == 0, at, n_row)
+    _copy(work.nav, sigma_points.state, 10)
     fill_sensor_at_state(work, parts, case, k, epoch)
-    _regress(work, points, at, n_row)
-    _copy(work.nav, points.nav, 10)
+    _regress(work, sigma_points, at, n_row)
+    _copy(work.nav, sigma_points.nav, 10)

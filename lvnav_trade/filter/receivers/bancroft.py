@@ -80,40 +80,40 @@ def solve(A, b):
 
 
 @jit
-def _clear(rx):
-    zero = like(rx.near[0], 0.0)
+def _clear(receiver):
+    zero = like(receiver.near[0], 0.0)
     for i in range(4):
-        rx.sides[0, i], rx.sides[1, i] = zero, zero
+        receiver.sides[0, i], receiver.sides[1, i] = zero, zero
         for j in range(4):
-            rx.normal[i, j] = zero
+            receiver.normal[i, j] = zero
 
 
 @jit
-def _add_row(rx, weight, row, first, second):
+def _add_row(receiver, weight, row, first, second):
     """Add a weighted row (4,) to the normal matrix and its two right-hand sides."""
     for i in range(4):
         weighted = weight * row[i]
-        rx.sides[0, i] = rx.sides[0, i] + weighted * first
-        rx.sides[1, i] = rx.sides[1, i] + weighted * second
+        receiver.sides[0, i] = receiver.sides[0, i] + weighted * first
+        receiver.sides[1, i] = receiver.sides[1, i] + weighted * second
         for j in range(i + 1):
-            rx.normal[i, j] = rx.normal[i, j] + weighted * row[j]
+            receiver.normal[i, j] = receiver.normal[i, j] + weighted * row[j]
 
 
 @jit
-def _closed_form(rx, satellite, used, n_used, ranges):
+def _closed_form(receiver, satellite, used, n_used, ranges):
     """Set up and solve the equations of B for u and v, in `sides`; return number of satellites and smallest pivot."""
-    _clear(rx)
-    count = like(rx.near[0], 0.0)
+    _clear(receiver)
+    count = like(receiver.near[0], 0.0)
     for slot in range(n_used):
         weight, rho, _ = measured(ranges, slot)
         s = satellite[used[slot]]
-        row = (s[0] - rx.near[0], s[1] - rx.near[1], s[2] - rx.near[2], rho)
+        row = (s[0] - receiver.near[0], s[1] - receiver.near[1], s[2] - receiver.near[2], rho)
         half = 0.5 * (row[0] * row[0] + row[1] * row[1] + row[2] * row[2] - rho * rho)
-        _add_row(rx, weight, row, like(half, 1.0), half)
+        _add_row(receiver, weight, row, like(half, 1.0), half)
         count = count + weight
-    least = factorise(rx.normal)
-    solve(rx.normal, rx.sides[0])
-    solve(rx.normal, rx.sides[1])
+    least = factorise(receiver.normal)
+    solve(receiver.normal, receiver.sides[0])
+    solve(receiver.normal, receiver.sides[1])
     return count, least
 
 
@@ -123,103 +123,107 @@ def _product(a, b):
 
 
 @jit
-def _candidate(rx, root):
+def _candidate(receiver, root):
     """Return position relative to `near`, and clock bias, that belong to a root."""
-    u, v = rx.sides[0], rx.sides[1]
+    u, v = receiver.sides[0], receiver.sides[1]
     return root * u[0] + v[0], root * u[1] + v[1], root * u[2] + v[2], -(root * u[3] + v[3])
 
 
 @jit
-def _misfit(rx, y, satellite, used, n_used, ranges):
+def _misfit(receiver, y, satellite, used, n_used, ranges):
     """Return the sum of squared residuals of pseudoranges at y, a square metre per satellite added."""
     total = like(y[0], 0.0)
     for slot in range(n_used):
         weight, rho, _ = measured(ranges, slot)
         s = satellite[used[slot]]
-        dx, dy, dz = s[0] - rx.near[0] - y[0], s[1] - rx.near[1] - y[1], s[2] - rx.near[2] - y[2]
+        dx, dy, dz = s[0] - receiver.near[0] - y[0], s[1] - receiver.near[1] - y[1], s[2] - receiver.near[2] - y[2]
         residual = rho - y[3] - sqrt(dx * dx + dy * dy + dz * dz)
         total = total + weight * (residual * residual + 1.0)
     return total
 
 
 @jit
-def _choose(rx, satellite, used, n_used, ranges):
+def _choose(receiver, satellite, used, n_used, ranges):
     """Set position and clock of the root with small residuals, or else of the root nearer to `near`.
 
     Returns whether the roots are real.
     """
-    u, v = rx.sides[0], rx.sides[1]
+    u, v = receiver.sides[0], receiver.sides[1]
     a, b, c = _product(u, u), _product(u, v) - 1.0, _product(v, v)
     square = b * b - a * c
     real = square >= 0.0
     root = sqrt(where(real, square, 0.0))
     q = where(b < 0.0, root - b, -root - b)
-    near, far = _candidate(rx, c / q), _candidate(rx, q / where(a == 0.0, 1.0, a))
-    near_cost = _misfit(rx, near, satellite, used, n_used, ranges)
-    far_cost = _misfit(rx, far, satellite, used, n_used, ranges)
+    near, far = _candidate(receiver, c / q), _candidate(receiver, q / where(a == 0.0, 1.0, a))
+    near_cost = _misfit(receiver, near, satellite, used, n_used, ranges)
+    far_cost = _misfit(receiver, far, satellite, used, n_used, ranges)
     near_square = near[0] * near[0] + near[1] * near[1] + near[2] * near[2]
     far_square = far[0] * far[0] + far[1] * far[1] + far[2] * far[2]
     either = (far_cost < _DECIDED * near_cost) & (far_square < near_square)
     other = (_DECIDED * far_cost < near_cost) | either
     for i in range(3):
-        rx.fix[FIX_POS + i] = rx.near[i] + where(other, far[i], near[i])
-    rx.fix[FIX_BIAS] = where(other, far[3], near[3])
+        receiver.fix[FIX_POS + i] = receiver.near[i] + where(other, far[i], near[i])
+    receiver.fix[FIX_BIAS] = where(other, far[3], near[3])
     return real
 
 
 @jit
-def _linearise(rx, satellite, satellite_velocity, used, n_used, ranges):
+def _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges):
     """Set and factorise the normal equations at the fix.
 
     The right-hand sides are the range residuals, and the range rates less those due to the satellites.
     """
-    _clear(rx)
+    _clear(receiver)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
         s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
-        ux, uy, uz, distance = line_of_sight(s, rx.fix)
-        residual = rho - distance - rx.fix[FIX_BIAS]
+        ux, uy, uz, distance = line_of_sight(s, receiver.fix)
+        residual = rho - distance - receiver.fix[FIX_BIAS]
         along = rate - (ux * moving[0] + uy * moving[1] + uz * moving[2])
-        _add_row(rx, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, along)
-    return factorise(rx.normal)
+        _add_row(receiver, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, along)
+    return factorise(receiver.normal)
 
 
 @jit
-def _normalised_residuals(rx, satellite, satellite_velocity, used, n_used, ranges, model):
+def _normalised_residuals(receiver, satellite, satellite_velocity, used, n_used, ranges, model):
     """Return the sum of squared residuals of ranges and range rates, each normalised by its assumed sigma."""
-    total = like(rx.near[0], 0.0)
+    total = like(receiver.near[0], 0.0)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
         s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
-        ux, uy, uz, distance = line_of_sight(s, rx.fix)
-        residual = rho - distance - rx.fix[FIX_BIAS]
-        wx, wy, wz = moving[0] - rx.fix[FIX_VEL], moving[1] - rx.fix[FIX_VEL + 1], moving[2] - rx.fix[FIX_VEL + 2]
-        rate_residual = rate - (ux * wx + uy * wy + uz * wz) - rx.fix[FIX_DRIFT]
+        ux, uy, uz, distance = line_of_sight(s, receiver.fix)
+        residual = rho - distance - receiver.fix[FIX_BIAS]
+        wx, wy, wz = (
+            moving[0] - receiver.fix[FIX_VEL],
+            moving[1] - receiver.fix[FIX_VEL + 1],
+            moving[2] - receiver.fix[FIX_VEL + 2],
+        )
+        rate_residual = rate - (ux * wx + uy * wy + uz * wz) - receiver.fix[FIX_DRIFT]
         squares = residual * residual / model.range_variance + rate_residual * rate_residual / model.rate_variance
         total = total + weight * squares
     return total
 
 
 @jit
-def _invert(rx):
+def _invert(receiver):
     """Set the inverse of the normal matrix from its factors; the first right-hand side is overwritten."""
-    zero = like(rx.near[0], 0.0)
+    zero = like(receiver.near[0], 0.0)
     for column in range(4):
         for i in range(4):
-            rx.sides[0, i] = zero
-        rx.sides[0, column] = zero + 1.0
-        solve(rx.normal, rx.sides[0])
+            receiver.sides[0, i] = zero
+        receiver.sides[0, column] = zero + 1.0
+        solve(receiver.normal, receiver.sides[0])
         for i in range(4):
-            rx.inverse[i, column] = rx.sides[0, i]
+            receiver.inverse[i, column] = receiver.sides[0, i]
 
 
 @jit
-def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
+def fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
     """Set the point solution of an epoch, its inverse normal matrix and its verdict; return its quality.
 
     Parameters
     ----------
-    rx : Receiver
+    receiver : Receiver
         `near` is the guess of the position; `fix`, `inverse` and `verdict` are set, to zeros in a run without a fix.
     model : PointModel
     satellite, satellite_velocity : (n_sat, 3) m, m/s, frame i
@@ -236,22 +240,22 @@ def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
     quality
         NO_FIX, INCONSISTENT (residuals), UNTESTED (four satellites), or CONSISTENT.
     """
-    count, least = _closed_form(rx, satellite, used, n_used, ranges)
+    count, least = _closed_form(receiver, satellite, used, n_used, ranges)
     sound = (count >= 4.0) & (least > _SINGULAR)
-    sound = sound & _choose(rx, satellite, used, n_used, ranges)
+    sound = sound & _choose(receiver, satellite, used, n_used, ranges)
     for _ in range(model.refinements):
-        _linearise(rx, satellite, satellite_velocity, used, n_used, ranges)
-        solve(rx.normal, rx.sides[0])
+        _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)
+        solve(receiver.normal, receiver.sides[0])
         for i in range(3):
-            rx.fix[FIX_POS + i] = rx.fix[FIX_POS + i] + rx.sides[0, i]
-        rx.fix[FIX_BIAS] = rx.fix[FIX_BIAS] + rx.sides[0, 3]
-    least = _linearise(rx, satellite, satellite_velocity, used, n_used, ranges)
-    solve(rx.normal, rx.sides[1])
+            receiver.fix[FIX_POS + i] = receiver.fix[FIX_POS + i] + receiver.sides[0, i]
+        receiver.fix[FIX_BIAS] = receiver.fix[FIX_BIAS] + receiver.sides[0, 3]
+    least = _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)
+    solve(receiver.normal, receiver.sides[1])
     for i in range(3):
-        rx.fix[FIX_VEL + i] = rx.sides[1, i]
-    rx.fix[FIX_DRIFT] = rx.sides[1, 3]
-    _invert(rx)
-    squares = _normalised_residuals(rx, satellite, satellite_velocity, used, n_used, ranges, model)
+        receiver.fix[FIX_VEL + i] = receiver.sides[1, i]
+    receiver.fix[FIX_DRIFT] = receiver.sides[1, 3]
+    _invert(receiver)
+    squares = _normalised_residuals(receiver, satellite, satellite_velocity, used, n_used, ranges, model)
     sound = sound & (least > _SINGULAR) & (squares == squares)
     limit = like(squares, np.inf)
     for n in range(5, n_used + 1):
@@ -259,35 +263,35 @@ def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
     quality = where(squares <= limit, CONSISTENT, INCONSISTENT)
     quality = where(sound, where(count == 4.0, UNTESTED, quality), NO_FIX)
     for i in range(N_FIX):
-        rx.fix[i] = where(sound, rx.fix[i], 0.0)
+        receiver.fix[i] = where(sound, receiver.fix[i], 0.0)
     for i in range(4):
         for j in range(4):
-            rx.inverse[i, j] = where(sound, rx.inverse[i, j], 0.0)
-    rx.verdict[0], rx.verdict[1] = quality, count
+            receiver.inverse[i, j] = where(sound, receiver.inverse[i, j], 0.0)
+    receiver.verdict[0], receiver.verdict[1] = quality, count
     return quality
 
 
 @jit
-def solution(rx, model, satellite, satellite_velocity, used, n_used, ranges):
+def solution(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
     """Set solution and covariance of a receiver to the point solution of an epoch; return its quality.
 
     The solution is NaN if its quality is below the lowest that is output. `near` moves to the fix. Parameters are those
     of `fix`.
     """
-    quality = fix(rx, model, satellite, satellite_velocity, used, n_used, ranges)
+    quality = fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges)
     good = quality >= model.least_quality
     for i in range(3):
-        rx.near[i] = where(good, rx.fix[FIX_POS + i], rx.near[i])
-        rx.solution[i] = where(good, rx.fix[FIX_POS + i], np.nan)
-        rx.solution[3 + i] = where(good, rx.fix[FIX_VEL + i], np.nan)
+        receiver.near[i] = where(good, receiver.fix[FIX_POS + i], receiver.near[i])
+        receiver.solution[i] = where(good, receiver.fix[FIX_POS + i], np.nan)
+        receiver.solution[3 + i] = where(good, receiver.fix[FIX_VEL + i], np.nan)
     reported, zero = model.reported, like(quality, 0.0)
     for i in range(3):
         for j in range(3):
-            rx.covariance[i, 3 + j], rx.covariance[3 + i, j] = zero, zero
+            receiver.covariance[i, 3 + j], receiver.covariance[3 + i, j] = zero, zero
             if reported.own and (reported.correlated or i == j):
-                rx.covariance[i, j] = reported.factor * model.range_variance * rx.inverse[i, j]
-                rx.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * rx.inverse[i, j]
+                receiver.covariance[i, j] = reported.factor * model.range_variance * receiver.inverse[i, j]
+                receiver.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * receiver.inverse[i, j]
             else:
-                rx.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
-                rx.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
+                receiver.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
+                receiver.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
     return quality

@@ -72,12 +72,12 @@ def _code_minus_carrier(shared, errors, smoothing, epoch, s):
 
 
 @jit
-def smooth(rx, work, smoothing, signals, word, epoch, key):
+def smooth(receiver, work, smoothing, signals, word, epoch, key):
     """Smooth the pseudoranges of an epoch. The code noise is drawn again with the key of the ranges: the same values.
 
     Parameters
     ----------
-    rx : Receiver
+    receiver : Receiver
         `average` is updated.
     work : Work
         Of the run: its number; `ranges` (n_slot, 2), updated; `shared` (n_component,) correlated measurement errors.
@@ -97,5 +97,5 @@ def smooth(rx, work, smoothing, signals, word, epoch, key):
         difference = signals.sigma[epoch, 2 * s] * code - smoothing.sigma[epoch, s] * phase
         difference = difference + _code_minus_carrier(signals.shared, errors, smoothing, epoch, s)
         gain = smoothing.gain[epoch, s]
-        rx.average[s] = gain * difference + (1.0 - gain) * rx.average[s]
-        ranges[slot, 0] = ranges[slot, 0] + rx.average[s] - difference
+        receiver.average[s] = gain * difference + (1.0 - gain) * receiver.average[s]
+        ranges[slot, 0] = ranges[slot, 0] + receiver.average[s] - difference

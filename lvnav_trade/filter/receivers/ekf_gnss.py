@@ -88,27 +88,27 @@ def drive(P, model, x, y, z):
 
 
 @jit
-def propagate(rx, model, x, y, z):
+def propagate(receiver, model, x, y, z):
     """Propagate state and covariance over an interval, with driving variances x, y, z."""
-    nav = rx.nav
+    nav = receiver.nav
     for i in range(3):
         nav[POS + i] = nav[POS + i] + model.interval * nav[VEL + i] + model.to_position * nav[ACC + i]
         nav[VEL + i] = nav[VEL + i] + model.to_velocity * nav[ACC + i]
         nav[ACC + i] = model.decay * nav[ACC + i]
     nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
-    predict(rx.P, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval)
-    drive(rx.P, model, x, y, z)
+    predict(receiver.P, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval)
+    drive(receiver.P, model, x, y, z)
 
 
 @jit
-def _update_acceleration(rx, model, fixed):
+def _update_acceleration(receiver, model, fixed):
     """Set the acceleration to the velocity difference of the last two point solutions over the time between them."""
-    memory = rx.memory
+    memory = receiver.memory
     ever = memory[SINCE] >= 0.0
     since = where(ever, memory[SINCE] + model.interval, model.interval)
     has_both = fixed & ever
     for i in range(3):
-        velocity = rx.fix[FIX_VEL + i]
+        velocity = receiver.fix[FIX_VEL + i]
         slope = (velocity - memory[LAST_VELOCITY + i]) / since
         memory[ACCELERATION + i] = where(has_both, slope, memory[ACCELERATION + i])
         memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
@@ -116,23 +116,33 @@ def _update_acceleration(rx, model, fixed):
 
 
 @jit
-def _update_by_scalar(rx, model, innovation, limit, variance, entries, columns):
+def _update_by_scalar(receiver, model, innovation, limit, variance, entries, columns):
     """Update by the scalar measurement with Jacobian row h, scaled to unit variance.
 
     Returns 1 if it was accepted (else 0), and the normalised innovation.
     """
     scale = 1.0 / sqrt(variance)
     for e in range(N_ENTRY):
-        rx.h[e] = rx.h[e] * scale
+        receiver.h[e] = receiver.h[e] * scale
     innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
     normalised, weight = update_scalar(
-        rx.P, rx.x, rx.K, rx.h, entries, columns, innovation, 1.0, model.gate_squared, N_STATE, False
+        receiver.P,
+        receiver.x,
+        receiver.K,
+        receiver.h,
+        entries,
+        columns,
+        innovation,
+        1.0,
+        model.gate_squared,
+        N_STATE,
+        False,
     )
     return where(weight > 0.0, 1.0, 0.0), normalised
 
 
 @jit
-def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ranges, variances):
+def _update_by_ranges(receiver, model, satellite, satellite_velocity, used, n_used, ranges, variances):
     """Process the measurements of the satellites in use, all linearised about the same state.
 
     Returns the numbers of measurements, of accepted measurements, and of satellites with an accepted measurement.
@@ -140,28 +150,33 @@ def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ra
     variances : of a range (m^2) and of a range rate (m^2/s^2).
     """
     range_variance, rate_variance = variances
-    nav, x = rx.nav, rx.x
+    nav, x = receiver.nav, receiver.x
     zero = like(nav[0], 0.0)
     for i in range(3):
-        rx.at[i], rx.at[3 + i], rx.at[6 + i], rx.at[9 + i] = nav[POS + i], nav[VEL + i], zero, zero
+        receiver.at[i], receiver.at[3 + i], receiver.at[6 + i], receiver.at[9 + i] = (
+            nav[POS + i],
+            nav[VEL + i],
+            zero,
+            zero,
+        )
     for i in range(N_STATE):
         x[i] = zero
     count, accepted, satellites = zero, zero, zero
-    for channel in range(rx.innovation.shape[0]):
-        rx.innovation[channel] = like(zero, np.nan)
+    for channel in range(receiver.innovation.shape[0]):
+        receiver.innovation[channel] = like(zero, np.nan)
     for slot in range(n_used):
         s = used[slot]
-        ux, uy, uz, distance = line_of_sight(satellite[s], rx.at)
-        rho = where(rx.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
-        rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
+        ux, uy, uz, distance = line_of_sight(satellite[s], receiver.at)
+        rho = where(receiver.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
+        rate = where(receiver.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
         count = count + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
-        innovation = rho - range_row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
-        range_accepted, rx.innovation[2 * s] = _update_by_scalar(
-            rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
+        innovation = rho - range_row(receiver.h, receiver.at, ux, uy, uz, distance, nav[BIAS])
+        range_accepted, receiver.innovation[2 * s] = _update_by_scalar(
+            receiver, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
         )
-        innovation = rate - rate_row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
-        rate_accepted, rx.innovation[2 * s + 1] = _update_by_scalar(
-            rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
+        innovation = rate - rate_row(receiver.h, receiver.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        rate_accepted, receiver.innovation[2 * s + 1] = _update_by_scalar(
+            receiver, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
         )
         accepted = accepted + range_accepted + rate_accepted
         satellites = satellites + where(range_accepted + rate_accepted > 0.0, 1.0, 0.0)
@@ -171,56 +186,58 @@ def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ra
 
 
 @jit
-def _start(rx, model, point, begin):
+def _start(receiver, model, point, begin):
     """Start the filter from the point solution in the runs with `begin`."""
-    nav, P = rx.nav, rx.P
+    nav, P = receiver.nav, receiver.P
     for i in range(N_STATE):
         for j in range(N_STATE):
             P[i, j] = where(begin, 0.0, P[i, j])
     for i in range(3):
         nav[ACC + i] = where(begin, 0.0, nav[ACC + i])
-        nav[VEL + i] = where(begin, rx.fix[FIX_VEL + i], nav[VEL + i])
-        nav[POS + i] = where(begin, rx.fix[FIX_POS + i], nav[POS + i])
+        nav[VEL + i] = where(begin, receiver.fix[FIX_VEL + i], nav[VEL + i])
+        nav[POS + i] = where(begin, receiver.fix[FIX_POS + i], nav[POS + i])
         P[ACC + i, ACC + i] = where(begin, model.start, P[ACC + i, ACC + i])
-    nav[BIAS] = where(begin, rx.fix[FIX_BIAS], nav[BIAS])
-    nav[DRIFT] = where(begin, rx.fix[FIX_DRIFT], nav[DRIFT])
+    nav[BIAS] = where(begin, receiver.fix[FIX_BIAS], nav[BIAS])
+    nav[DRIFT] = where(begin, receiver.fix[FIX_DRIFT], nav[DRIFT])
     for i in range(4):
         for j in range(4):
             a = POS + i if i < 3 else BIAS
             b = POS + j if j < 3 else BIAS
-            P[a, b] = where(begin, point.range_variance * rx.inverse[i, j], P[a, b])
+            P[a, b] = where(begin, point.range_variance * receiver.inverse[i, j], P[a, b])
             a = VEL + i if i < 3 else DRIFT
             b = VEL + j if j < 3 else DRIFT
-            P[a, b] = where(begin, point.rate_variance * rx.inverse[i, j], P[a, b])
+            P[a, b] = where(begin, point.rate_variance * receiver.inverse[i, j], P[a, b])
 
 
 @jit
-def _output(rx, model, satellites):
+def _output(receiver, model, satellites):
     """Set solution and reported covariance; the solution is NaN before the start and after too long a coast."""
-    memory = rx.memory
+    memory = receiver.memory
     valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
     quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, PROPAGATED))
-    rx.used[0] = where(valid, quality, NO_FIX)
+    receiver.used[0] = where(valid, quality, NO_FIX)
     reported, zero = model.reported, like(satellites, 0.0)
     for i in range(6):
         a = POS + i if i < 3 else VEL + i - 3
-        rx.solution[i] = where(valid, rx.nav[a], np.nan)
+        receiver.solution[i] = where(valid, receiver.nav[a], np.nan)
         for j in range(6):
             b = POS + j if j < 3 else VEL + j - 3
             if reported.own:
-                rx.covariance[i, j] = reported.factor * rx.P[a, b] if reported.correlated or i == j else zero
+                receiver.covariance[i, j] = (
+                    reported.factor * receiver.P[a, b] if reported.correlated or i == j else zero
+                )
             else:
                 constant = reported.position_variance if i < 3 else reported.velocity_variance
-                rx.covariance[i, j] = zero + (constant if i == j else 0.0)
+                receiver.covariance[i, j] = zero + (constant if i == j else 0.0)
 
 
 @jit
-def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
+def step(receiver, model, point, satellite, satellite_velocity, used, n_used, ranges):
     """Propagate the filter from the previous epoch to this one, process its measurements, output its solution.
 
     Parameters
     ----------
-    rx : Receiver
+    receiver : Receiver
         Updated; `switch_on` has set its initial state.
     model : ReceiverFilter
     point : PointModel
@@ -232,40 +249,40 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     quality
         NO_FIX, PROPAGATED (no measurement), PARTIAL (fewer than four satellites), or FULL.
     """
-    quality = fix(rx, point, satellite, satellite_velocity, used, n_used, ranges)
+    quality = fix(receiver, point, satellite, satellite_velocity, used, n_used, ranges)
     fixed = quality >= point.least_quality
-    memory = rx.memory
-    _update_acceleration(rx, model, fixed)
+    memory = receiver.memory
+    _update_acceleration(receiver, model, fixed)
     x, y, z, range_variance, rate_variance = adapted(
         memory[ACCELERATION], memory[ACCELERATION + 1], memory[ACCELERATION + 2], model
     )
-    propagate(rx, model, x, y, z)
+    propagate(receiver, model, x, y, z)
     count, accepted, satellites = _update_by_ranges(
-        rx, model, satellite, satellite_velocity, used, n_used, ranges, (range_variance, rate_variance)
+        receiver, model, satellite, satellite_velocity, used, n_used, ranges, (range_variance, rate_variance)
     )
     memory[MISSES] = where(fixed & (accepted < 0.5 * count), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
-    _start(rx, model, point, begin)
-    for channel in range(rx.innovation.shape[0]):  # no innovations at the epoch of a restart
-        rx.innovation[channel] = where(begin, np.nan, rx.innovation[channel])
+    _start(receiver, model, point, begin)
+    for channel in range(receiver.innovation.shape[0]):  # no innovations at the epoch of a restart
+        receiver.innovation[channel] = where(begin, np.nan, receiver.innovation[channel])
     memory[STARTED] = where(begin, 1.0, memory[STARTED])
     memory[MISSES] = where(begin, 0.0, memory[MISSES])
-    satellites = where(begin, rx.verdict[1], satellites)
+    satellites = where(begin, receiver.verdict[1], satellites)
     memory[IDLE] = where(satellites > 0.0, 0.0, memory[IDLE] + model.interval)
     for i in range(3):
-        rx.near[i] = where(memory[STARTED] > 0.0, rx.nav[POS + i], rx.near[i])
-    rx.used[1] = accepted
-    _output(rx, model, satellites)
-    return rx.used[0]
+        receiver.near[i] = where(memory[STARTED] > 0.0, receiver.nav[POS + i], receiver.near[i])
+    receiver.used[1] = accepted
+    _output(receiver, model, satellites)
+    return receiver.used[0]
 
 
 @jit
-def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ranges):
+def solve(receiver, point, filtering, satellite, satellite_velocity, used, n_used, ranges):
     """Set solution and covariance of a receiver at an epoch; return their quality.
 
     Parameters
     ----------
-    rx : Receiver
+    receiver : Receiver
         Updated.
     point : PointModel
     filtering : ReceiverFilter or None
@@ -273,5 +290,5 @@ def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ran
     satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
     """
     if filtering is None:
-        return solution(rx, point, satellite, satellite_velocity, used, n_used, ranges)
-    return step(rx, filtering, point, satellite, satellite_velocity, used, n_used, ranges)
+        return solution(receiver, point, satellite, satellite_velocity, used, n_used, ranges)
+    return step(receiver, filtering, point, satellite, satellite_velocity, used, n_used, ranges)

@@ -209,19 +209,19 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
 
 
 @jit
-def switch_on(rx: Any, x: Any, y: Any, z: Any) -> None:
+def switch_on(receiver: Any, x: Any, y: Any, z: Any) -> None:
     """Set a receiver to its state before the first epoch; x, y, z (m, frame i) is the guess for its first fix."""
     zero = 0.0 * x
-    rx.near[0], rx.near[1], rx.near[2] = x, y, z
+    receiver.near[0], receiver.near[1], receiver.near[2] = x, y, z
     for i in range(N_STATE):
-        rx.nav[i] = zero
+        receiver.nav[i] = zero
         for j in range(N_STATE):
-            rx.P[i, j] = zero
+            receiver.P[i, j] = zero
     for i in range(N_MEMORY):
-        rx.memory[i] = zero
-    rx.memory[SINCE] = zero - 1.0  # negative: no point solution yet
-    for s in range(rx.average.shape[0]):
-        rx.average[s] = zero
+        receiver.memory[i] = zero
+    receiver.memory[SINCE] = zero - 1.0  # negative: no point solution yet
+    for s in range(receiver.average.shape[0]):
+        receiver.average[s] = zero
 
 
 def point_model(

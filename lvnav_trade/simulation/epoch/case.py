@@ -53,63 +53,71 @@ def case_of(prepared: Prepared, **changed: Any) -> FilterCase:
     return case._replace(**changed)
 
 
-Parts = namedtuple(
-    "Parts",
-    "run rx open_loop watch past motion held missed units backup earlier last points monitor again tape",
+OptionalState = namedtuple(
+    "OptionalState",
+    "run receiver open_loop mode_state state_history motion solution_error transition_errors units backup"
+    " previous_epoch previous_observables sigma_points monitor iteration tape",
     defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None, None, None),
 )
 """Arrays of the optional features of a case; None without the feature, so that other kernels are compiled once.
 
 run : (1,). Number of the run; None in linear covariance.
-rx : filter.receivers.receiver.Receiver. Receiver that computes its solution; in linear covariance the covariance that
+receiver : filter.receivers.receiver.Receiver. Receiver that computes its solution; in linear covariance the covariance
+    that
 it reports.
 open_loop : filter.policies.open_loop.OpenLoop. Open-loop correction.
-watch : filter.policies.mode_logic.ModeState. Mode logic.
-past : (n_place + 1, N_PAST). Stored states of delay compensation, see filter.policies.delay.
+mode_state : filter.policies.mode_logic.ModeState. Mode logic.
+state_history : (n_place + 1, N_PAST). Stored states of delay compensation, see filter.policies.delay.
 motion : filter.policies.imu_samples.ImuSampleWork. IMU samples as measurements, or reported.
-held : Held. Reported error of the receiver's solution.
-missed : Misses. Error of the filter's transition.
-units : UnitWork. IMU array.
+solution_error : LastSolutionError. Reported error of the receiver's solution.
+transition_errors : TransitionErrors. Error of the filter's transition.
+units : ImuArrayWork. IMU array.
 backup : filter.policies.backup.Backup. Backup strapdown, which is never corrected.
-earlier : filter.policies.epoch_differences.PreviousEpoch. Differences of two epochs.
-last : (n_sat, n_kind). Observables of the epoch before, from which differences are formed.
-points : filter.policies.unscented.SigmaPoints. Sigma points.
+previous_epoch : filter.policies.epoch_differences.PreviousEpoch. Differences of two epochs.
+previous_observables : (n_sat, n_kind). Observables of the epoch before, from which differences are formed.
+sigma_points : filter.policies.unscented.SigmaPoints. Sigma points.
 monitor : filter.policies.integrity.state.Monitor. Tests for faults.
-again : filter.policies.iterated.IterationWork. Iterated update.
+iteration : filter.policies.iterated.IterationWork. Iterated update.
 tape : simulation.tape.Tape. Record of one run.
 """
 
 
 @jit
-def _store_estimate_error(work, rx, held, filtering, point_model, point):
+def _store_estimate_error(work, receiver, solution_error, filtering, point_model, point):
     """Set error (frame i) and formal covariance of the receiver's estimate, in the runs that have a solution."""
-    valid = rx.solution[0] == rx.solution[0]
+    valid = receiver.solution[0] == receiver.solution[0]
     if filtering is None:
         for i in range(4):
             a, b = RX_POS + i if i < 3 else RX_BIAS, RX_VEL + i if i < 3 else RX_DRIFT
             for j in range(4):
                 c, d = RX_POS + j if j < 3 else RX_BIAS, RX_VEL + j if j < 3 else RX_DRIFT
-                inverse = rx.inverse[i, j]
-                held.covariance[a, c] = where(valid, point_model.range_variance * inverse, held.covariance[a, c])
-                held.covariance[b, d] = where(valid, point_model.rate_variance * inverse, held.covariance[b, d])
+                inverse = receiver.inverse[i, j]
+                solution_error.covariance[a, c] = where(
+                    valid, point_model.range_variance * inverse, solution_error.covariance[a, c]
+                )
+                solution_error.covariance[b, d] = where(
+                    valid, point_model.rate_variance * inverse, solution_error.covariance[b, d]
+                )
     else:
         for i in range(N_RX):
             for j in range(N_RX):
-                held.covariance[i, j] = where(valid, rx.P[i, j], held.covariance[i, j])
+                solution_error.covariance[i, j] = where(valid, receiver.P[i, j], solution_error.covariance[i, j])
     for i in range(N_FIX):
         at = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
-        estimate = rx.fix[i] if filtering is None else rx.nav[at]
+        estimate = receiver.fix[i] if filtering is None else receiver.nav[at]
         true = like(estimate, point[i]) if i < 6 else work.clock[i - 6]
-        held.error[at] = where(valid, true - estimate, held.error[at])
+        solution_error.error[at] = where(valid, true - estimate, solution_error.error[at])
 
 
 @jit
 def _store_error(run, work, parts, solver, report, epoch):
     """Store the error of the last solution and the innovations of the receiver (run number, or None)."""
     if run is not None:
-        _store_estimate_error(work, parts.rx, parts.held, solver.filter, solver.point, report.point[epoch])
+        _store_estimate_error(
+            work, parts.receiver, parts.solution_error, solver.filter, solver.point, report.point[epoch]
+        )
         for i in range(report.n_channel):
-            work.innovation[epoch, report.first_channel + i] = parts.rx.innovation[i]
+            work.innovation[epoch, report.first_channel + i] = parts.receiver.innovation[i]
 
 
 @jit

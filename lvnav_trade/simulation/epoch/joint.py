@@ -252,7 +252,7 @@ def follow_clock(joint, work, case, weight, epoch, row, kind):
 
 
 @jit
-def start_joint(joint, work, case, watch, rules, epoch):
+def start_joint(joint, work, case, mode_state, rules, epoch):
     """Start the filter in the joint covariance (Joint, or None).
 
     A filter that starts from the receiver's sample takes over its error: an update with gain 1 of position and velocity
@@ -260,7 +260,7 @@ def start_joint(joint, work, case, watch, rules, epoch):
     """
     if joint is not None:
         _clear(work.x)
-        if rules.from_gnss and watch.sample[1] > 0.0:
+        if rules.from_gnss and mode_state.sample[1] > 0.0:
             gain = joint.scratch.gain
             for row in range(6):
                 at = POS + row if row < 3 else VEL + row - 3

@@ -149,11 +149,13 @@ def nominal_tick(sums, reference, tick, dt):
     """Set the integrals over a tick of the nominal flight: C_b_i (9) by the trapezoidal rule, velocity gained (3)."""
     q, p, a, f = reference.q_b_i[tick], reference.q_b_i[tick + 1], reference.dtheta[tick], reference.dvel[tick]
     c, d = matrix(q[0], q[1], q[2], q[3]), matrix(p[0], p[1], p[2], p[3])
-    rx, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
+    receiver, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
     for i in range(3):
         for j in range(3):
             sums[3 * i + j] = 0.5 * dt * (c[3 * i + j] + d[3 * i + j])
-        sums[9 + i] = c[3 * i] * (f[0] + 0.5 * rx) + c[3 * i + 1] * (f[1] + 0.5 * ry) + c[3 * i + 2] * (f[2] + 0.5 * rz)
+        sums[9 + i] = (
+            c[3 * i] * (f[0] + 0.5 * receiver) + c[3 * i + 1] * (f[1] + 0.5 * ry) + c[3 * i + 2] * (f[2] + 0.5 * rz)
+        )
 
 
 @jit

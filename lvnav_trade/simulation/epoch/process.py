@@ -24,16 +24,16 @@ from lvnav_trade.filter import ekf
 from lvnav_trade.filter.ekf import channel_of, correct, n_measured
 from lvnav_trade.filter.policies.epoch_differences import (
     clone_formal,
-    correct_earlier,
-    find_earlier,
+    correct_previous_epoch,
     is_present,
+    recover_previous_epoch,
     renew,
     store_estimate,
 )
 from lvnav_trade.filter.policies.imu_samples import advance_open_loop, correct_tick, mechanise_motion, predict_samples
 from lvnav_trade.filter.policies.integrity.assess import assess
 from lvnav_trade.filter.policies.integrity.state import clear_innovations, permitted
-from lvnav_trade.filter.policies.iterated import hold, linearise_receiver, linearise_sensor
+from lvnav_trade.filter.policies.iterated import linearise_receiver, linearise_sensor, store_prediction
 from lvnav_trade.filter.policies.linearise import (
     fill_receiver_rows,
     fill_sensor_rows,
@@ -59,9 +59,9 @@ from lvnav_trade.simulation.epoch.joint_ticks import (
 
 
 @inlined
-def _update_by_row(work, points, case, joint, epoch, row, channel, gate):
+def _update_by_row(work, sigma_points, case, joint, epoch, row, channel, gate):
     """Update by one scalar measurement, in the filter and in the joint covariance."""
-    weight = update_and_count(work, points, case, epoch, row, channel, gate)
+    weight = update_and_count(work, sigma_points, case, epoch, row, channel, gate)
     follow_update(joint, work, case, weight, epoch, row, channel)
 
 
@@ -75,16 +75,16 @@ def _predicted(work, case, epoch, row):
 
 
 @jit
-def _expect_rows(work, case, joint, watch, epoch):
+def _expect_rows(work, case, joint, mode_state, epoch):
     """Set the inputs of the mode logic: measured minus predicted, and its prediction by the error state."""
     for row in range(n_measured(case.model, case.signals, epoch)):
         channel = channel_of(case.model, case.signals, epoch, row)
-        watch.z[row] = innovation_of(joint, work, case.options.late, epoch, row, channel)
-        watch.predicted[row] = _predicted(work, case, epoch, row)
+        mode_state.z[row] = innovation_of(joint, work, case.options.late, epoch, row, channel)
+        mode_state.predicted[row] = _predicted(work, case, epoch, row)
 
 
 @jit
-def _assess(work, points, case, joint, monitor, gate, epoch):
+def _assess(work, sigma_points, case, joint, monitor, gate, epoch):
     """Test the innovations of an epoch for faults (Monitor, or None), after subtracting their prediction by the error
     state. gate : NOT_USED in the runs whose filter does not run.
     """
@@ -93,7 +93,7 @@ def _assess(work, points, case, joint, monitor, gate, epoch):
             channel = channel_of(case.model, case.signals, epoch, row)
             innovation = innovation_of(joint, work, case.options.late, epoch, row, channel)
             monitor.z[row] = innovation - _predicted(work, case, epoch, row)
-            monitor.variance[row] = noise_variance(work, points, case, epoch, row, channel)
+            monitor.variance[row] = noise_variance(work, sigma_points, case, epoch, row, channel)
         assess(monitor, work, case, where(like(work.x[0], 0.0) + gate >= 0.0, 1.0, 0.0), epoch)
 
 
@@ -143,10 +143,10 @@ def _relinearise(work, parts, case, epoch):
     """
     if not case.model.has_covariance:
         options = case.options
-        correct_earlier(work.x, parts.earlier, options.delayed, case.model)
-        correct(work, parts.past, options.late, case.model)
-        ekf.place_antenna(work, parts.past, options.late, case.model, case.step, epoch)
-        fill_receiver_rows(work, parts, case, parts.points, options.late, epoch)
+        correct_previous_epoch(work.x, parts.previous_epoch, options.delayed, case.model)
+        correct(work, parts.state_history, options.late, case.model)
+        ekf.place_antenna(work, parts.state_history, options.late, case.model, case.step, epoch)
+        fill_receiver_rows(work, parts, case, parts.sigma_points, options.late, epoch)
 
 
 @inlined
@@ -172,28 +172,28 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
         if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
             leave_out(work.z, starts, delayed, model, row)
             gate = permitted(parts.monitor, channel, gate_squared)
-            _update_by_row(work, parts.points, case, joint, epoch, row, channel, gate)
+            _update_by_row(work, parts.sigma_points, case, joint, epoch, row, channel, gate)
             if direct is not None:
                 _relinearise(work, parts, case, epoch)
     if direct is not None:
-        correct(work, parts.past, case.options.late, model)
+        correct(work, parts.state_history, case.options.late, model)
 
 
 @inlined
-def process_receiver(work, parts, case, joint, again, epoch, gate_squared, starts):
+def process_receiver(work, parts, case, joint, iteration, epoch, gate_squared, starts):
     """Decorrelate the receiver's rows, test them for faults and update; an iterated filter repeats the update.
 
-    again : IterationWork, whose rows are linearised at the result of the last update, or None; the others as in
+    iteration : IterationWork, whose rows are linearised at the result of the last update, or None; the others as in
     `update_receiver`
     """
     options = case.options
-    ekf.decorrelate(work, parts, case, parts.rx, options.late, epoch)
-    _assess(work, parts.points, case, joint, parts.monitor, gate_squared, epoch)  # may inflate the covariance
-    hold(again, work, epoch)  # so every pass starts from the inflated prediction
+    ekf.decorrelate(work, parts, case, parts.receiver, options.late, epoch)
+    _assess(work, parts.sigma_points, case, joint, parts.monitor, gate_squared, epoch)  # may inflate the covariance
+    store_prediction(iteration, work, epoch)  # so every pass starts from the inflated prediction
     update_receiver(work, parts, case, joint, options.direct, epoch, gate_squared, starts)
-    if again is not None:
+    if iteration is not None:
         for _ in range(0 if is_receiver_stored(options.late) else options.iterated.repeats):
-            linearise_receiver(work, parts, case, again, epoch)
+            linearise_receiver(work, parts, case, iteration, epoch)
             update_receiver(work, parts, case, joint, None, epoch, gate_squared, starts)
 
 
@@ -204,22 +204,22 @@ def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
     """
     first, sensors = ekf.row_of(case.model, work, case.sensors.channel[k]), case.sensors
     for i in range(sensors.scalars[k]):
-        _update_by_row(work, parts.points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
+        _update_by_row(work, parts.sigma_points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
         if direct is not None:
-            correct(work, parts.past, case.options.late, case.model)
-            fill_sensor_rows(work, parts, case, parts.points, case.options.late, k, epoch)
+            correct(work, parts.state_history, case.options.late, case.model)
+            fill_sensor_rows(work, parts, case, parts.sigma_points, case.options.late, k, epoch)
 
 
 @inlined
-def _process_sensor(work, parts, case, joint, again, k, epoch, gate_squared):
+def _process_sensor(work, parts, case, joint, iteration, k, epoch, gate_squared):
     """Update by the measurements of sensor k; an iterated filter (IterationWork, or None) repeats the update."""
     late = case.options.late
-    fill_sensor_rows(work, parts, case, parts.points, late, k, epoch)
-    hold(again, work, epoch)
+    fill_sensor_rows(work, parts, case, parts.sigma_points, late, k, epoch)
+    store_prediction(iteration, work, epoch)
     _update_sensor(work, parts, case, joint, case.options.direct, k, epoch, gate_squared)
-    if again is not None:
+    if iteration is not None:
         for _ in range(0 if is_sensor_stored(late, k) else case.options.iterated.repeats):
-            linearise_sensor(work, parts, case, again, k, epoch)
+            linearise_sensor(work, parts, case, iteration, k, epoch)
             _update_sensor(work, parts, case, joint, None, k, epoch, gate_squared)
 
 
@@ -229,56 +229,56 @@ def _process_sensors(work, parts, case, joint, epoch, gate_squared):
     sensors = case.sensors
     for k in range(sensors.code.shape[0]):
         if sensors.on[k, epoch] and case.model.measured[sensors.channel[k]]:
-            _process_sensor(work, parts, case, joint, parts.again, k, epoch, gate_squared)
+            _process_sensor(work, parts, case, joint, parts.iteration, k, epoch, gate_squared)
 
 
 @jit
-def _sample_variance(out, rx, variance, scale, from_gnss):
+def _sample_variance(out, receiver, variance, scale, from_gnss):
     """Set the variances (6,) of the solution from which a filter starts: reported by the receiver (Receiver), or of
     the filter model (None).
     """
     if from_gnss:
         for row in range(6):
-            if rx is None:
+            if receiver is None:
                 out[row] = like(out[0], variance[row])
             else:
-                out[row] = rx.covariance[row, row] * (scale[row] * scale[row])
+                out[row] = receiver.covariance[row, row] * (scale[row] * scale[row])
 
 
 @inlined
 def _start(work, parts, case, joint, rules, epoch):
     """Start the filter where the mode logic permits, and reset the states that begin at this epoch."""
-    watch, signals = parts.watch, case.signals
+    mode_state, signals = parts.mode_state, case.signals
     variance, scale = signals.variance[epoch], signals.scale[epoch]
-    _sample_variance(watch.predicted, parts.rx, variance, scale, rules.from_gnss)
-    start_filter(work.P, work.x, watch, rules, work.z)
-    start_joint(joint, work, case, watch, rules, epoch)
+    _sample_variance(mode_state.predicted, parts.receiver, variance, scale, rules.from_gnss)
+    start_filter(work.P, work.x, mode_state, rules, work.z)
+    start_joint(joint, work, case, mode_state, rules, epoch)
     renew(work.P, work.x, work.extra, case.options.delayed, case.model, epoch)
-    clear_innovations(parts.monitor, watch.sample[1])
+    clear_innovations(parts.monitor, mode_state.sample[1])
 
 
 @inlined
 def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
     """Process the receiver's measurements of an epoch if the mode logic permits, then update its mode."""
-    model, signals, watch = case.model, case.signals, parts.watch
+    model, signals, mode_state = case.model, case.signals, parts.mode_state
     n_row = n_measured(model, signals, epoch)
     if rules.good[epoch]:
-        fill_receiver_rows(work, parts, case, parts.points, case.options.late, epoch)
+        fill_receiver_rows(work, parts, case, parts.sigma_points, case.options.late, epoch)
         if open_loop is not None:
-            compare_receiver(work, parts.past, case, case.options.late, epoch)
-        _expect_rows(work, case, joint, watch, epoch)
-    check_measurements(watch, rules, case.options.delayed, model, signals, epoch, watch.z, n_row)
+            compare_receiver(work, parts.state_history, case, case.options.late, epoch)
+        _expect_rows(work, case, joint, mode_state, epoch)
+    check_measurements(mode_state, rules, case.options.delayed, model, signals, epoch, mode_state.z, n_row)
     if rules.good[epoch]:
         _start(work, parts, case, joint, rules, epoch)
-        used, starts = watch.sample[0] > 0.0, watch.sample[1] > 0.0
+        used, starts = mode_state.sample[0] > 0.0, mode_state.sample[1] > 0.0
         process_receiver(
-            work, parts, case, joint, parts.again, epoch, where(used, model.gate_squared, NOT_USED), starts
+            work, parts, case, joint, parts.iteration, epoch, where(used, model.gate_squared, NOT_USED), starts
         )
         # innovations of a sample that the logic rejects are not results
         for row in range(n_row):
             channel = channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
-    update_mode(watch, rules, epoch, work.P)
+    update_mode(mode_state, rules, epoch, work.P)
 
 
 @inlined
@@ -301,22 +301,22 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
     """
     options, model, gate = case.options, case.model, case.model.gate_squared
     begin_sum(open_loop, work.x)
-    ekf.place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    ekf.place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
     # clones are computed and extra states reset before the first update of the epoch
-    find_earlier(work.P, parts.earlier, options.delayed)
+    recover_previous_epoch(work.P, parts.previous_epoch, options.delayed)
     renew(work.P, work.x, work.extra, options.delayed, model, epoch)
     if rules is None:
         if n_measured(model, case.signals, epoch) > 0:
-            fill_receiver_rows(work, parts, case, parts.points, options.late, epoch)
+            fill_receiver_rows(work, parts, case, parts.sigma_points, options.late, epoch)
             if open_loop is not None:
-                compare_receiver(work, parts.past, case, options.late, epoch)
-            process_receiver(work, parts, case, joint, parts.again, epoch, gate, None)
+                compare_receiver(work, parts.state_history, case, options.late, epoch)
+            process_receiver(work, parts, case, joint, parts.iteration, epoch, gate, None)
         if sensors is not None:
             _process_sensors(work, parts, case, joint, epoch, gate)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(work, parts, case, joint, open_loop, rules, epoch)
         if sensors is not None:
-            gate = where(is_running(parts.watch.state[MODE]) > 0.0, gate, NOT_USED)
+            gate = where(is_running(parts.mode_state.state[MODE]) > 0.0, gate, NOT_USED)
             _process_sensors(work, parts, case, joint, epoch, gate)
 
 
@@ -324,8 +324,8 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
 def end_epoch(work, parts, case, epoch):
     """Store the estimate for the differences of the next epoch, and clone its error."""
     options = case.options
-    store_estimate(work, parts.earlier, parts.past, options.late, options.delayed, case.model, epoch)
-    clone_formal(work.P, parts.earlier, options.delayed)
+    store_estimate(work, parts.previous_epoch, parts.state_history, options.late, options.delayed, case.model, epoch)
+    clone_formal(work.P, parts.previous_epoch, options.delayed)
 
 
 @inlined

@@ -11,7 +11,7 @@ from lvnav_trade.gnss.faults import Failures
 from lvnav_trade.gnss.receiver_cards import DirectSolution, ReceiverCard
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.quantities.records import Floats, Ints
-from lvnav_trade.quantities.state_layout import StateLayout, standing_for
+from lvnav_trade.quantities.state_layout import StateLayout, states_modelling
 from lvnav_trade.scenario.filter_models import solves
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import LEVER_AXES, PHASES, Channels, MeasurementGeometry, members, partial
@@ -212,7 +212,7 @@ def shared_of(
     n_channel = shape[1]
     errors = [item.error for item in entering]
     labelled = [(error, label) for error in errors for label in error.labels]
-    stand = [[number for _, number in standing_for(layout.extras, error.state, label)] for error, label in labelled]
+    stand = [[number for _, number in states_modelling(layout.extras, error.state, label)] for error, label in labelled]
     counts = np.array([len(error.labels) for error in errors], dtype=np.int64)
     first = np.cumsum(counts) - counts
     sigma = np.array([error.sigma for error in errors], dtype=float)

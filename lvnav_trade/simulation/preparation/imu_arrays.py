@@ -223,15 +223,17 @@ def white_of(unit: ImuCard, dt: float) -> Floats:
 def along_axes(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     """Return angle and velocity increments along the sensing axes, (n_triad, n_imu, 3) each, without errors.
 
-    Lever arms are compensated as in the kernel (`simulation.imu_array.swung`).
+    Lever arms are compensated as in the kernel (`simulation.imu_array.lever_arm_increment`).
     """
     directions = units.frames[:, :, 0]
     angles = np.einsum("tcj,tnj->tnc", directions, units.dtheta)
     angle = _solved(units, GYRO, angles)
     change = np.diff(angle, axis=0, prepend=angle[:1])
     # increment of a lever arm r over a tick: (change of w) x r + w x (w x r) dt
-    swung = [(np.cross(change, lever) + np.cross(angle, np.cross(angle, lever))) / dt for lever in units.lever]
-    return angles, np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(swung))
+    lever_arm_increment = [
+        (np.cross(change, lever) + np.cross(angle, np.cross(angle, lever))) / dt for lever in units.lever
+    ]
+    return angles, np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(lever_arm_increment))
 
 
 def fused(units: ImuArray, dt: float) -> tuple[Floats, Floats]:

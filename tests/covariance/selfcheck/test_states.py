@@ -11,9 +11,9 @@ from tests.covariance.diagnostics.checked import failed
 def test_an_error_that_is_fed_back_with_the_wrong_sign_is_found(monkeypatch):
     sound = states.correct
 
-    def wrong(work, past, late, model):
+    def wrong(work, state_history, late, model):
         work.x[3:6] *= -1.0
-        sound(work, past, late, model)
+        sound(work, state_history, late, model)
 
     monkeypatch.setattr(states, "correct", wrong)
     assert [what for what, *_ in failed(round_trip(case(MATCHED)))] == ["velocity"]

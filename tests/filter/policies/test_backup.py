@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.covariance.history import adjoint, covariance, source_covariances
 from lvnav_trade.filter import ekf
 from lvnav_trade.kernels.transition import correct_motion
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import update_receiver
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import INERTIAL, MATCHED, loaded, prepare_hop, with_fields
@@ -105,8 +105,8 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
 
     direct, closed, by_hand = start(), start(), start()
     case = case_of(prepared)
-    update_receiver(direct, Parts(), case, None, True, epoch, np.inf, None)
-    update_receiver(closed, Parts(), case, None, None, epoch, np.inf, None)
+    update_receiver(direct, OptionalState(), case, None, True, epoch, np.inf, None)
+    update_receiver(closed, OptionalState(), case, None, None, epoch, np.inf, None)
     ekf.correct(closed, None, None, model)
     P = np.array(by_hand.P)
     for row in range(n_row):

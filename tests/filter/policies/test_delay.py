@@ -45,8 +45,8 @@ def late(**fields):
 
 
 @jit
-def kept_after(past, nav, previous, x, settings, window):
-    keep(past, nav, previous, x, settings, window, DT, J4)
+def kept_after(state_history, nav, previous, x, settings, window):
+    keep(state_history, nav, previous, x, settings, window, DT, J4)
 
 
 def state():
@@ -56,26 +56,26 @@ def state():
 
 def test_state_and_earlier_velocity_are_kept_at_their_windows_only():
     nav, previous = state()
-    past, none = np.zeros((2, N_PAST)), np.zeros(9)
-    kept = past[0]
-    kept_after(past, nav, previous, none, late(), 2)
-    assert not past.any()
-    kept_after(past, nav, previous, none, late(), 0)
+    state_history, none = np.zeros((2, N_PAST)), np.zeros(9)
+    kept = state_history[0]
+    kept_after(state_history, nav, previous, none, late(), 2)
+    assert not state_history.any()
+    kept_after(state_history, nav, previous, none, late(), 0)
     np.testing.assert_array_equal(kept[EARLY : EARLY + 3], V_I)
     assert not kept[:EARLY].any()
-    kept_after(past, nav, previous, none, late(), 1)
+    kept_after(state_history, nav, previous, none, late(), 1)
     np.testing.assert_array_equal(kept[NAV : NAV + 10], nav)
     np.testing.assert_array_equal(kept[LAST : LAST + 6], previous)
-    kept_after(past, 2.0 * nav, previous, none, None, 1)
+    kept_after(state_history, 2.0 * nav, previous, none, None, 1)
     np.testing.assert_array_equal(kept[NAV : NAV + 10], nav)
-    assert not past[1].any()
+    assert not state_history[1].any()
 
 
 def test_between_two_ticks_the_state_moves_with_its_own_acceleration():
     nav, previous = state()
-    past = np.zeros((2, N_PAST))
-    kept = past[0]
-    kept_after(past, nav, previous, np.zeros(9), late(offset=np.array([[0.002]])), 1)
+    state_history = np.zeros((2, N_PAST))
+    kept = state_history[0]
+    kept_after(state_history, nav, previous, np.zeros(9), late(offset=np.array([[0.002]])), 1)
     force = previous[3:] / DT + np.array(gravity_j4(*R_I))
     np.testing.assert_allclose(kept[NAV + R : NAV + R + 3], R_I + 0.002 * V_I + 0.5 * 0.002**2 * force, atol=1e-9)
     np.testing.assert_allclose(kept[NAV + V : NAV + V + 3], V_I + 0.002 * force, atol=1e-12)
@@ -87,12 +87,12 @@ def test_an_extrapolated_solution_is_an_euler_step_with_the_covariance_of_equati
     root = rng.standard_normal((9, 9))
     P, base = root @ root.T, np.diag([4.0] * 3 + [0.01] * 3)
     slope, before = np.array([30.0, -10.0, 5.0]), np.array([29.0, -10.0, 4.0])
-    past = np.zeros((2, N_PAST))
-    kept, last = past
+    state_history = np.zeros((2, N_PAST))
+    kept, last = state_history
     kept[NAV + V : NAV + V + 3], kept[EARLY : EARLY + 3] = V_I, V_I - 0.1 * slope
     last[:3], last[KNOWN] = before, 1.0
     z, reported = np.zeros(6), base.copy()
-    carry_on(z, reported, past, P, late(jitter=1e-6, acceleration=0.04), 0)
+    carry_on(z, reported, state_history, P, late(jitter=1e-6, acceleration=0.04), 0)
     moves = np.concatenate([V_I, slope])
     np.testing.assert_allclose(z, 0.3 * moves, rtol=1e-10)
     left = 0.5 * 0.3**2 * np.concatenate([slope, slope - before])
@@ -104,26 +104,26 @@ def test_an_extrapolated_solution_is_an_euler_step_with_the_covariance_of_equati
 
 
 def test_the_first_epoch_knows_no_change_of_the_acceleration():
-    past = np.zeros((2, N_PAST))
-    past[0, NAV + V : NAV + V + 3], past[0, EARLY : EARLY + 3] = V_I, V_I - 3.0
+    state_history = np.zeros((2, N_PAST))
+    state_history[0, NAV + V : NAV + V + 3], state_history[0, EARLY : EARLY + 3] = V_I, V_I - 3.0
     reported = np.zeros((6, 6))
-    carry_on(np.zeros(6), reported, past, np.zeros((9, 9)), late(), 0)
+    carry_on(np.zeros(6), reported, state_history, np.zeros((9, 9)), late(), 0)
     assert not reported[3:, :].any()
     assert reported[0, 0] == pytest.approx((0.5 * 0.09 * 30.0) ** 2)
-    assert past[1, KNOWN] == 1.0
+    assert state_history[1, KNOWN] == 1.0
 
 
 def test_an_epoch_that_is_extrapolated_again_gets_the_same_covariance():
-    past = np.zeros((2, N_PAST))
-    past[0, NAV + V : NAV + V + 3], past[0, EARLY : EARLY + 3] = V_I, V_I - 3.0
-    past[1, :3], past[1, KNOWN] = 25.0, 1.0
+    state_history = np.zeros((2, N_PAST))
+    state_history[0, NAV + V : NAV + V + 3], state_history[0, EARLY : EARLY + 3] = V_I, V_I - 3.0
+    state_history[1, :3], state_history[1, KNOWN] = 25.0, 1.0
     found = np.zeros((2, 6, 6))
-    carry_on(np.zeros(6), found[0], past, np.zeros((9, 9)), late(), 0)
-    repeat_extrapolation(past, late())
-    carry_on(np.zeros(6), found[1], past, np.zeros((9, 9)), late(), 0)
+    carry_on(np.zeros(6), found[0], state_history, np.zeros((9, 9)), late(), 0)
+    repeat_extrapolation(state_history, late())
+    carry_on(np.zeros(6), found[1], state_history, np.zeros((9, 9)), late(), 0)
     np.testing.assert_array_equal(found[1], found[0])
     assert found[0, 3, 3] == pytest.approx((0.5 * 0.09 * 5.0) ** 2)
-    repeat_extrapolation(past, None)
+    repeat_extrapolation(state_history, None)
 
 
 def test_a_delay_of_several_epochs_stores_several_states_at_once_each_in_its_place():
@@ -133,13 +133,13 @@ def test_a_delay_of_several_epochs_stores_several_states_at_once_each_in_its_pla
     ends = np.array([[k, k + 1] for k in range(5)])
     settings = late(n_ring=np.array([3]), valid=ends[None], early=ends[None], offset=np.zeros((1, 5)))
     nav, previous = state()
-    past = np.zeros((4, N_PAST))
+    state_history = np.zeros((4, N_PAST))
     for window in range(5):
-        kept_after(past, (window + 1.0) * nav, previous, np.full(9, float(window)), settings, window)
+        kept_after(state_history, (window + 1.0) * nav, previous, np.full(9, float(window)), settings, window)
     for epoch in (2, 3, 4):
-        np.testing.assert_array_equal(past[epoch % 3, NAV : NAV + 10], (epoch + 1.0) * nav)
-        np.testing.assert_array_equal(past[epoch % 3, ERROR : ERROR + 9], epoch)
-    assert not past[3].any()
+        np.testing.assert_array_equal(state_history[epoch % 3, NAV : NAV + 10], (epoch + 1.0) * nav)
+        np.testing.assert_array_equal(state_history[epoch % 3, ERROR : ERROR + 9], epoch)
+    assert not state_history[3].any()
 
 
 def test_the_stored_attitude_of_a_sensor_is_turned_by_less_than_a_tick_and_that_of_a_receiver_is_not():
@@ -148,9 +148,9 @@ def test_the_stored_attitude_of_a_sensor_is_turned_by_less_than_a_tick_and_that_
     offset = np.array([[0.4 * DT]])
     own, receivers = (late(offset=offset, receiver=line) for line in (-1, 0))
     for settings, expected in ((own, 0.4 * previous[:3]), (receivers, np.zeros(3))):
-        past = np.zeros((2, N_PAST))
-        kept_after(past, nav, previous, np.zeros(9), settings, 1)
-        np.testing.assert_allclose(2.0 * past[0, NAV + Q + 1 : NAV + Q + 4], expected, atol=1e-9)
+        state_history = np.zeros((2, N_PAST))
+        kept_after(state_history, nav, previous, np.zeros(9), settings, 1)
+        np.testing.assert_allclose(2.0 * state_history[0, NAV + Q + 1 : NAV + Q + 4], expected, atol=1e-9)
 
 
 def test_lines_have_places_of_their_own_one_behind_the_other():
@@ -163,29 +163,29 @@ def test_lines_have_places_of_their_own_one_behind_the_other():
 
 def test_what_is_fed_back_corrects_every_stored_state_of_a_buffered_filter_and_none_of_an_extrapolated_one():
     nav, x = state()[0], 1e-3 * np.arange(1.0, 10.0)
-    past = np.zeros((3, N_PAST))
-    past[:2, NAV : NAV + 10] = nav
-    untouched = past.copy()
-    correct_stored(past, late(n_ring=np.array([2])), x)
-    np.testing.assert_array_equal(past, untouched)
-    correct_stored(past, late(n_ring=np.array([2]), extrapolated=False), x)
-    for stored in past[:2]:
+    state_history = np.zeros((3, N_PAST))
+    state_history[:2, NAV : NAV + 10] = nav
+    untouched = state_history.copy()
+    correct_stored(state_history, late(n_ring=np.array([2])), x)
+    np.testing.assert_array_equal(state_history, untouched)
+    correct_stored(state_history, late(n_ring=np.array([2]), extrapolated=False), x)
+    for stored in state_history[:2]:
         np.testing.assert_allclose(stored[NAV + V : NAV + V + 3] - V_I, x[VEL : VEL + 3], rtol=1e-9)
         np.testing.assert_allclose(stored[NAV + R : NAV + R + 3] - R_I, x[POS : POS + 3], atol=1e-9)
         np.testing.assert_allclose(2.0 * stored[NAV + Q + 1 : NAV + Q + 4], x[ATT : ATT + 3], rtol=1e-5)
-    assert not past[2].any()
+    assert not state_history[2].any()
 
 
 def test_an_open_loop_compares_a_late_measurement_with_the_error_state_of_its_time():
     rng = np.random.default_rng(3)
-    settings, past = late(n_ring=np.array([2]), extrapolated=False), rng.standard_normal((3, N_PAST))
-    stored = past.copy()
+    settings, state_history = late(n_ring=np.array([2]), extrapolated=False), rng.standard_normal((3, N_PAST))
+    stored = state_history.copy()
     x, before, h = rng.standard_normal(12), rng.standard_normal(12), rng.standard_normal(5)
-    correct_stored_errors(past, settings, x, before)
-    np.testing.assert_allclose(past[:2, ERROR : ERROR + 9], stored[:2, ERROR : ERROR + 9] + (x - before)[:9])
-    np.testing.assert_array_equal(past[2], stored[2])
+    correct_stored_errors(state_history, settings, x, before)
+    np.testing.assert_allclose(state_history[:2, ERROR : ERROR + 9], stored[:2, ERROR : ERROR + 9] + (x - before)[:9])
+    np.testing.assert_array_equal(state_history[2], stored[2])
     # a parameter is not stored: what the error state says of it is that of now
     entries, columns = np.array([0, 2, 4]), np.array([POS, VEL + 1, 10])
-    found = predicted_of_stored(past, place_of(settings, 0, 3), h, entries, columns, x)
-    then = past[1, ERROR : ERROR + 9]
+    found = predicted_of_stored(state_history, place_of(settings, 0, 3), h, entries, columns, x)
+    then = state_history[1, ERROR : ERROR + 9]
     assert found == pytest.approx(h[0] * (then[POS] - x[POS]) + h[2] * (then[VEL + 1] - x[VEL + 1]), rel=1e-12)

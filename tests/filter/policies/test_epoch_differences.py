@@ -13,8 +13,8 @@ from lvnav_trade.filter.policies.epoch_differences import (
     accumulate_transition,
     begin_transition,
     clone,
-    find_earlier,
-    new_earlier,
+    new_previous_epoch,
+    recover_previous_epoch,
     renew,
 )
 from lvnav_trade.kernels.covariance import predict, update_scalar
@@ -112,16 +112,16 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     )
     by_clone, by_inverse = P.copy(), P.copy()
     clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
-    earlier = new_earlier(inverse, 1, 0, n)
+    previous_epoch = new_previous_epoch(inverse, 1, 0, n)
     clone(by_clone, clones)
-    begin_transition(earlier, inverse)
+    begin_transition(previous_epoch, inverse)
     for _ in range(4):
         for one in (by_clone, by_inverse):
             apply_robustness(one, model, 0)
             predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
-        accumulate_transition(earlier, inverse, blocks, np.zeros(18), model, 0, -1)
+        accumulate_transition(previous_epoch, inverse, blocks, np.zeros(18), model, 0, -1)
     assert np.abs(by_inverse[first:]).max() == 0.0
-    find_earlier(by_inverse, earlier, inverse)
+    recover_previous_epoch(by_inverse, previous_epoch, inverse)
     np.testing.assert_allclose(by_inverse, by_clone, rtol=0, atol=1e-10 * np.abs(by_clone).max())
 
 

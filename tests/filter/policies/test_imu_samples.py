@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.filter.policies import imu_samples as samples
-from lvnav_trade.filter.policies.epoch_differences import DifferenceProcessing, new_earlier
+from lvnav_trade.filter.policies.epoch_differences import DifferenceProcessing, new_previous_epoch
 from lvnav_trade.kernels.transition import POS
 from lvnav_trade.quantities.shared_cards import steady_ratio
 from lvnav_trade.simulation.montecarlo import run_block
@@ -139,13 +139,13 @@ def test_samples_correct_the_state_at_the_earlier_epoch_of_a_difference(monkeypa
     """In closed loop the error state is fed back at every tick: what samples tell of a clone goes into its estimate."""
     for name in ("correct_motion", "correct_receiver"):
         monkeypatch.setattr(samples, name, lambda *_: None)
-    monkeypatch.setattr(samples, "correct_earlier", samples.correct_earlier.py_func)
+    monkeypatch.setattr(samples, "correct_previous_epoch", samples.correct_previous_epoch.py_func)
     cloned = np.array([POS, POS + 1, POS + 2])
     delayed = DifferenceProcessing(np.ones(3, bool), np.ones((1, 3), bool), 0, np.full((1, 1), -1.0), cloned, 9, False)
     model = SimpleNamespace(n_state=12, clock=-1, extra_offset=np.zeros(0, dtype=int))
     for open_loop, expected in ((None, [1.0, 2.0, 3.0]), (object(), [0.0, 0.0, 0.0])):
-        work, earlier = SimpleNamespace(x=np.zeros(12), nav=None), new_earlier(delayed, 1, 0, 12)
+        work, previous_epoch = SimpleNamespace(x=np.zeros(12), nav=None), new_previous_epoch(delayed, 1, 0, 12)
         work.x[9:] = 1.0, 2.0, 3.0
-        samples._correct_closed.py_func(work, earlier, open_loop, delayed, model)
-        np.testing.assert_array_equal(earlier.antenna[0, :3], expected)
+        samples._correct_closed.py_func(work, previous_epoch, open_loop, delayed, model)
+        np.testing.assert_array_equal(previous_epoch.antenna[0, :3], expected)
         assert np.any(work.x) == (open_loop is not None)

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.filter import ekf
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import process_receiver
 from lvnav_trade.simulation.montecarlo import new_work, run_block
 from tests.building import loaded, prepare_hop, with_fields
@@ -49,8 +49,8 @@ def updated(prepared, off, sigma, epoch=0):
     """Return the arrays of an iterated update, the covariance before it, and the error state of a single update."""
     case, (once, _), (work, parts) = case_of(prepared), *(predicted(prepared, off, sigma, epoch) for _ in range(2))
     P, nav = work.P.copy(), work.nav.copy()
-    process_receiver(once, Parts(), case, None, None, epoch, np.inf, None)
-    process_receiver(work, parts, case, None, parts.again, epoch, np.inf, None)
+    process_receiver(once, OptionalState(), case, None, None, epoch, np.inf, None)
+    process_receiver(work, parts, case, None, parts.iteration, epoch, np.inf, None)
     assert np.array_equal(work.nav, nav)
     return work, P, once.x.copy()
 

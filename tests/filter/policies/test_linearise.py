@@ -50,11 +50,11 @@ CASE = SimpleNamespace(
     sensors=SimpleNamespace(channel=[6, 7], scalars=[1, 2]),
     schedule=SimpleNamespace(length=[0], injection=[-1]),
 )  # fmt: skip
-PARTS = SimpleNamespace(earlier=None)
+PARTS = SimpleNamespace(previous_epoch=None)
 
 
 @pytest.mark.parametrize(
-    ("points", "settings", "receiver", "sensor"),
+    ("sigma_points", "settings", "receiver", "sensor"),
     [
         (None, None, ["fill_receiver"], ["fill_sensor_at_state"]),
         (None, BUFFERED, ["fill_receiver"], ["fill_sensor_at_state"]),
@@ -64,15 +64,17 @@ PARTS = SimpleNamespace(earlier=None)
         (True, OF_SENSOR, ["regress_receiver"], ["fill_sensor_at_state", "clear_spread"]),
     ],
 )
-def test_rows_are_by_points_but_where_they_are_compared_with_a_stored_state(called, points, settings, receiver, sensor):
-    linearise.fill_receiver_rows.py_func(None, PARTS, CASE, points, settings, 0)
+def test_rows_are_by_points_but_where_they_are_compared_with_a_stored_state(
+    called, sigma_points, settings, receiver, sensor
+):
+    linearise.fill_receiver_rows.py_func(None, PARTS, CASE, sigma_points, settings, 0)
     assert called == receiver
     called.clear()
-    linearise.fill_sensor_rows.py_func(None, PARTS, CASE, points, settings, 1, 0)
+    linearise.fill_sensor_rows.py_func(None, PARTS, CASE, sigma_points, settings, 1, 0)
     assert called == sensor
 
 
 def test_a_window_is_propagated_by_the_transition_or_by_points(called):
-    for points in (None, True):
-        linearise.propagate_estimate.py_func(None, CASE, points, None, 0)
+    for sigma_points in (None, True):
+        linearise.propagate_estimate.py_func(None, CASE, sigma_points, None, 0)
     assert called == ["predict_window", "propagate_by_points"]

@@ -23,12 +23,12 @@ from lvnav_trade.filter.policies.mode_logic import (
     RESIDUAL_PERSISTS,
     ModeRules,
     ModeState,
-    begin_watch,
+    begin_mode_logic,
     check_measurements,
     hold_correction,
     is_correcting,
     is_running,
-    new_watch,
+    new_mode_state,
     start_filter,
     update_mode,
 )
@@ -67,38 +67,39 @@ def rules(**changed):
 
 
 @jit
-def epoch_of(watch, rules, model, signals, epoch, P, x, z, grown, variance):
+def epoch_of(mode_state, rules, model, signals, epoch, P, x, z, grown, variance):
     """One epoch as the filter goes through it; without an update: the error state stays, the covariance is given."""
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + grown
     for row in range(6):
-        watch.predicted[row] = x[6 + row] if row < 3 else x[row]
-    check_measurements(watch, rules, None, model, signals, epoch, z, 6)
+        mode_state.predicted[row] = x[6 + row] if row < 3 else x[row]
+    check_measurements(mode_state, rules, None, model, signals, epoch, z, 6)
     if rules.good[epoch]:
         for row in range(6):
-            watch.predicted[row] = variance[row]
-        start_filter(P, x, watch, rules, z)
-    update_mode(watch, rules, epoch, P)
+            mode_state.predicted[row] = variance[row]
+        start_filter(P, x, mode_state, rules, z)
+    update_mode(mode_state, rules, epoch, P)
 
 
 def run(settings, z=None, broken=()):
     """Return the log of a run: (epoch, before, after, reason) of every change, and what was used at each epoch."""
-    watch = new_watch(N_EPOCH)
-    begin_watch(watch)
+    mode_state = new_mode_state(N_EPOCH)
+    begin_mode_logic(mode_state)
     P, x, used = P0.copy(), np.zeros(N), []
     z = np.zeros((N_EPOCH, 6)) if z is None else z
     for epoch in range(N_EPOCH):
         grown = np.nan if epoch in broken else 0.0
-        epoch_of(watch, settings, LOOSE, NO_RANGES, epoch, P, x, z[epoch], grown, VARIANCE)
-        used.append(bool(watch.sample[0]))
+        epoch_of(mode_state, settings, LOOSE, NO_RANGES, epoch, P, x, z[epoch], grown, VARIANCE)
+        used.append(bool(mode_state.sample[0]))
         if epoch in broken:
             P[:] = P0
-    mode = watch.mode.astype(int)
+    mode = mode_state.mode.astype(int)
     before = np.concatenate([[WAITING], mode[:-1]])
     changes = [
-        (k, MODES[before[k]], MODES[mode[k]], REASONS[int(watch.reason[k])]) for k in np.flatnonzero(mode != before)
+        (k, MODES[before[k]], MODES[mode[k]], REASONS[int(mode_state.reason[k])])
+        for k in np.flatnonzero(mode != before)
     ]
-    assert np.array_equal(np.flatnonzero(watch.reason), np.flatnonzero(mode != before))
+    assert np.array_equal(np.flatnonzero(mode_state.reason), np.flatnonzero(mode != before))
     return changes, np.array(used), P, x
 
 
@@ -238,8 +239,8 @@ def test_a_start_sets_error_state_and_covariance_and_from_gnss_takes_the_sample(
 
 
 @jit
-def has_covariance(watch, rules, model, signals, epoch, z, n_row):
-    check_measurements(watch, rules, None, model, signals, epoch, z, n_row)
+def has_covariance(mode_state, rules, model, signals, epoch, z, n_row):
+    check_measurements(mode_state, rules, None, model, signals, epoch, z, n_row)
 
 
 def test_ranges_are_checked_by_the_channels_of_their_satellites():
@@ -250,18 +251,18 @@ def test_ranges_are_checked_by_the_channels_of_their_satellites():
     taken[5] = False  # the range rate of the third satellite
     model, signals = FilterModel(True, taken, 2), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
     limits = np.array([10.0, 1.0, 10.0, 1.0, 10.0, 1.0])
-    settings, watch = rules(limits=limits, start_after=2.0), new_watch(3, 6, 6)
-    begin_watch(watch)
+    settings, mode_state = rules(limits=limits, start_after=2.0), new_mode_state(3, 6, 6)
+    begin_mode_logic(mode_state)
     samples = [[100.0, 5.0, 300.0, 7.0], [301.0, 99.0, 101.0, 5.5], [102.0, 5.0, 50.0, 2.0]]
     for epoch, values in enumerate(samples):
         z = np.array([*values, 0.0, 0.0])
-        has_covariance(watch, settings, model, signals, epoch, z, 4)
-        assert watch.state[COUNT] == epoch + 1.0
-        assert watch.sample[1] == (1.0 if epoch else 0.0)
-    np.testing.assert_array_equal(watch.before, [102.0, 5.0, 50.0, 2.0, 301.0, np.nan])
+        has_covariance(mode_state, settings, model, signals, epoch, z, 4)
+        assert mode_state.state[COUNT] == epoch + 1.0
+        assert mode_state.sample[1] == (1.0 if epoch else 0.0)
+    np.testing.assert_array_equal(mode_state.before, [102.0, 5.0, 50.0, 2.0, 301.0, np.nan])
     apart = np.array([113.0, 5.0, 50.0, 2.0, 0.0, 0.0])
-    has_covariance(watch, settings, model, signals, 2, apart, 4)
-    assert watch.state[COUNT] == 1.0
+    has_covariance(mode_state, settings, model, signals, 2, apart, 4)
+    assert mode_state.state[COUNT] == 1.0
 
 
 def test_a_difference_that_is_not_there_is_not_checked():
@@ -269,12 +270,12 @@ def test_a_difference_that_is_not_there_is_not_checked():
     model, signals = FilterModel(True, np.ones(2, dtype=bool), 2), Signals(np.array([[0]]))
     z = np.array([1.0, np.nan])
     for present, count in ((False, 1.0), (True, 0.0)):
-        settings, watch = rules(limits=np.full(2, np.inf)), new_watch(1, 2, 2)
-        begin_watch(watch)
-        watch.state[MODE] = AIDING
+        settings, mode_state = rules(limits=np.full(2, np.inf)), new_mode_state(1, 2, 2)
+        begin_mode_logic(mode_state)
+        mode_state.state[MODE] = AIDING
         here = np.array([[True, present]])
-        check_measurements(watch, settings, Present(here), model, signals, 0, z, 2)
-        assert watch.sample[0] == count
+        check_measurements(mode_state, settings, Present(here), model, signals, 0, z, 2)
+        assert mode_state.sample[0] == count
 
 
 def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
@@ -289,23 +290,23 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 
 @jit
 def eight(w, rules, model, signals, P, x, z, gates, variance):
-    watch = ModeState(
+    mode_state = ModeState(
         view(w.state), view(w.before), view(w.z), view(w.predicted), view(w.sample), view(w.mode), view(w.reason),
         view(w.held),
     )  # fmt: skip
     Pv, xv, zv, gv = view(P), view(x), view(z), view(gates)
-    begin_watch(watch)
+    begin_mode_logic(mode_state)
     for epoch in range(rules.good.shape[0]):
         sample = zv[epoch]
         for row in range(6):
-            watch.predicted[row] = xv[6 + row] if row < 3 else xv[row]
-        check_measurements(watch, rules, None, model, signals, epoch, sample, 6)
+            mode_state.predicted[row] = xv[6 + row] if row < 3 else xv[row]
+        check_measurements(mode_state, rules, None, model, signals, epoch, sample, 6)
         if rules.good[epoch]:
             for row in range(6):
-                watch.predicted[row] = like(xv[0], variance[row])
-            start_filter(Pv, xv, watch, rules, sample)
-        gv[epoch] = where(watch.sample[0] > 0.0, np.inf, -1.0)
-        update_mode(watch, rules, epoch, Pv)
+                mode_state.predicted[row] = like(xv[0], variance[row])
+            start_filter(Pv, xv, mode_state, rules, sample)
+        gv[epoch] = where(mode_state.sample[0] > 0.0, np.inf, -1.0)
+        update_mode(mode_state, rules, epoch, Pv)
 
 
 def test_eight_runs_go_their_own_ways():
@@ -313,7 +314,7 @@ def test_eight_runs_go_their_own_ways():
     samples = np.zeros((N_EPOCH, 6, WIDTH))
     for lane in range(WIDTH):
         samples[:, :, lane] = wild((15 + lane, 15 + 2 * lane))
-    w = new_watch(N_EPOCH, lanes=WIDTH)
+    w = new_mode_state(N_EPOCH, lanes=WIDTH)
     P, x = np.repeat(P0[:, :, None], WIDTH, axis=2), np.zeros((N, WIDTH))
     gates = np.zeros((N_EPOCH, WIDTH))
     eight(w, settings, LOOSE, NO_RANGES, P, x, samples, gates, VARIANCE)
@@ -331,17 +332,17 @@ def test_eight_runs_go_their_own_ways():
 
 @pytest.mark.parametrize("after_stop", [INERTIAL, HELD, PREDICTED])
 def test_what_corrects_the_outputs_is_held_and_nothing_else(after_stop):
-    watch, settings = new_watch(N_EPOCH, n_state=N), rules(after_stop=after_stop)
-    begin_watch(watch)
-    assert not watch.held.any()
+    mode_state, settings = new_mode_state(N_EPOCH, n_state=N), rules(after_stop=after_stop)
+    begin_mode_logic(mode_state)
+    assert not mode_state.held.any()
     for mode in (WAITING, CONVERGING, AIDING, PREDICTING, STOPPED, WAITING, CONVERGING, AIDING):
-        before, x = watch.held.copy(), np.full(N, 1.0 + mode)
-        watch.state[MODE] = mode
-        hold_correction(watch, settings, x)
+        before, x = mode_state.held.copy(), np.full(N, 1.0 + mode)
+        mode_state.state[MODE] = mode
+        hold_correction(mode_state, settings, x)
         held = after_stop != INERTIAL and mode in (AIDING, PREDICTING)
-        np.testing.assert_array_equal(watch.held, x if held else before)
-    begin_watch(watch)
-    assert not watch.held.any()
+        np.testing.assert_array_equal(mode_state.held, x if held else before)
+    begin_mode_logic(mode_state)
+    assert not mode_state.held.any()
 
 
 def test_outputs_after_a_stop_have_the_numbers_of_the_card():

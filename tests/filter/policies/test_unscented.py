@@ -14,7 +14,7 @@ from lvnav_trade.filter.policies.linearise import fill_receiver_rows, propagate_
 from lvnav_trade.filter.policies.unscented import factorise, hold_window, rotation_between
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.mechanisation import mechanise
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from lvnav_trade.simulation.montecarlo import new_work, run_block
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
@@ -50,20 +50,20 @@ def windowed(prepared, P):
     work.nav[:], work.P[:] = prepared.start.nav, P
     work.increments[:n_tick, :3] = prepared.unit.dtheta[first : first + n_tick]
     work.increments[:n_tick, 3:] = prepared.unit.dvel[first : first + n_tick]
-    return work, parts.points, w
+    return work, parts.sigma_points, w
 
 
 def propagated(prepared, P):
     """Return the arrays after the window: a filter's, as `flight.fly` calls it."""
-    work, points, w = windowed(prepared, P)
+    work, sigma_points, w = windowed(prepared, P)
     first, n_tick, unit, model = (
         prepared.schedule.first_tick[w], prepared.schedule.n_tick[w], prepared.unit, prepared.model
     )  # fmt: skip
-    hold_window(points, work, n_tick)
+    hold_window(sigma_points, work, n_tick)
     processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
     mechanise(work.nav, work.sums, work.previous, work.increments, n_tick, unit.dt, model.strapdown, unit.dt * first)
     before = np.array(work.nav)
-    propagate_estimate(work, case_of(prepared), points, None, w)
+    propagate_estimate(work, case_of(prepared), sigma_points, None, w)
     return work, before
 
 
@@ -188,12 +188,12 @@ def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
     prepared, epoch = flown(LOOSE, ARM), 3
     model, dt = prepared.model, prepared.unit.dt
     P = np.diag(spread(prepared, attitude=WIDE) ** 2)
-    work, points, _ = windowed(prepared, P)
+    work, sigma_points, _ = windowed(prepared, P)
     place_antenna(work, None, None, model, dt, epoch)
     arm = np.array(work.antenna[0, 6:9])
     work.solution[:] = np.concatenate([work.antenna[0, :3], work.antenna[0, 3:6]])
     nav = np.array(work.nav)
-    fill_receiver_rows(work, Parts(), case_of(prepared), points, None, epoch)
+    fill_receiver_rows(work, OptionalState(), case_of(prepared), sigma_points, None, epoch)
     np.testing.assert_array_equal(work.nav, nav)
     np.testing.assert_allclose(work.z[:3], (1.0 - MEAN) * arm, rtol=0, atol=0.03 * (1.0 - MEAN) * 5.0)
     reach = math.sqrt(3.0) * WIDE
@@ -203,7 +203,7 @@ def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
     assert abs(math.sin(reach) / reach - SLOPE) < 0.5 * (1.0 - SLOPE)  # nearer to the regression than the tangent
     # along each axis the arm shortens by 1 - cos: sum over the axes of a third of its square
     shortened = (1.0 - math.cos(reach)) * np.array([[0.0, x, x], [y, 0.0, y], [z, z, 0.0]])
-    np.testing.assert_allclose(points.spread[:3], np.sum(shortened**2, axis=1) / 3.0, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(sigma_points.spread[:3], np.sum(shortened**2, axis=1) / 3.0, rtol=1e-5, atol=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------------------ flights

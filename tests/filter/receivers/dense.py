@@ -55,7 +55,7 @@ def propagate(
         rows with respect to them, by epoch
     """
     n, m = len(P), len(shared)
-    rx, c = slice(n, n + N_STATE), slice(n + N_STATE, n + N_STATE + m)
+    receiver, c = slice(n, n + N_STATE), slice(n + N_STATE, n + N_STATE + m)
     mean, C = np.zeros(n + N_STATE + m), np.zeros((n + N_STATE + m,) * 2)
     C[:n, :n], C[c, c], formal, white = P, shared, P.copy(), P.copy()
     found: list[tuple[Floats, Floats, Floats, Floats]] = []
@@ -68,13 +68,13 @@ def propagate(
             formal = outer.phi @ formal @ outer.phi.T + outer.assumed
             white = outer.phi @ white @ outer.phi.T + outer.noise
             noise[n + BIAS : n + DRIFT + 1, n + BIAS : n + DRIFT + 1] = clock
-        A[rx, rx] = gains.phi
+        A[receiver, receiver] = gains.phi
         C, mean = A @ C @ A.T + noise, A @ mean
-        mean[rx] += pushes[k]
+        mean[receiver] += pushes[k]
         U = np.eye(len(C))
-        U[rx, rx], U[rx, c] = gains.keep, -gains.gain @ partials[k]
+        U[receiver, receiver], U[receiver, c] = gains.keep, -gains.gain @ partials[k]
         C, mean = U @ C @ U.T, U @ mean
-        C[rx, rx] += (gains.gain * variances[k]) @ gains.gain.T
+        C[receiver, receiver] += (gains.gain * variances[k]) @ gains.gain.T
         reported = reported_covariance(model.reported, gains.P)
         gain = np.linalg.solve(outer.rows @ formal @ outer.rows.T + reported, outer.rows @ formal).T
         keep = np.eye(n) - gain @ outer.rows

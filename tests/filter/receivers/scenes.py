@@ -100,9 +100,9 @@ def measure(at, clock, rng, sigma=(2.0, 0.1)):
 
 
 @jit
-def fly_point(rx, model, satellite, moving, used, n_used, ranges, out, quality):
+def fly_point(receiver, model, satellite, moving, used, n_used, ranges, out, quality):
     """Point solutions of all epochs, eight runs: out (n, 6, 8), quality (n, 8)."""
-    at, o, q = view(rx), view(out), view(quality)
+    at, o, q = view(receiver), view(out), view(quality)
     z = view(ranges)
     for k in range(n_used.shape[0]):
         q[k] = solution(at, model, satellite[k], moving[k], used[k], n_used[k], z[k])
@@ -111,9 +111,9 @@ def fly_point(rx, model, satellite, moving, used, n_used, ranges, out, quality):
 
 
 @jit
-def fly_filter(rx, model, point, satellite, moving, used, n_used, ranges, out, sigma, quality):
+def fly_filter(receiver, model, point, satellite, moving, used, n_used, ranges, out, sigma, quality):
     """Filtered solutions of all epochs, eight runs: out, sigma (n, 6, 8) (its own), quality (n, 8)."""
-    at, o, c, q = view(rx), view(out), view(sigma), view(quality)
+    at, o, c, q = view(receiver), view(out), view(sigma), view(quality)
     z = view(ranges)
     for k in range(n_used.shape[0]):
         q[k] = step(at, model, point, satellite[k], moving[k], used[k], n_used[k], z[k])
@@ -123,9 +123,9 @@ def fly_filter(rx, model, point, satellite, moving, used, n_used, ranges, out, s
 
 
 @jit
-def switch_on_lanes(rx, place):
+def switch_on_lanes(receiver, place):
     """`switch_on` of eight runs at one place."""
-    at = view(rx)
+    at = view(receiver)
     zero = like(at.nav[0], 0.0)
     switch_on(at, zero + place[0], zero + place[1], zero + place[2])
 
@@ -134,9 +134,9 @@ def _in_eights(at, ranges, fly):
     n_run = ranges.shape[3]
     assert n_run % WIDTH == 0
     for first in range(0, n_run, WIDTH):
-        rx = new_receiver(WIDTH)
-        switch_on_lanes(rx, at.r_i[0] + [3000.0, -2000.0, 5000.0])
-        fly(rx, slice(first, first + WIDTH), np.ascontiguousarray(ranges[..., first : first + WIDTH]))
+        receiver = new_receiver(WIDTH)
+        switch_on_lanes(receiver, at.r_i[0] + [3000.0, -2000.0, 5000.0])
+        fly(receiver, slice(first, first + WIDTH), np.ascontiguousarray(ranges[..., first : first + WIDTH]))
 
 
 def point_runs(at, model, ranges):
@@ -144,9 +144,9 @@ def point_runs(at, model, ranges):
     n, n_run = len(at.t), ranges.shape[3]
     out, quality = np.empty((n, 6, n_run)), np.empty((n, n_run))
 
-    def fly(rx, lanes, z):
+    def fly(receiver, lanes, z):
         o, q = np.empty((n, 6, WIDTH)), np.empty((n, WIDTH))
-        fly_point(rx, model, at.satellite, at.moving, at.used, at.n_used, z, o, q)
+        fly_point(receiver, model, at.satellite, at.moving, at.used, at.n_used, z, o, q)
         out[..., lanes], quality[..., lanes] = o, q
 
     _in_eights(at, ranges, fly)
@@ -158,9 +158,9 @@ def filter_runs(at, model, point, ranges):
     n, n_run = len(at.t), ranges.shape[3]
     out, sigma, quality = np.empty((n, 6, n_run)), np.empty((n, 6, n_run)), np.empty((n, n_run))
 
-    def fly(rx, lanes, z):
+    def fly(receiver, lanes, z):
         o, c, q = np.empty((n, 6, WIDTH)), np.empty((n, 6, WIDTH)), np.empty((n, WIDTH))
-        fly_filter(rx, model, point, at.satellite, at.moving, at.used, at.n_used, z, o, c, q)
+        fly_filter(receiver, model, point, at.satellite, at.moving, at.used, at.n_used, z, o, c, q)
         out[..., lanes], sigma[..., lanes], quality[..., lanes] = o, c, q
 
     _in_eights(at, ranges, fly)

@@ -37,11 +37,11 @@ ANSWER, ANSWER_BIAS = np.array([-3721817.095, 3545589.644, 3763571.160]), 128.05
 
 
 def solve(model, satellite, moving, ranges, near=(0.0, 0.0, 0.0), slots=None):
-    rx = new_receiver()
-    rx.near[:] = near
+    receiver = new_receiver()
+    receiver.near[:] = near
     slots = np.arange(len(satellite)) if slots is None else np.array(slots)
-    quality = fix(rx, model, satellite, moving, slots, len(slots), ranges)
-    return rx, quality
+    quality = fix(receiver, model, satellite, moving, slots, len(slots), ranges)
+    return receiver, quality
 
 
 def with_rates(ranges, rates=0.0):
@@ -51,9 +51,9 @@ def with_rates(ranges, rates=0.0):
 @pytest.mark.parametrize("model", [CLOSED, MODEL])
 def test_the_worked_example_comes_out_to_a_millimetre(model):
     """The example prints millimetres and 0.1 mm of the clock's bias."""
-    rx, quality = solve(model, SATELLITES, np.zeros((4, 3)), with_rates(RANGES))
-    np.testing.assert_allclose(rx.fix[:3], ANSWER, rtol=0, atol=1e-3)
-    assert rx.fix[FIX_BIAS] == pytest.approx(ANSWER_BIAS, abs=1e-3)
+    receiver, quality = solve(model, SATELLITES, np.zeros((4, 3)), with_rates(RANGES))
+    np.testing.assert_allclose(receiver.fix[:3], ANSWER, rtol=0, atol=1e-3)
+    assert receiver.fix[FIX_BIAS] == pytest.approx(ANSWER_BIAS, abs=1e-3)
     assert quality == UNTESTED
 
 
@@ -64,8 +64,8 @@ def test_the_other_root_of_the_example_is_not_taken_even_by_a_receiver_that_look
     roots = [sign * (root * u + v) for root in np.roots([u * sign @ u, 2.0 * (u * sign @ v - 1.0), v * sign @ v])]
     other = max(roots, key=lambda y: np.linalg.norm(y[:3]))
     assert np.linalg.norm(other[:3]) == pytest.approx(9252314.0, abs=1.0)
-    rx, _ = solve(CLOSED, SATELLITES, np.zeros((4, 3)), with_rates(RANGES), near=other[:3])
-    np.testing.assert_allclose(rx.fix[:3], ANSWER, rtol=0, atol=1e-3)
+    receiver, _ = solve(CLOSED, SATELLITES, np.zeros((4, 3)), with_rates(RANGES), near=other[:3])
+    np.testing.assert_allclose(receiver.fix[:3], ANSWER, rtol=0, atol=1e-3)
 
 
 def test_where_the_receiver_looks_decides_between_places_that_fit_alike():
@@ -74,13 +74,13 @@ def test_where_the_receiver_looks_decides_between_places_that_fit_alike():
     place, image = np.array([6.5e6, 1e6, -4e5]), np.array([3.35e7, 1e6, -4e5])
     z = with_rates(np.linalg.norm(satellite - place, axis=1) + 700.0)
     for wanted in (place, image):
-        rx, quality = solve(MODEL, satellite, np.zeros((4, 3)), z, near=wanted + np.array([4e5, -3e5, 2e5]))
-        np.testing.assert_allclose(rx.fix[:3], wanted, rtol=0, atol=1e-5)
+        receiver, quality = solve(MODEL, satellite, np.zeros((4, 3)), z, near=wanted + np.array([4e5, -3e5, 2e5]))
+        np.testing.assert_allclose(receiver.fix[:3], wanted, rtol=0, atol=1e-5)
         assert quality == UNTESTED
     satellite = np.vstack([satellite, [1.7e7, -1e7, -1.2e7]])
     z = with_rates(np.linalg.norm(satellite - place, axis=1) + 700.0)
-    rx, _ = solve(MODEL, satellite, np.zeros((5, 3)), z, near=image)
-    np.testing.assert_allclose(rx.fix[:3], place, rtol=0, atol=1e-5)
+    receiver, _ = solve(MODEL, satellite, np.zeros((5, 3)), z, near=image)
+    np.testing.assert_allclose(receiver.fix[:3], place, rtol=0, atol=1e-5)
 
 
 def test_a_root_that_the_pseudoranges_contradict_is_rejected_from_wherever_one_looks():
@@ -118,21 +118,23 @@ def test_with_noise_it_is_the_converged_least_squares_of_an_independent_solver(s
     at = scene(np.arange(0.0, 61.0, 10.0), motion, n_sat=int(rng.integers(4, 11)), seed=seed + 50)
     clock = np.full((7, 2, 1), [[3e5 * rng.standard_normal()], [rng.standard_normal()]])
     z = measure(at, clock, rng)[-1, :, :, 0]
-    rx, quality = solve(MODEL, at.satellite[-1], at.moving[-1], z, near=[6.5e6, 0.0, 0.0])
+    receiver, quality = solve(MODEL, at.satellite[-1], at.moving[-1], z, near=[6.5e6, 0.0, 0.0])
     expected = least_squares_solution(at.satellite[-1], at.moving[-1], z)
-    dilution = np.sqrt(np.trace(rx.inverse))
-    np.testing.assert_allclose(rx.fix, expected, rtol=0, atol=1e-5 * dilution)
+    dilution = np.sqrt(np.trace(receiver.inverse))
+    np.testing.assert_allclose(receiver.fix, expected, rtol=0, atol=1e-5 * dilution)
     assert quality == UNTESTED if len(z) == 4 else quality in (INCONSISTENT, CONSISTENT)
 
 
 def test_the_closed_form_alone_is_exact_without_noise_whatever_the_geometry():
     for seed in range(30):
         at = scene(np.zeros(1), standing, n_sat=4 + seed % 6, seed=seed)
-        rx, _ = solve(CLOSED, at.satellite[0], at.moving[0], true_ranges(at)[0] + [1e5, -30.0], near=[6.5e6, 0, 0])
-        dilution = np.sqrt(np.trace(rx.inverse))
-        np.testing.assert_allclose(rx.fix[:3], at.r_i[0], rtol=0, atol=1e-6 * max(1.0, dilution))
-        np.testing.assert_allclose(rx.fix[3:6], at.v_i[0], rtol=0, atol=1e-8 * max(1.0, dilution))
-        assert rx.fix[FIX_DRIFT] == pytest.approx(-30.0, abs=1e-8 * max(1.0, dilution))
+        receiver, _ = solve(
+            CLOSED, at.satellite[0], at.moving[0], true_ranges(at)[0] + [1e5, -30.0], near=[6.5e6, 0, 0]
+        )
+        dilution = np.sqrt(np.trace(receiver.inverse))
+        np.testing.assert_allclose(receiver.fix[:3], at.r_i[0], rtol=0, atol=1e-6 * max(1.0, dilution))
+        np.testing.assert_allclose(receiver.fix[3:6], at.v_i[0], rtol=0, atol=1e-8 * max(1.0, dilution))
+        assert receiver.fix[FIX_DRIFT] == pytest.approx(-30.0, abs=1e-8 * max(1.0, dilution))
 
 
 def spread(model, at, n_run=8000):
@@ -148,11 +150,11 @@ def test_the_covariance_is_that_of_the_errors_of_many_runs(model, n_sat, excess)
     at = scene(np.zeros(1), standing, n_sat=n_sat)
     n_run = 8000
     error, _ = spread(model, at, n_run)
-    rx = new_receiver()
-    rx.near[:] = at.r_i[0]
-    solution(rx, model, at.satellite[0], at.moving[0], at.used[0], n_sat, true_ranges(at)[0])
+    receiver = new_receiver()
+    receiver.near[:] = at.r_i[0]
+    solution(receiver, model, at.satellite[0], at.moving[0], at.used[0], n_sat, true_ranges(at)[0])
     # brought to the covariance's own axes every component has variance one: 4.5 sigma of n_run draws
-    root = np.linalg.inv(np.linalg.cholesky(rx.covariance))
+    root = np.linalg.inv(np.linalg.cholesky(receiver.covariance))
     variance = np.cov(root @ error)
     bound = 4.5 * np.sqrt(2.0 / n_run)
     assert np.abs(np.diag(variance) - 1.0).max() < bound + 2.0 * excess
@@ -181,14 +183,14 @@ def test_good_measurements_are_called_inconsistent_as_often_as_said_and_a_wild_o
 @pytest.mark.parametrize("n_used", [0, 1, 2, 3])
 def test_fewer_than_four_satellites_give_no_fix(n_used):
     at = scene(np.zeros(1), standing, n_sat=5)
-    rx = new_receiver()
-    rx.near[:] = at.r_i[0]
+    receiver = new_receiver()
+    receiver.near[:] = at.r_i[0]
     z = true_ranges(at)[0]
-    assert solution(rx, MODEL, at.satellite[0], at.moving[0], at.used[0], n_used, z) == NO_FIX
-    assert np.all(np.isnan(rx.solution))
-    np.testing.assert_array_equal(rx.fix, 0.0)
-    np.testing.assert_array_equal(rx.near, at.r_i[0])
-    assert list(rx.verdict) == [NO_FIX, n_used]
+    assert solution(receiver, MODEL, at.satellite[0], at.moving[0], at.used[0], n_used, z) == NO_FIX
+    assert np.all(np.isnan(receiver.solution))
+    np.testing.assert_array_equal(receiver.fix, 0.0)
+    np.testing.assert_array_equal(receiver.near, at.r_i[0])
+    assert list(receiver.verdict) == [NO_FIX, n_used]
 
 
 def test_satellites_in_one_cone_and_one_that_stands_in_for_two_give_no_fix():
@@ -215,8 +217,8 @@ def test_a_slot_without_a_range_or_a_rate_is_left_out():
 
 
 @jit
-def solve_lanes(rx, model, satellite, moving, used, ranges, out):
-    at, o = view(rx), view(out)
+def solve_lanes(receiver, model, satellite, moving, used, ranges, out):
+    at, o = view(receiver), view(out)
     o[0] = solution(at, model, satellite, moving, used, used.shape[0], view(ranges))
 
 
@@ -241,10 +243,12 @@ def test_what_is_reported_is_the_covariance_a_multiple_its_diagonal_or_a_constan
     at = scene(np.zeros(1), standing, n_sat=6)
 
     def reported(kind):
-        rx = new_receiver()
-        rx.near[:] = at.r_i[0]
-        solution(rx, point_model(kind, 2.0, 0.1), at.satellite[0], at.moving[0], at.used[0], 6, true_ranges(at)[0])
-        return rx
+        receiver = new_receiver()
+        receiver.near[:] = at.r_i[0]
+        solution(
+            receiver, point_model(kind, 2.0, 0.1), at.satellite[0], at.moving[0], at.used[0], 6, true_ranges(at)[0]
+        )
+        return receiver
 
     own = reported(OWN)
     np.testing.assert_array_equal(own.covariance[:3, :3], 4.0 * own.inverse[:3, :3])
@@ -262,9 +266,9 @@ def test_a_solution_of_too_little_quality_is_not_handed_out():
     z = true_ranges(at)[0]
     z[1, 0] += 500.0
     for least, handed_out in ((1, True), (2, False), (3, False)):
-        rx, near = new_receiver(), at.r_i[0]
-        rx.near[:] = near
+        receiver, near = new_receiver(), at.r_i[0]
+        receiver.near[:] = near
         model = point_model(OWN, 2.0, 0.1, least_quality=least)
-        assert solution(rx, model, at.satellite[0], at.moving[0], at.used[0], 6, z) == INCONSISTENT
-        assert np.all(np.isfinite(rx.solution)) == handed_out
-        assert np.array_equal(rx.near, near) != handed_out
+        assert solution(receiver, model, at.satellite[0], at.moving[0], at.used[0], 6, z) == INCONSISTENT
+        assert np.all(np.isfinite(receiver.solution)) == handed_out
+        assert np.array_equal(receiver.near, near) != handed_out

@@ -78,18 +78,18 @@ ORDER = np.array([6, 7, 8, 3, 4, 5, 0, 1, 2, 9, 10])  # of the paper's states am
 @pytest.mark.parametrize("dt", [1.0, 0.1])
 def test_state_and_covariance_are_propagated_as_the_printed_matrices_say(dt, acceleration):
     model = receiver_filter(OWN, dt, FilterSettings(2.0, 0.1, 0.5, 0.03, acceleration=acceleration))
-    rx, P = new_receiver(), random_covariance()
+    receiver, P = new_receiver(), random_covariance()
     if not acceleration:
         P[:3], P[:, :3] = 0.0, 0.0
-    rx.nav[:] = np.random.default_rng(2).standard_normal(11) * (acceleration or [0.0] * 3 + [1.0] * 8)
-    rx.P[:] = P
+    receiver.nav[:] = np.random.default_rng(2).standard_normal(11) * (acceleration or [0.0] * 3 + [1.0] * 8)
+    receiver.P[:] = P
     phi, drive = printed(dt, acceleration)
-    before, variance = rx.nav[ORDER].copy(), np.array([0.25, 4.0, 9.0, 0.03**2])
+    before, variance = receiver.nav[ORDER].copy(), np.array([0.25, 4.0, 9.0, 0.03**2])
     expected = phi @ P[np.ix_(ORDER, ORDER)] @ phi.T + (drive * variance) @ drive.T
-    propagate(rx, model, 0.25, 4.0, 9.0)
-    np.testing.assert_allclose(rx.nav[ORDER], phi @ before, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(rx.P[np.ix_(ORDER, ORDER)], expected, rtol=0, atol=1e-13)
-    np.testing.assert_array_equal(rx.P, rx.P.T)
+    propagate(receiver, model, 0.25, 4.0, 9.0)
+    np.testing.assert_allclose(receiver.nav[ORDER], phi @ before, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(receiver.P[np.ix_(ORDER, ORDER)], expected, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(receiver.P, receiver.P.T)
 
 
 def test_an_acceleration_that_decays_is_integrated_exactly():
@@ -100,10 +100,10 @@ def test_an_acceleration_that_decays_is_integrated_exactly():
     for _ in range(10000):
         mid = a * np.exp(-0.5 * short / tau)
         p, v, a = p + short * v + 0.5 * short**2 * mid, v + short * mid, a * np.exp(-short / tau)
-    rx = new_receiver()
-    rx.nav[0] = 1.0
-    propagate(rx, model, 0.0, 0.0, 0.0)
-    np.testing.assert_allclose(rx.nav[[0, 3, 6]], [a, v, p], rtol=0, atol=1e-8)
+    receiver = new_receiver()
+    receiver.nav[0] = 1.0
+    propagate(receiver, model, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose(receiver.nav[[0, 3, 6]], [a, v, p], rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -121,11 +121,11 @@ def test_noise_is_adapted_as_eq_4_25_to_4_28_say(model, acceleration, expected):
 
 
 def run_alone(at, z, model, near=None, n=None):
-    rx = new_receiver()
-    switch_on(rx, *(at.r_i[0] if near is None else near))
+    receiver = new_receiver()
+    switch_on(receiver, *(at.r_i[0] if near is None else near))
     for k in range(len(at.t) if n is None else n):
-        step(rx, model, POINT, at.satellite[k], at.moving[k], at.used[k], at.n_used[k], z[k])
-    return rx
+        step(receiver, model, POINT, at.satellite[k], at.moving[k], at.used[k], at.n_used[k], z[k])
+    return receiver
 
 
 @pytest.mark.parametrize("model", [SECOND, THIRD])
@@ -134,7 +134,7 @@ def test_an_epoch_is_the_kalman_update_of_dense_matrices(model):
     at = scene(np.arange(0.0, 21.0), ascending)
     rng = np.random.default_rng(5)
     z = measure(at, clocks(rng, 21, 1, 1.0), rng)[..., 0]
-    rx, dense = run_alone(at, z, model, n=20), run_alone(at, z, model, n=20)
+    receiver, dense = run_alone(at, z, model, n=20), run_alone(at, z, model, n=20)
     accelerations = (0.0, 0.0, 0.0) if model is SECOND else dense.memory[7:10]
     if model is THIRD:  # the noise of the epoch follows from the fix of that epoch
         accelerations = run_alone(at, z, model).memory[7:10]
@@ -157,25 +157,25 @@ def test_an_epoch_is_the_kalman_update_of_dense_matrices(model):
     K = np.linalg.solve(H @ dense.P @ H.T + R, H @ dense.P).T
     nav = dense.nav + K @ (z[20].ravel() - predicted(dense.nav))
     P = dense.P - K @ H @ dense.P
-    step(rx, model, POINT, at.satellite[20], at.moving[20], at.used[20], 8, z[20])
-    np.testing.assert_allclose(rx.nav, nav, rtol=0, atol=2e-6)
-    np.testing.assert_allclose(rx.P, P, rtol=0, atol=1e-6)
-    assert list(rx.used) == [FULL, 16.0]
-    np.testing.assert_array_equal(rx.solution, rx.nav[SOLUTION])
-    np.testing.assert_array_equal(rx.covariance, rx.P[np.ix_(SOLUTION, SOLUTION)])
+    step(receiver, model, POINT, at.satellite[20], at.moving[20], at.used[20], 8, z[20])
+    np.testing.assert_allclose(receiver.nav, nav, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(receiver.P, P, rtol=0, atol=1e-6)
+    assert list(receiver.used) == [FULL, 16.0]
+    np.testing.assert_array_equal(receiver.solution, receiver.nav[SOLUTION])
+    np.testing.assert_array_equal(receiver.covariance, receiver.P[np.ix_(SOLUTION, SOLUTION)])
 
 
 @jit
-def step_lanes(rx, model, point, satellite, moving, used, n_used, ranges, out):
-    at, z, o = view(rx), view(ranges), view(out)
+def step_lanes(receiver, model, point, satellite, moving, used, n_used, ranges, out):
+    at, z, o = view(receiver), view(ranges), view(out)
     for k in range(n_used.shape[0]):
         o[k] = step(at, model, point, satellite[k], moving[k], used[k], n_used[k], z[k])
 
 
 @jit
-def switch_on_lanes(rx, places):
+def switch_on_lanes(receiver, places):
     p = view(places)
-    switch_on(view(rx), p[0], p[1], p[2])
+    switch_on(view(receiver), p[0], p[1], p[2])
 
 
 LIMITS = {"gate": 6.0, "range_limit": 300.0, "restart_after": 3, "longest_coast": 5.0}
@@ -262,9 +262,9 @@ def test_a_filter_whose_model_is_true_is_consistent():
     for run in range(n_run):
         moved = at._replace(r_i=motion[..., run], v_i=speed[..., run])
         z[..., run] = measure(moved, clock[..., run : run + 1], rng)[..., 0]
-        rx = run_alone(moved, np.ascontiguousarray(z[..., run]), MATCHED)
-        error = np.concatenate([motion[-1, :, run], speed[-1, :, run]]) - rx.solution
-        nees.append(error @ np.linalg.solve(rx.covariance, error))
+        receiver = run_alone(moved, np.ascontiguousarray(z[..., run]), MATCHED)
+        error = np.concatenate([motion[-1, :, run], speed[-1, :, run]]) - receiver.solution
+        nees.append(error @ np.linalg.solve(receiver.covariance, error))
     assert 0.001 < stats.chi2.cdf(np.sum(nees), 6 * n_run) < 0.999
     assert stats.kstest(nees, stats.chi2(6).cdf).pvalue > 0.001
 
@@ -352,9 +352,9 @@ def test_a_wild_range_is_rejected_by_a_limit_in_metres_and_by_a_gate_in_sigma(fi
     wild[29, 4, 0] += 3000.0
     watchful = SECOND._replace(**{field: 100.0})
     for model, moved in ((SECOND, True), (watchful, False)):
-        rx = run_alone(at, wild, model)
-        assert (np.abs(rx.nav[6:9] - good.nav[6:9]).max() > 50.0) == moved
-        assert rx.used[1] == (16.0 if moved else 15.0)
+        receiver = run_alone(at, wild, model)
+        assert (np.abs(receiver.nav[6:9] - good.nav[6:9]).max() > 50.0) == moved
+        assert receiver.used[1] == (16.0 if moved else 15.0)
 
 
 def test_a_filter_that_rejects_most_of_what_it_is_given_starts_again_from_the_fix():
@@ -372,10 +372,10 @@ def test_a_filter_that_rejects_most_of_what_it_is_given_starts_again_from_the_fi
 
 def test_without_acceleration_states_none_is_ever_estimated():
     at, rng = scene(np.arange(0.0, 30.0), ascending), np.random.default_rng(19)
-    rx = run_alone(at, measure(at, clocks(rng, 30, 1, 1.0), rng)[..., 0], THIRD)
-    np.testing.assert_array_equal(rx.nav[:3], 0.0)
-    np.testing.assert_array_equal(rx.P[:3], 0.0)
-    np.testing.assert_array_equal(rx.P[:, :3], 0.0)
+    receiver = run_alone(at, measure(at, clocks(rng, 30, 1, 1.0), rng)[..., 0], THIRD)
+    np.testing.assert_array_equal(receiver.nav[:3], 0.0)
+    np.testing.assert_array_equal(receiver.P[:3], 0.0)
+    np.testing.assert_array_equal(receiver.P[:, :3], 0.0)
 
 
 def test_a_constant_covariance_or_a_multiple_goes_out_in_place_of_the_filters_own():

@@ -54,21 +54,21 @@ def gains_of(at, settings):
 
 
 def kernel(at, z, settings):
-    rx = new_receiver()
-    switch_on(rx, *at.r_i[0])
+    receiver = new_receiver()
+    switch_on(receiver, *at.r_i[0])
     for k in range(len(at.t)):
-        step(rx, settings, POINT, at.satellite[k], at.moving[k], at.used[k], at.n_used[k], z[k])
-    return rx
+        step(receiver, settings, POINT, at.satellite[k], at.moving[k], at.used[k], at.n_used[k], z[k])
+    return receiver
 
 
 def test_the_gain_of_the_point_solution_is_its_derivative():
     at = scene(np.zeros(1), standing, n_sat=6)
-    z, rx = true_ranges(at)[0], new_receiver()
+    z, receiver = true_ranges(at)[0], new_receiver()
 
     def solve(change):
-        rx.near[:] = at.r_i[0]
-        fix(rx, POINT, at.satellite[0], at.moving[0], at.used[0], 6, z + change.reshape(6, 2))
-        return rx.fix.copy()
+        receiver.near[:] = at.r_i[0]
+        fix(receiver, POINT, at.satellite[0], at.moving[0], at.used[0], 6, z + change.reshape(6, 2))
+        return receiver.fix.copy()
 
     # ranges by metres, rates by decimetres a second: position is rounded to 1e-9 m
     steps = np.diag(np.tile([1.0, 0.1], 6))
@@ -83,16 +83,20 @@ def test_gains_and_covariance_are_those_of_the_compiled_filter(settings):
     """Without noise, after an antenna failure; the gain by moving one measurement of the last epoch."""
     at = scene(np.arange(0.0, 30.0), ascending, seen=[8] * 10 + [3] * 10 + [7] * 10)
     z, gains = true_ranges(at), gains_of(at, settings)
-    rx = kernel(at, z, settings)
+    receiver = kernel(at, z, settings)
     scale = np.sqrt(np.diag(gains[-1].P))
     # the filter linearises where it takes itself to be; during the failure that is some ten metres off
-    np.testing.assert_allclose(rx.P / np.outer(scale, scale), gains[-1].P / np.outer(scale, scale), rtol=0, atol=1e-5)
-    np.testing.assert_allclose(reported_covariance(settings.reported, gains[-1].P), rx.covariance, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(
+        receiver.P / np.outer(scale, scale), gains[-1].P / np.outer(scale, scale), rtol=0, atol=1e-5
+    )
+    np.testing.assert_allclose(
+        reported_covariance(settings.reported, gains[-1].P), receiver.covariance, rtol=0, atol=1e-4
+    )
     if settings.drive_gain == 0.0:  # else the fix moves the noise as well
         for slot, column, size in ((0, 0, 5.0), (3, 1, 0.5)):
             moved = z.copy()
             moved[-1, slot, column] += size
-            response = (kernel(at, moved, settings).nav - rx.nav) / size
+            response = (kernel(at, moved, settings).nav - receiver.nav) / size
             np.testing.assert_allclose(response, gains[-1].gain[:, 2 * slot + column], rtol=0, atol=1e-5)
 
 

@@ -62,16 +62,16 @@ def test_a_slowly_fading_acceleration_is_a_random_walk_in_the_limit():
 
 
 @jit
-def switch_on_lanes(rx):
-    at = view(rx)
+def switch_on_lanes(receiver):
+    at = view(receiver)
     place = like(at.nav[0], 6.4e6)
     switch_on(at, place, 0.5 * place, 0.0 * place)
 
 
 def test_a_receiver_that_is_switched_on_has_forgotten_everything_in_every_run():
     one, eight = new_receiver(), new_receiver(WIDTH)
-    for rx in (one, eight):
-        for array in rx:
+    for receiver in (one, eight):
+        for array in receiver:
             array[:] = 7.0
     switch_on(one, 6.4e6, 3.2e6, 0.0)
     switch_on_lanes(eight)

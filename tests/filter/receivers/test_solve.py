@@ -27,8 +27,8 @@ def test_a_receiver_hands_out_what_its_solver_finds(filtering):
     at = scene(np.arange(3.0), standing)
     ranges = true_ranges(at)
     one, other = new_receiver(), new_receiver()
-    for rx in (one, other):
-        switch_on(rx, *at.r_i[0])
+    for receiver in (one, other):
+        switch_on(receiver, *at.r_i[0])
     for k in range(3):
         epoch = (at.satellite[k], at.moving[k], at.used[k], at.n_used[k], ranges[k])
         found = solve(one, POINT, filtering, *epoch)

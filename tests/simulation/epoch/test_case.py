@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.simulation.epoch.case import Parts, case_of
+from lvnav_trade.simulation.epoch.case import OptionalState, case_of
 from tests.building import case
 
 
@@ -18,4 +18,4 @@ def test_a_case_has_the_records_of_what_is_prepared_and_what_replaces_them():
 
 
 def test_a_case_without_features_has_no_arrays_of_them():
-    assert set(Parts()) == {None}
+    assert set(OptionalState()) == {None}

@@ -50,7 +50,7 @@ def _test_rows(monitor, P, H, case, epoch, n_row):
         s = _innovation_variance(P, H[row], entries, columns) + monitor.variance[row]
         in_use = (monitor.out[channel] <= RETURNING) & (z[row] == z[row])
         square = where(in_use, z[row] * z[row] / s, 0.0)
-        monitor.past[channel, at], monitor.square[row] = square, square
+        monitor.recent_squares[channel, at], monitor.square[row] = square, square
         monitor.weight[row] = where(in_use, 1.0 / monitor.variance[row], 0.0)
 
 
@@ -69,8 +69,8 @@ def _exclude(monitor, tests, wanted, n_kind, epoch, channel):
     for c in range(first, first + n_kind):
         monitor.out[c] = where(wanted > 0.0, tests.hold, monitor.out[c])
         monitor.excluded[epoch, c] = where(wanted > 0.0, 1.0, monitor.excluded[epoch, c])
-        for k in range(monitor.past.shape[1]):
-            monitor.past[c, k] = where(wanted > 0.0, 0.0, monitor.past[c, k])
+        for k in range(monitor.recent_squares.shape[1]):
+            monitor.recent_squares[c, k] = where(wanted > 0.0, 0.0, monitor.recent_squares[c, k])
 
 
 @jit
@@ -156,8 +156,8 @@ def _is_detected(monitor, tests, model, signals, epoch, kind, n_row):
         if kind >= 0 and row_kind != kind and row_kind < 2:
             continue
         channel, total = channel_of(model, signals, epoch, row), like(monitor.fit[0], 0.0)
-        for k in range(monitor.past.shape[1]):
-            total = total + monitor.past[channel, k]
+        for k in range(monitor.recent_squares.shape[1]):
+            total = total + monitor.recent_squares[channel, k]
         beyond = (monitor.square[row] > tests.single) | (total > tests.windowed)
         fails = where((monitor.weight[row] > 0.0) & beyond, 1.0, fails)
     return fails

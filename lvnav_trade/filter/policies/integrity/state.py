@@ -48,7 +48,7 @@ class Monitor(NamedTuple):
     """Fault monitor of a run, updated in place.
 
     out : (n_channel,). Remaining epochs without the channel.
-    past : (n_channel, window). Squares of the last normalised innovations of the channel.
+    recent_squares : (n_channel, window). Squares of the last normalised innovations of the channel.
     weight : (n_row,). Inverse variance of each scalar measurement; 0 if it is not used.
     square : (n_row,). Square of its normalised innovation.
     A : (4, 4). Normal matrix of the fit.
@@ -65,7 +65,7 @@ class Monitor(NamedTuple):
     """
 
     out: Floats
-    past: Floats
+    recent_squares: Floats
     weight: Floats
     square: Floats
     A: Floats
@@ -84,7 +84,7 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
     """Return the arrays of a monitor: one run, or `lanes` runs on the last axis."""
     shapes = {
         "out": (n_channel,),
-        "past": (n_channel, window),
+        "recent_squares": (n_channel, window),
         "weight": (n_row,),
         "square": (n_row,),
         "A": (N_FIT, N_FIT),
@@ -108,8 +108,8 @@ def begin_monitor(monitor):
         monitor.waited[0], monitor.waited[1] = like(monitor.waited[0], 0.0), like(monitor.waited[0], 0.0)
         for c in range(monitor.out.shape[0]):
             monitor.out[c] = like(monitor.out[c], 0.0)
-            for k in range(monitor.past.shape[1]):
-                monitor.past[c, k] = like(monitor.out[c], 0.0)
+            for k in range(monitor.recent_squares.shape[1]):
+                monitor.recent_squares[c, k] = like(monitor.out[c], 0.0)
 
 
 @jit
@@ -119,9 +119,9 @@ def clear_innovations(monitor, wanted):
     Called after a recovery or a restart of the filter: earlier innovations do not test the new estimate.
     """
     if monitor is not None:
-        for c in range(monitor.past.shape[0]):
-            for k in range(monitor.past.shape[1]):
-                monitor.past[c, k] = where(wanted > 0.0, 0.0, monitor.past[c, k])
+        for c in range(monitor.recent_squares.shape[0]):
+            for k in range(monitor.recent_squares.shape[1]):
+                monitor.recent_squares[c, k] = where(wanted > 0.0, 0.0, monitor.recent_squares[c, k])
 
 
 def permitted(monitor: Any, channel: Any, gate_squared: Any) -> Any:

@@ -127,7 +127,7 @@ def delayed_of(
     return DifferenceProcessing(
         difference=np.array([name in DIFFERENCES for name in channels.observables]),
         present=present,
-        earlier=numbers.entry.shape[1] - D_EXTRA - len(layout.extras),
+        previous_entry=numbers.entry.shape[1] - D_EXTRA - len(layout.extras),
         renewed=renewed,
         cloned=np.array(layout.cloned, dtype=np.int64),
         clone=layout.clone,

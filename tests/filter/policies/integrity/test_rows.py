@@ -62,7 +62,7 @@ SIGNALS = Signals(np.array([[4.0, 9.0]]), np.zeros((1, 1), dtype=np.int64))
 
 
 @pytest.mark.parametrize(
-    ("points", "gains", "whitened", "variance"),
+    ("sigma_points", "gains", "whitened", "variance"),
     [
         (None, None, False, 9.0),
         (Points(np.array([0.0, 0.5])), None, False, 9.5),
@@ -71,10 +71,10 @@ SIGNALS = Signals(np.array([[4.0, 9.0]]), np.zeros((1, 1), dtype=np.int64))
         (None, Gains(np.zeros((1, 2, 2))), False, 9.0),
     ],
 )
-def test_a_row_has_the_variance_that_its_update_assumes(points, gains, whitened, variance):
+def test_a_row_has_the_variance_that_its_update_assumes(sigma_points, gains, whitened, variance):
     work = Work(np.zeros(2), np.diag([25.0, 16.0]))
     case = Case(Whitening(whitened), SIGNALS, Options(gains=gains))
-    assert noise_variance(work, points, case, 0, 1, 1) == variance
+    assert noise_variance(work, sigma_points, case, 0, 1, 1) == variance
 
 
 def test_a_window_is_of_the_epochs_at_which_the_filter_measures():
@@ -85,4 +85,4 @@ def test_a_window_is_of_the_epochs_at_which_the_filter_measures():
     case = Case(model, SIGNALS, Options(integrity=tests))
     for epoch in range(1, 20, 2):
         _test_rows(own, np.eye(1), np.ones((2, 1)), case, epoch, 2)
-    np.testing.assert_allclose(own.past, np.outer([1.0, 4.0], np.ones(4)))
+    np.testing.assert_allclose(own.recent_squares, np.outer([1.0, 4.0], np.ones(4)))

@@ -21,17 +21,17 @@ def test_a_run_begins_with_every_channel_in_use_and_nothing_past():
     for array in own:
         array[...] = 7.0
     begin_monitor(own)
-    for name in ("out", "past", "waited"):
+    for name in ("out", "recent_squares", "waited"):
         np.testing.assert_array_equal(getattr(own, name), 0.0)
 
 
 def test_what_is_past_is_forgotten_where_a_filter_starts_again():
     own = new_monitor(5, 4, 4, 3)
-    own.past[...] = 7.0
+    own.recent_squares[...] = 7.0
     clear_innovations(own, 0.0)
-    assert np.all(own.past == 7.0)
+    assert np.all(own.recent_squares == 7.0)
     clear_innovations(own, 1.0)
-    assert np.all(own.past == 0.0)
+    assert np.all(own.recent_squares == 0.0)
     clear_innovations(None, 1.0)
 
 
