@@ -10,10 +10,10 @@ from pathlib import Path
 from benchmarks.common import HERE
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.point import frozen
-from lvnav_trade.campaign.space.designs import DesignSpace
-from lvnav_trade.campaign.space.evaluate import EvaluatedDesigns, EvaluationRequest, evaluate
+from lvnav_trade.campaign.space.design_plan import planned
+from lvnav_trade.campaign.space.evaluate_designs import EvaluatedDesigns, EvaluationRequest, evaluate
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace
 from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
-from lvnav_trade.campaign.space.plan import planned
 from lvnav_trade.simulation.preparation.cache import trajectory_of
 
 COUNT = 60

@@ -8,7 +8,7 @@ from benchmarks.common import best
 from benchmarks.time_flight import speed
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.simulation.preparation.prepare import prepare
 

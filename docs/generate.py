@@ -298,7 +298,7 @@ def fields() -> str:
 
 def _paths(path: str, seen: set[str] | None = None) -> Iterator[tuple[str, list[Any]]]:
     """Yield every path that has fields of its own, each set of fields once."""
-    from lvnav_trade.campaign.reading.reference import reference
+    from lvnav_trade.campaign.reading.field_reference import reference
     from lvnav_trade.quantities.errors import InputError
 
     seen = set() if seen is None else seen
@@ -398,7 +398,7 @@ def python() -> str:
 
 def cards() -> str:
     """Return the cards that come with the tool."""
-    from lvnav_trade.campaign.syntax.cards import catalogue
+    from lvnav_trade.campaign.syntax.card_lookup import catalogue
 
     rows = [[f"`{card.name}`", card.title, card.source] for card in catalogue(ROOT)]
     return "\n".join(

@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 from scipy.integrate import solve_ivp
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.filter.assumed import ReceiverModel
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.quantities.frames import quaternions

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.quantities.records import ORBIT, OUTCOMES, InjectionLaw
-from lvnav_trade.results.tables.diagnostics import injection_rows
+from lvnav_trade.results.tables.diagnostics_tables import injection_rows
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.runs import run_columns
+from lvnav_trade.results.tables.run_tables import run_columns
 from lvnav_trade.simulation.statistics import summarise
 from tests import synthetic
 

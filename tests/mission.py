@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.quantities.frames import Elements, state_from_elements
-from lvnav_trade.results.tables.tables import CaseInfo
+from lvnav_trade.results.tables.engine_tables import CaseInfo
 from lvnav_trade.results.tables.write import open_results
 from lvnav_trade.simulation.statistics import summarise
 from tests import synthetic

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.diagnostics import (
+from lvnav_trade.covariance.diagnostics.case_diagnostics import (
     FACTORS,
     CaseDiagnostics,
     PhaseView,
@@ -35,10 +35,10 @@ from lvnav_trade.quantities.records import (
     Sky,
 )
 from lvnav_trade.quantities.state_layout import PROTECTED
-from lvnav_trade.results.tables.tables import CaseInfo
+from lvnav_trade.results.tables.engine_tables import CaseInfo
 from lvnav_trade.results.tables.write import open_results
 from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
-from lvnav_trade.simulation.preparation.signals.atmosphere import Delays
+from lvnav_trade.simulation.preparation.signals.atmospheric_delays import Delays
 from lvnav_trade.simulation.statistics import summarise
 
 OUTPUTS = (

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from lvnav_trade.results.tables.dictionary import arrow_schema
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.schema import arrow_schema
 
 CASES = {
     "aaaaaaaaaaaa": {"imu": "noisy", "rate_gain": "1"},

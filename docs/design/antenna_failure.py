@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.trajectory.flight import build
 

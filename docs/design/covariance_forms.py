@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.covariance.history import forward_tape
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict, update_scalar

@@ -11,7 +11,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_i_n
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.flight import build, motion
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"

@@ -16,13 +16,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.campaign.syntax.card_lookup import shipped
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.quantities.shared_cards import steady_ratio
 from lvnav_trade.report.figures.style import GREY, PALETTE, canvas, line_of, look
-from lvnav_trade.results.evaluation.vehicle import reduction
-from lvnav_trade.simulation.preparation.vehicle import burns as burns_of
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.results.evaluation.motion_estimates import reduction
+from lvnav_trade.simulation.preparation.vehicle_model import burns as burns_of
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.guided.autopilot import (
     INSIDE_JERK,

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.quantities.frames import earth_angle, rotation_i_n
 from lvnav_trade.trajectory.flight import build, motion

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.gnss.visibility import antenna, sky
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT, spectral_densities
 from lvnav_trade.kernels.earth import GM, J2, OMEGA, SEMI_MAJOR

@@ -19,11 +19,11 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.simulation.guided_runs import in_inertial_axes
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import prepare
-from lvnav_trade.trajectory.ascent.dynamics import Engine
+from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
 from lvnav_trade.trajectory.guided.draws import deviations, vehicle_of
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, WHOLE, Cutoff, Navigation, commanded, fly_last
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of, steering_times
+from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, WHOLE, Cutoff, NavigationErrors, commanded, fly_last
 from lvnav_trade.trajectory.guided.pilots import GuidedPilot
-from lvnav_trade.trajectory.guided.reference import Plan, plan_of, steering_times
 
 CAMPAIGN = Path(__file__).resolve().parents[2] / "campaigns" / "drdc" / "schuler.yaml"
 RUNS = 20
@@ -33,11 +33,11 @@ SMOOTHED = (2.0, 1.0, 0.5)  # s, the times of the campaign `guidance`
 class Watched(GuidedPilot):
     """Flies the last burn pass by pass, and keeps time to the cut-off's nominal time and step of every pass."""
 
-    def __init__(self, plan: Plan, navigation: Navigation) -> None:
+    def __init__(self, plan: GuidancePlan, navigation: NavigationErrors) -> None:
         super().__init__(plan, vehicle_of(plan.card, {}), deviations(plan.card, {}), navigation)
         self.steps: list[tuple[float, float]] = []
 
-    def burn_until(self, end: float, push: Engine, cutoff: Cutoff) -> int:
+    def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
         """Fly a piece of the last burn; see `GuidedPilot`."""
         why = WHOLE
         while self.t < end - 1e-9 and why == WHOLE:
@@ -49,7 +49,7 @@ class Watched(GuidedPilot):
         return why
 
 
-def steps(plan: Plan, navigation: Navigation) -> Floats:
+def steps(plan: GuidancePlan, navigation: NavigationErrors) -> Floats:
     """Return times (s) and steps (rad) of the passes of one run, (n, 2)."""
     pilot = Watched(plan, navigation)
     pilot.fly()
@@ -65,7 +65,7 @@ def main() -> None:
         block = run_block(prepared, campaign.seed, 0, RUNS)
         part = steering_times(plan, prepared.record.t)
         flown = [
-            steps(plan, Navigation(prepared.record.t[part], error[part]))
+            steps(plan, NavigationErrors(prepared.record.t[part], error[part]))
             for error in in_inertial_axes(prepared, block.err)
         ]
         alone = steps(plan, PERFECT)

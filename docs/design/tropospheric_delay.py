@@ -16,7 +16,7 @@ from matplotlib import pyplot as plt
 from matplotlib.colors import SymLogNorm
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.gnss.delay_cards import (
     BeanThayerProfile,
     ConaeTroposphere,

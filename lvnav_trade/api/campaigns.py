@@ -19,8 +19,8 @@ from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
 from lvnav_trade.campaign.running.demonstrable import undemonstrable
 from lvnav_trade.campaign.running.plan import estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
-from lvnav_trade.campaign.space.designs import DesignSpace
-from lvnav_trade.campaign.space.plan import planned, refuse_too_large
+from lvnav_trade.campaign.space.design_plan import planned, refuse_too_large
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace
 from lvnav_trade.campaign.space.stage import SpaceEvaluation
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, refuse_all

@@ -55,8 +55,8 @@ def estimate_q(
     InputError
         The campaign has an input error, or a file cannot be written.
     """
-    from lvnav_trade.campaign.derived import process_noise
-    from lvnav_trade.campaign.syntax.cards import write_card
+    from lvnav_trade.campaign.derived_cards import process_noise
+    from lvnav_trade.campaign.syntax.card_lookup import write_card
     from lvnav_trade.report.escape import csv_text
     from lvnav_trade.report.figures.published import steps
     from lvnav_trade.report.figures.raster import written
@@ -106,8 +106,8 @@ def schedule_gains(
     InputError
         The campaign has an input error, or the file cannot be written.
     """
-    from lvnav_trade.campaign.derived import gain_schedule
-    from lvnav_trade.campaign.syntax.cards import write_card
+    from lvnav_trade.campaign.derived_cards import gain_schedule
+    from lvnav_trade.campaign.syntax.card_lookup import write_card
 
     schedule = gain_schedule(*case_of(campaign, sets, case), by, tolerance)
     write_card(Path(file), schedule)

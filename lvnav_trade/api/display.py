@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from lvnav_trade.campaign import recorded, unit_card
+from lvnav_trade.campaign import recorded_log, unit_card
 from lvnav_trade.campaign.reading import starting
 from lvnav_trade.campaign.reading import starting as exporting
 from lvnav_trade.campaign.running import status
@@ -132,7 +132,7 @@ class FittedImu(unit_card.ImuFit, Displayed):
         )
 
 
-class ProcessedLog(recorded.FilteredLog, Displayed):
+class ProcessedLog(recorded_log.FilteredLog, Displayed):
     """A log processed by the filters of a campaign: `alignment`, `track`, `outages`, `summary`, `notes`."""
 
     def _shown(self) -> DisplayContent:

@@ -12,7 +12,7 @@ from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.export.filter_code import FilterCode
-    from lvnav_trade.export.vectors.files import Format, ReferenceVectors
+    from lvnav_trade.export.vectors.vector_files import Format, ReferenceVectors
 
 
 def export_vectors(
@@ -54,7 +54,7 @@ def export_vectors(
     InputError
         The campaign has an input error or redundant IMUs, or the folder contains other files: nothing has been written.
     """
-    from lvnav_trade.export.vectors.files import reference_vectors
+    from lvnav_trade.export.vectors.vector_files import reference_vectors
 
     target = owned(folder, "vectors")
     found = reference_vectors(*case_of(campaign, sets, case), run, kind)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.derived import ProcessNoise, process_noise
+from lvnav_trade.campaign.derived_cards import ProcessNoise, process_noise
 from lvnav_trade.gnss.link import gain, gains
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.figures.published import steps as steps_figure

@@ -12,8 +12,8 @@ from typing import Generic, NamedTuple, TypeVar
 from pydantic import ValidationError
 
 from lvnav_trade.campaign.definition.metric_names import metric_of
-from lvnav_trade.campaign.definition.published import Case as Levels
-from lvnav_trade.campaign.definition.published import (
+from lvnav_trade.campaign.definition.published_cards import Case as Levels
+from lvnav_trade.campaign.definition.published_cards import (
     MeasuredMetric,
     Pooled,
     PublishedNumber,
@@ -36,7 +36,7 @@ from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import SourceTree, hint
 from lvnav_trade.quantities import expression
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
-from lvnav_trade.quantities.limits import STATEMENTS
+from lvnav_trade.quantities.input_limits import STATEMENTS
 from lvnav_trade.quantities.units import Angle, Card, Duration, Length, Share, parse
 
 __all__ = [

@@ -48,9 +48,9 @@ def fit_unit(
         The log cannot be read, has gaps, is uneven or too short: nothing has been written.
     """
     from lvnav_trade.campaign import unit_card
-    from lvnav_trade.campaign.syntax.cards import write_text
+    from lvnav_trade.campaign.syntax.card_lookup import write_text
     from lvnav_trade.report.figures.raster import written
-    from lvnav_trade.report.figures.vehicle import allan_of_log
+    from lvnav_trade.report.figures.vehicle_motion import allan_of_log
 
     fitted = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
     write_text(Path(card), fitted.text)
@@ -102,7 +102,7 @@ def process_log(
         Campaign or log cannot be read, or a filter needs what the log does not have: nothing has been written.
     """
     from lvnav_trade.campaign.reading.load import load
-    from lvnav_trade.campaign.recorded import OutagePlan, process
+    from lvnav_trade.campaign.recorded_log import OutagePlan, process
     from lvnav_trade.report.build import html_page, markdown_page, pictures
     from lvnav_trade.report.escape import csv_text
     from lvnav_trade.report.recorded import page

@@ -20,7 +20,7 @@ from lvnav_trade.results.evaluation.published import (
     rows_of,
     written_unit,
 )
-from lvnav_trade.results.evaluation.signals import reacquisition_times
+from lvnav_trade.results.evaluation.satellite_tracking import reacquisition_times
 from lvnav_trade.results.evaluation.verdicts import (
     FAILS,
     HOLDS,

@@ -9,8 +9,8 @@ from lvnav_trade.api.types import MetricNames
 from lvnav_trade.quantities.errors import InputError
 
 if TYPE_CHECKING:
-    from lvnav_trade.campaign.reading.reference import SettingsEntry
-    from lvnav_trade.campaign.syntax.cards import CardInfo
+    from lvnav_trade.campaign.reading.field_reference import SettingsEntry
+    from lvnav_trade.campaign.syntax.card_lookup import CardInfo
 
 
 def fields(path: str = "") -> list[SettingsEntry]:
@@ -31,7 +31,7 @@ def fields(path: str = "") -> list[SettingsEntry]:
     InputError
         A step of the path is unknown.
     """
-    from lvnav_trade.campaign.reading.reference import reference
+    from lvnav_trade.campaign.reading.field_reference import reference
 
     return reference(path)
 
@@ -44,7 +44,7 @@ def schema() -> dict[str, Any]:
     dict
         The schema, for `json.dumps`.
     """
-    from lvnav_trade.campaign.reading.reference import json_schema
+    from lvnav_trade.campaign.reading.field_reference import json_schema
 
     return json_schema()
 
@@ -67,7 +67,7 @@ def cards(folder: str = "") -> list[CardInfo]:
     InputError
         There is no card in a folder of that name.
     """
-    from lvnav_trade.campaign.syntax import cards as shelf
+    from lvnav_trade.campaign.syntax import card_lookup as shelf
     from lvnav_trade.campaign.syntax.tree import hint
 
     catalogue = shelf.catalogue(Path.cwd())
@@ -96,7 +96,7 @@ def card_text(name: str) -> str:
     InputError
         There is no such card.
     """
-    from lvnav_trade.campaign.syntax import cards as shelf
+    from lvnav_trade.campaign.syntax import card_lookup as shelf
 
     return shelf.card_text(name, Path.cwd())
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lvnav_trade.api.display import DisplayContent, Displayed
-from lvnav_trade.api.frames import Frames
 from lvnav_trade.api.plotting import Plots
+from lvnav_trade.api.table_names import Frames
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables import remote
+from lvnav_trade.results.tables.dictionary import SI_SUFFIX, TABLES, TABLES_OF_VERSION_2, unit_suffix
 from lvnav_trade.results.tables.read import load as read
-from lvnav_trade.results.tables.schema import SI_SUFFIX, TABLES, TABLES_OF_VERSION_2, unit_suffix
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -233,7 +233,7 @@ class Results(Frames, Displayed):
         """Return a table with the label and, for each axis, the level as text and as number, inserted after `case`."""
         import pandas as pd
 
-        from lvnav_trade.results.requirements.curves import si_axes
+        from lvnav_trade.results.requirements.limit_crossings import si_axes
 
         levels = self.tables.levels
         names = {axis: "axis_" + re.sub(r"\W", "_", axis) for case in levels.values() for axis in case}

@@ -12,12 +12,12 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.replay import find
-from lvnav_trade.campaign.space.designs import DesignSpace, number_in
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace, number_in
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import DECIMAL
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.tables.schema import unit_at_end
+from lvnav_trade.results.tables.dictionary import unit_at_end
 
 _LENGTH = 1_000
 _TOKEN = re.compile(

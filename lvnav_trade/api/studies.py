@@ -12,14 +12,14 @@ from lvnav_trade.api.campaigns import Task, carry_out, flight_events
 from lvnav_trade.api.results import Results
 from lvnav_trade.api.types import Study
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.campaign.syntax.card_lookup import shipped
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, refuse_all
 from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
-    from lvnav_trade.campaign.reading.study import StudySection
+    from lvnav_trade.campaign.reading.study_card import StudySection
     from lvnav_trade.report.script import StudyResult, StudyScript
 
 SCRIPT = "study.py"
@@ -75,7 +75,7 @@ def study(
         A campaign, study.yaml or an input of the script has an error: nothing has been computed. Or the folder is not
         one of the tool's and contains a script, which this function does not run.
     """
-    from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.campaign.reading.study_card import load_study
     from lvnav_trade.report.printed import mistakes
     from lvnav_trade.report.script import StudyScript
     from lvnav_trade.report.study import build
@@ -117,7 +117,7 @@ def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
     InputError
         The study has an input error, the folder has no report, or the study no longer defines a stored row.
     """
-    from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.campaign.reading.study_card import load_study
     from lvnav_trade.report.printed import mistakes
     from lvnav_trade.report.recount import recount as written
     from lvnav_trade.report.script import StudyScript
@@ -162,7 +162,7 @@ def renew(
         As for `study`. Also: there is no such campaign or no kept report, or the study no longer defines a stored row
         of another campaign.
     """
-    from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.campaign.reading.study_card import load_study
     from lvnav_trade.report.printed import mistakes
     from lvnav_trade.report.recount import renew as written
     from lvnav_trade.report.script import StudyScript
@@ -201,7 +201,7 @@ def script_of(folder: str | Path) -> StudyScript:
     InputError
         The folder does not exist, or it has a script and is not one of the tool's.
     """
-    from lvnav_trade.campaign.reading.study import study_folder
+    from lvnav_trade.campaign.reading.study_card import study_folder
     from lvnav_trade.report.script import StudyScript
 
     place = study_folder(folder)

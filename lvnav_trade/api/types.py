@@ -15,9 +15,9 @@ from lvnav_trade.results.comparison import comparison
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.axes import Case
     from lvnav_trade.campaign.definition.schema import Campaign
-    from lvnav_trade.campaign.derived import ProcessNoise
+    from lvnav_trade.campaign.derived_cards import ProcessNoise
     from lvnav_trade.campaign.running.selfcheck import CombinedCheck
-    from lvnav_trade.campaign.space.plan import DesignsPlan
+    from lvnav_trade.campaign.space.design_plan import DesignsPlan
     from lvnav_trade.filter.card import FilterCard
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.campaign.syntax.cards import MARK
+from lvnav_trade.campaign.syntax.card_lookup import MARK
 from lvnav_trade.imu.allan import FLOOR
 from lvnav_trade.imu.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
 from lvnav_trade.quantities import units

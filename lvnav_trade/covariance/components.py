@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.epoch_differences import SuccessiveErrors, successive_of
-from lvnav_trade.covariance.imu_array import REMAINDER, WHITE, Differences, differences, state_weights
+from lvnav_trade.covariance.difference_errors import SuccessiveErrors, successive_of
+from lvnav_trade.covariance.imu_array_errors import REMAINDER, WHITE, Differences, differences, state_weights
 from lvnav_trade.covariance.slots import Component, as_lanes, by_length, slot_tables
 from lvnav_trade.covariance.sources import measurement_tables, n_joint, noise_sources, source_names
 from lvnav_trade.filter.model import transition_blocks

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.special import chdtrc
 
-from lvnav_trade.covariance.epoch_differences import begin_successive, clone_joint, measure_further
-from lvnav_trade.covariance.imu_array import add_sums, inform_nominal, samples_of_units
+from lvnav_trade.covariance.difference_errors import begin_successive, clone_joint, measure_further
+from lvnav_trade.covariance.imu_array_errors import add_sums, inform_nominal, samples_of_units
 from lvnav_trade.covariance.propagate import nominal_window, propagate
 from lvnav_trade.covariance.receiver_error import advance_solution, clone_error, complete_rows
 from lvnav_trade.filter.policies.delay import keep
@@ -19,7 +19,7 @@ from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.sensors.family import measure
-from lvnav_trade.simulation.epoch.case import hold_solution
+from lvnav_trade.simulation.epoch.filter_case import hold_solution
 from lvnav_trade.simulation.epoch.process import end_epoch, process_epoch, sample_window
 
 

@@ -21,7 +21,7 @@ from lvnav_trade.filter.policies.imu_samples import new_sample_work
 from lvnav_trade.filter.policies.integrity.state import Monitor, new_monitor
 from lvnav_trade.filter.policies.mode_logic import ModeState, new_mode_state
 from lvnav_trade.quantities.frames import matrices
-from lvnav_trade.simulation.epoch.case import FilterCase, OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import FilterCase, OptionalState, case_of
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 

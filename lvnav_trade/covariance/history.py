@@ -6,7 +6,7 @@ from lvnav_trade.covariance.adjoint import BackwardMetrics, BackwardPass, go_bac
 from lvnav_trade.covariance.components import components
 from lvnav_trade.covariance.forward import expected_nees, false_rejection
 from lvnav_trade.covariance.forward_pass import linear_case, run_pass
-from lvnav_trade.covariance.injection import injection_law, injection_rows
+from lvnav_trade.covariance.injection_covariance import injection_law, injection_rows
 from lvnav_trade.covariance.outputs import behind, sample_outputs, solution_outputs_of
 from lvnav_trade.covariance.segments import case_at, has_uncorrected_outputs, with_outputs
 from lvnav_trade.covariance.sources import n_joint, source_labels
@@ -30,7 +30,7 @@ from lvnav_trade.quantities.records import (
 )
 from lvnav_trade.simulation.epoch.joint import NominalFlight
 from lvnav_trade.simulation.preparation.prepare import Prepared
-from lvnav_trade.trajectory.guided.reference import GuidancePlan, steering_times
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, steering_times
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position

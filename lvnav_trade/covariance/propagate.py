@@ -3,7 +3,7 @@
 import numpy as np
 
 from lvnav_trade.covariance.components import GRAVITY
-from lvnav_trade.covariance.imu_array import REMAINDER, WHITE, unit_input_matrix
+from lvnav_trade.covariance.imu_array_errors import REMAINDER, WHITE, unit_input_matrix
 from lvnav_trade.filter.ekf import predict_covariance
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import cross, matrix, small_rotation

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.covariance.epoch_differences import difference_channels, noise_of
+from lvnav_trade.covariance.difference_errors import difference_channels, noise_of
 from lvnav_trade.filter.states import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.imu.array import keyed, mounted
 from lvnav_trade.kernels.transition import VEL

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.covariance.components import Components, initial_state
-from lvnav_trade.covariance.epoch_differences import N_ENTRIES
+from lvnav_trade.covariance.difference_errors import N_ENTRIES
 from lvnav_trade.covariance.receiver_error import N_SOLUTION_ENTRY
 from lvnav_trade.covariance.slots import as_lanes
 from lvnav_trade.covariance.sources import n_joint

@@ -70,7 +70,7 @@ def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[s
         The case has no filter that can be exported, a kernel cannot be translated, or the compiler fails.
     """
     from lvnav_trade.export.code import NAME, exported
-    from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
+    from lvnav_trade.export.program_replay import flight_bytes, replay_text, run_bytes
     from lvnav_trade.export.translation.values import TranslationError
     from lvnav_trade.simulation.preparation.prepare import prepare
 

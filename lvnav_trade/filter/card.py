@@ -7,9 +7,9 @@ from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.measurement_tuning import HInfinityCard, ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
-from lvnav_trade.filter.policies.cards import IntegrityCard, LogicCard
+from lvnav_trade.filter.policies.policy_cards import IntegrityCard, LogicCard
 from lvnav_trade.filter.policies.stored_gains import GainSchedule
-from lvnav_trade.filter.strapdown import StrapdownCard
+from lvnav_trade.filter.strapdown_algorithm import StrapdownCard
 from lvnav_trade.gnss.delay_cards import CorrectionsCard
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.shared_cards import EnvelopeCard

@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.states import TYPES, FilterMeasurements, clock_gains, extra_tables, row_tables, row_types
-from lvnav_trade.filter.strapdown import strapdown_of
+from lvnav_trade.filter.strapdown_algorithm import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.covariance import N_NAV_ERROR

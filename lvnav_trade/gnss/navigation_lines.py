@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import decimal_or_endless, read_bytes, whole
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 
 GZIP_MAGIC = b"\x1f\x8b"
 COMPRESS_MAGIC = b"\x1f\x9d"  # files .Z of the older program `compress`

@@ -24,7 +24,7 @@ from lvnav_trade.gnss.rinex import Ephemeris, NavigationFile, StateVector, read_
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import read_bytes
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import gps_seconds
 

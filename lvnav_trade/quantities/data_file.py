@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import decimal_or_endless, open_regular, read_text
-from lvnav_trade.quantities.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
+from lvnav_trade.quantities.input_limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import coarse, restored
 

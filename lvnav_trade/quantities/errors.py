@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple, TypeGuard
 
-from lvnav_trade.quantities.limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
+from lvnav_trade.quantities.input_limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
 
 # Control characters except tabs and line breaks, and characters that change the direction of the text
 HIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ufeff]")

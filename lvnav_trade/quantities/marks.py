@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from lvnav_trade.quantities.errors import quoted
-from lvnav_trade.quantities.limits import MESSAGE_LENGTH
+from lvnav_trade.quantities.input_limits import MESSAGE_LENGTH
 
 MARKS = ("assumed", "second_hand")
 """Fields of a card that mark others: a number without a source, and a number that another publication quotes."""

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from typing import NamedTuple
 
-from lvnav_trade.quantities.limits import EXPONENT
+from lvnav_trade.quantities.input_limits import EXPONENT
 
 Powers = Mapping[float, float]
 Dimension = Mapping[str, float]

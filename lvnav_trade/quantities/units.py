@@ -26,7 +26,7 @@ from pydantic_core import CoreSchema, core_schema
 from lvnav_trade.quantities.errors import quoted
 from lvnav_trade.quantities.input_files import DECIMAL as _NUMBER
 from lvnav_trade.quantities.input_files import is_plain
-from lvnav_trade.quantities.limits import LARGEST, LARGEST_ELSE, QUANTITY_LENGTH, SMALLEST, YEARS
+from lvnav_trade.quantities.input_limits import LARGEST, LARGEST_ELSE, QUANTITY_LENGTH, SMALLEST, YEARS
 from lvnav_trade.quantities.marks import ASSUMED, SECOND_HAND, Marks, misnamed
 from lvnav_trade.quantities.unit_spelling import UnknownUnitError, conversion, product
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.campaign.syntax.card_lookup import shipped
 from lvnav_trade.quantities.error_sources import fields_of
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import EXTRAS, PARAMETERS, split_metric

@@ -7,7 +7,7 @@ import pandas as pd
 from lvnav_trade.report.blocks import Block, Table, Text, among, of, stated, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.assumptions import compared_by
+from lvnav_trade.results.evaluation.assumed_numbers import compared_by
 from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4

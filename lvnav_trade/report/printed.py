@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from lvnav_trade.campaign.reading.study import Cell, PrintedTable, StudyCard, StudySection
+from lvnav_trade.campaign.reading.study_card import Cell, PrintedTable, StudyCard, StudySection
 from lvnav_trade.quantities.errors import Mistake, quoted
 from lvnav_trade.report.blocks import Block, Table, number
 from lvnav_trade.report.script import StudyScript

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.recorded import FilteredLog
+from lvnav_trade.campaign.recorded_log import FilteredLog
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.escape import note
-from lvnav_trade.report.figures.vehicle import outages_of_log
+from lvnav_trade.report.figures.vehicle_motion import outages_of_log
 
 INSIDE, LEAST_NEES = 95.0, 0.3
 """Percent of outages that should end within three sigma, and mean NEES below which a filter is too conservative."""

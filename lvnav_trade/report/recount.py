@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import StudyCard
+from lvnav_trade.campaign.reading.study_card import StudyCard
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.quantities.input_files import read_text
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 from lvnav_trade.report.blocks import Section
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import CampaignFigure, StudyCampaign, StudySection
+from lvnav_trade.campaign.reading.study_card import CampaignFigure, StudyCampaign, StudySection
 from lvnav_trade.quantities.errors import Mistake
 from lvnav_trade.report.blocks import Block
 from lvnav_trade.report.figures.figure import Figure as Drawing

@@ -7,9 +7,9 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.campaign.definition.published import Case
+from lvnav_trade.campaign.definition.published_cards import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import CampaignFigure, StudyCard
+from lvnav_trade.campaign.reading.study_card import CampaignFigure, StudyCard
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, of, percent, stated, table
 from lvnav_trade.report.build import markdown_page, pictures

@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results.metric import Metric, MetricValue, SingleValue, event_of, no_fit, scale_of
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.case import RunErrors
+from lvnav_trade.results.statistics.case_results import RunErrors
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import errors_by_axis, pick
 from lvnav_trade.results.tables.read import Tables

@@ -16,7 +16,7 @@ from lvnav_trade.quantities import units
 from lvnav_trade.quantities.records import Floats
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.statistics.case import CaseResults, Distribution, RunErrors
+    from lvnav_trade.results.statistics.case_results import CaseResults, Distribution, RunErrors
     from lvnav_trade.results.tables.read import Tables
 
 # Blocks of a campaign that can name a metric

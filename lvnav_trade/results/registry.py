@@ -13,7 +13,7 @@ from functools import lru_cache
 
 from lvnav_trade.results import metrics as families
 from lvnav_trade.results.metric import STATEMENTS, Metric
-from lvnav_trade.results.metrics.errors import StateError, error_named
+from lvnav_trade.results.metrics.state_errors import StateError, error_named
 
 
 @lru_cache(maxsize=1)

@@ -12,7 +12,7 @@ from lvnav_trade.gnss.delay_cards import AtmosphereCard
 from lvnav_trade.gnss.fault_cards import Fault
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
 from lvnav_trade.imu.array import Imu
-from lvnav_trade.quantities.limits import FAULTS
+from lvnav_trade.quantities.input_limits import FAULTS
 from lvnav_trade.quantities.units import AttitudeSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.scenario.rules import breaches
 from lvnav_trade.sensors.family import Sensor

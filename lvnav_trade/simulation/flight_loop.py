@@ -1,7 +1,7 @@
 """Simulation of one run or eight lanes. Truth and filter exchange nothing but measurements."""
 
 from lvnav_trade.kernels.jit import inlined
-from lvnav_trade.simulation.epoch.case import hold_solution
+from lvnav_trade.simulation.epoch.filter_case import hold_solution
 from lvnav_trade.simulation.recording import record
 from lvnav_trade.simulation.sensing import begin, begin_solver, measure_sensors, observe, sense
 from lvnav_trade.simulation.steps import begin_epoch, begin_filter, propagate, update

@@ -11,13 +11,13 @@ from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import NO_INJECTIONS, NO_LOST, OUTCOMES, Floats
 from lvnav_trade.simulation.preparation.prepared_case import Prepared
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
+from lvnav_trade.trajectory.guided.ascent_runs import Injection, inject
 from lvnav_trade.trajectory.guided.autopilot import DrawKeys
 from lvnav_trade.trajectory.guided.draws import draw
-from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
-from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of
+from lvnav_trade.trajectory.guided.guidance_plan import steering_times
+from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of
 from lvnav_trade.trajectory.guided.pilots import INJECTED
-from lvnav_trade.trajectory.guided.reference import steering_times
-from lvnav_trade.trajectory.guided.runs import Injection, inject
 
 _N_MOTION = 9  # outputs that every case begins with: attitude, velocity, position
 

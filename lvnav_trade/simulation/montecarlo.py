@@ -34,7 +34,7 @@ from lvnav_trade.quantities.records import (
     Floats,
     RunBlock,
 )
-from lvnav_trade.simulation.epoch.case import OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.flight_loop import fly
 from lvnav_trade.simulation.guided_runs import injections
 from lvnav_trade.simulation.imu_array import new_units
@@ -42,7 +42,7 @@ from lvnav_trade.simulation.imu_redundancy import RedundancyWork
 from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
 from lvnav_trade.simulation.preparation.inputs import HistoryTruth, InitialState, Schedule
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
-from lvnav_trade.simulation.preparation.signals.recorded_errors import values_of
+from lvnav_trade.simulation.preparation.signals.recorded_solution import values_of
 from lvnav_trade.simulation.tape import Tape, new_tape
 
 

@@ -11,8 +11,8 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.scenario.filter_models import sensors_measuring
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.attitude_reference import AttitudeReferenceCard
-from lvnav_trade.simulation.preparation.vehicle import burns
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.simulation.preparation.vehicle_model import burns
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import FeedbackCard
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend

@@ -7,7 +7,7 @@ import numpy as np
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_i_n
-from lvnav_trade.quantities.limits import DATA_ROWS
+from lvnav_trade.quantities.input_limits import DATA_ROWS
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, peaks
 from lvnav_trade.trajectory.files.columns import OWN_EVENTS, TableTrajectory

@@ -11,7 +11,7 @@ from lvnav_trade.quantities.conditions import resolve
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.marks import without_marks
 from lvnav_trade.trajectory.ascent.profile import RecordedAscent, rebuild
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.disturbances import oscillations
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import require_consistent

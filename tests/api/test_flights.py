@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.api.flights import case_with, receiver_clock, run_errors
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import prepare

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.campaign.syntax import cards as shelf
-from lvnav_trade.campaign.syntax.cards import CardInfo
+from lvnav_trade.campaign.syntax import card_lookup as shelf
+from lvnav_trade.campaign.syntax.card_lookup import CardInfo
 from lvnav_trade.quantities.errors import InputError
 
 

@@ -7,11 +7,11 @@ import pytest
 
 import lvnav_trade
 from lvnav_trade.api import Results
-from lvnav_trade.api.frames import Frames
+from lvnav_trade.api.table_names import Frames
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.tables.dictionary import TABLES, unit_suffix
 from lvnav_trade.results.tables.read import load
-from lvnav_trade.results.tables.schema import TABLES, unit_suffix
 from tests import many_designs, synthetic
 from tests.results.variants import variant
 

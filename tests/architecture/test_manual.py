@@ -21,7 +21,7 @@ from lvnav_studies.checks import faults
 from lvnav_studies.claims import Claims
 from lvnav_trade.api import check
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import StudyCard
+from lvnav_trade.campaign.reading.study_card import StudyCard
 from lvnav_trade.cli import app
 from lvnav_trade.quantities.errors import InputError
 
@@ -155,7 +155,7 @@ AFRESH = ("search.md", "several_units.md")
 NO_SETTINGS = {
     "tutorial.md": {0, 1, 2},  # its files are run above
     "guarding_a_design.md": {1},  # a workflow of another tool
-    "recorded_data.md": {0},  # a card of a log, read in tests/campaign/test_recorded.py
+    "recorded_data.md": {0},  # a card of a log, read in tests/campaign/test_recorded_log.py
     "your_own_trajectory.md": {1, 2},  # cards of files that are not here
 }
 

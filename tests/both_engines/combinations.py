@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import chi2
 
-from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events
 from lvnav_trade.covariance.history import covariance, forward_tape
 from lvnav_trade.filter.policies.stored_gains import GainHistory, schedule_of
 from lvnav_trade.quantities.errors import InputError

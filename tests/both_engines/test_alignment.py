@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.transition import GYRO

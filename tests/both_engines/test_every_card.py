@@ -19,7 +19,7 @@ from lvnav_trade.gnss.constellation import CombinedConstellation, NominalConstel
 from lvnav_trade.gnss.delay_cards import AtmosphereCard
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import SteeredCard
 from lvnav_trade.trajectory.disturbances import GravityCard
 from lvnav_trade.trajectory.flight import Trajectory, TrajectoryCard, build, reference

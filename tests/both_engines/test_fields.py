@@ -25,8 +25,8 @@ LABELS = {"name", "source", "resources", "assumed", "second_hand"}
 
 # Hearing and tracking: tests/gnss/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
-# Models of delays: tests/delays walks their fields, tests/simulation/preparation/signals/test_atmosphere.py what
-# engines
+# Models of delays: tests/delays walks their fields, tests/simulation/preparation/signals/test_atmospheric_delays.py
+# what engines
 # make of them.
 DELAYS = {"corrections"}
 # Tables of factors on noise: tests/quantities/test_shared_cards.py,
@@ -51,10 +51,10 @@ TUNING = {
 FITTED = {"instability_fit"}
 # A recording in a file: tests/gnss/test_recorded_errors.py walks its fields.
 RECORDED = {"error_table"}
-# A model of the vehicle and its attitude reference: tests/simulation/preparation/test_vehicle.py walks them on such
-# a filter.
+# A model of the vehicle and its attitude reference: tests/simulation/preparation/test_vehicle_model.py walks them on
+# such a filter.
 MODELLED = {"envelope", "report_imu_samples"}
-# Models of sensors: tests/sensors/test_altimeter.py, tests/simulation/preparation/test_vehicle.py.
+# Models of sensors: tests/sensors/test_altimeter.py, tests/simulation/preparation/test_vehicle_model.py.
 SENSORS = {"sensor_models"}
 # States of a difference of two units: tests/sensors/test_imu_difference.py.
 RELATIVE = {f"{kind}_relative_bias{end}" for kind in ("gyro", "accel") for end in ("", "_walk", "_correlation")}

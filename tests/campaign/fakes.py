@@ -14,7 +14,7 @@ import numpy as np
 
 from lvnav_trade.campaign.running.execute import Store
 from lvnav_trade.campaign.running.work import Engine
-from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
+from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import CovHistory, Output
 

@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.api import Results
 from lvnav_trade.quantities.state_layout import EXTRAS, PARAMETERS
-from lvnav_trade.results.tables.schema import SI_SUFFIX
+from lvnav_trade.results.tables.dictionary import SI_SUFFIX
 from lvnav_trade.sensors.family import SENSOR_STATES, SENSORS, kind_of
 from tests.building import shipped_sensors
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.derived import gain_schedule
+from lvnav_trade.campaign.derived_cards import gain_schedule
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.filter.policies.stored_gains import GainKnot, GainSegment, digest_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.field_reference import json_schema, reference
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.campaign.reading.reference import json_schema, reference
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.sensors.family import SENSORS
 

@@ -13,7 +13,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.report.build import SECTIONS
 from lvnav_trade.results.evaluation import METRICS

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests import synthetic
-from tests.campaign.reading.test_study import CAMPAIGN
+from tests.campaign.reading.test_study_card import CAMPAIGN
 from tests.cli.calling import call
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from lvnav_trade.export.code import FilterProgram, exported
 from lvnav_trade.export.filter_code import FLAGS
-from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
+from lvnav_trade.export.program_replay import flight_bytes, replay_text, run_bytes
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from tests.both_engines.combinations import scenario_of, with_stored_gains
 from tests.both_engines.covering import DIMENSIONS

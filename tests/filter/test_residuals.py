@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from lvnav_trade.covariance.history import adjoint, covariance
 from lvnav_trade.filter import ekf
 from lvnav_trade.quantities.state_layout import state_names
-from lvnav_trade.simulation.epoch.case import OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import update_receiver
 from tests.building import MATCHED, loaded, prepare_hop, with_fields
 from tests.covariance.test_history import agrees, inside

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade.campaign.reading.expand import expand
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.cards import Shelf, shipped
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, shipped
 from lvnav_trade.filter.receivers.receiver import FilterSettings, ReportedCovariance, point_model, receiver_filter
 from lvnav_trade.gnss.receiver_cards import (
     BancroftSolution,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.filter.strapdown import StrapdownCard, strapdown_of
+from lvnav_trade.filter.strapdown_algorithm import StrapdownCard, strapdown_of
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 

@@ -44,7 +44,7 @@ MUTATIONS = {
     "assumed variance four times too large, seen in the numbers": Mutation(
         "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",
         "line, name) ** 2 * 4.0 for name in channels.observables)",
-        "tests/simulation/preparation/signals/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
+        "tests/simulation/preparation/signals/test_receiver_measurements.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
         "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.campaign.reading.study_card import load_study
 from tests.scripts import publication
 
 STUDY = publication("conae")

@@ -15,7 +15,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.campaign.reading.study_card import load_study
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.simulation.preparation.prepare import prepare
 from tests.scripts import publication

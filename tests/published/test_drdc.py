@@ -9,10 +9,10 @@ from unittest.mock import patch
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.campaign.reading.study_card import load_study
 from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.campaign.running.execute import run
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.report import build
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.verdicts import FAILS

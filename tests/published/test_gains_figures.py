@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.figures.raster import drawn
 from lvnav_trade.results.tables.read import load as results_of

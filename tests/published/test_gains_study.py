@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.campaign.reading.study_card import load_study
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.coverage import coverage
 from lvnav_trade.results.evaluation.rms import paired_levels

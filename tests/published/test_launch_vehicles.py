@@ -11,7 +11,7 @@ from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.trajectory.ascent.legs import lift_off_mass
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent, sun_synchronous
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent, sun_synchronous
 from lvnav_trade.trajectory.truth import motion
 from tests.trajectory.flight_cases import CONFIGS, launch, launcher_settings
 

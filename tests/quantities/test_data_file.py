@@ -15,7 +15,7 @@ import pytest
 
 from lvnav_trade.quantities.data_file import column_names, read_columns, read_texts
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 from tests.fuzzing.mutants import flipped, outcome_of
 
 ROWS = "\n".join(f"{k},{k * k},0" for k in range(20))

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade.imu.error_model import GyroCard
 from lvnav_trade.quantities import units
-from lvnav_trade.quantities.limits import LARGEST, SMALLEST
+from lvnav_trade.quantities.input_limits import LARGEST, SMALLEST
 from lvnav_trade.quantities.units import Card, parse, require_rising
 
 DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665

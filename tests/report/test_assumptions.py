@@ -10,11 +10,11 @@ from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.build import make
 from lvnav_trade.report.summary import summary
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.assumptions import compared_by
+from lvnav_trade.results.evaluation.assumed_numbers import compared_by
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.injections import with_injections
-from tests.results.evaluation.test_assumptions import BASE
+from tests.results.evaluation.test_assumed_numbers import BASE
 
 
 @pytest.fixture(scope="module")

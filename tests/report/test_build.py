@@ -21,8 +21,8 @@ from lvnav_trade.report import build, keep
 from lvnav_trade.report.blocks import number
 from lvnav_trade.report.build import html_page, make, markdown_page
 from lvnav_trade.results.evaluation import CSV, METRICS
+from lvnav_trade.results.tables.dictionary import REPORTED
 from lvnav_trade.results.tables.read import load
-from lvnav_trade.results.tables.schema import REPORTED
 from lvnav_trade.results.tables.write import open_results
 from tests import synthetic
 

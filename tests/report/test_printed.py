@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.reading.study import StudyCard
+from lvnav_trade.campaign.reading.study_card import StudyCard
 from lvnav_trade.report.printed import printed_tables, short_cases
 from lvnav_trade.results.evaluation.published import COLUMNS, marks
 

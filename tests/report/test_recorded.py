@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded import FilteredLog, failures, summarised
+from lvnav_trade.campaign.recorded_log import FilteredLog, failures, summarised
 from lvnav_trade.report.build import html_page, markdown_page
 from lvnav_trade.report.recorded import page
 from lvnav_trade.simulation.recorded.alignment import Alignment

@@ -7,8 +7,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lvnav_trade.campaign.reading.study import load_study
-from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.campaign.reading.study_card import load_study
+from lvnav_trade.campaign.syntax.card_lookup import shipped
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.recount import recount
 from lvnav_trade.report.script import StudyScript

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.campaign.reading.study import CampaignFigure, StudyCampaign, StudySection
+from lvnav_trade.campaign.reading.study_card import CampaignFigure, StudyCampaign, StudySection
 from lvnav_trade.report.script import StudyFigure, StudyScript, published_rows
 from lvnav_trade.results.tables.read import load
 from tests import synthetic

@@ -6,7 +6,7 @@ from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.space import curves
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
-from tests.results.requirements.test_curves import FACTORS, tables
+from tests.results.requirements.test_limit_crossings import FACTORS, tables
 
 
 def test_a_numeric_axis_has_a_figure_and_its_crossings(tmp_path):

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from lvnav_trade.campaign.reading.study import StudyCard
+from lvnav_trade.campaign.reading.study_card import StudyCard
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.script import StudyResult

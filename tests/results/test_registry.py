@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.metric import BOTH, REQUIREMENTS, STATEMENTS
-from lvnav_trade.results.metrics.errors import StateError
+from lvnav_trade.results.metrics.state_errors import StateError
 from lvnav_trade.results.registry import find, metric_of, names, registry
 
 

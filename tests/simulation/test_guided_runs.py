@@ -11,12 +11,12 @@ from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import NO_INJECTIONS, NO_LOST, ORBIT, OUTCOMES
 from lvnav_trade.simulation.guided_runs import in_inertial_axes, injections, rows_of
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
+from lvnav_trade.trajectory.guided.ascent_runs import Injection, inject
 from lvnav_trade.trajectory.guided.draws import draw
-from lvnav_trade.trajectory.guided.orbit import orbit_of
+from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_of
 from lvnav_trade.trajectory.guided.pilots import INJECTED
-from lvnav_trade.trajectory.guided.reference import plan_of
-from lvnav_trade.trajectory.guided.runs import Injection, inject
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 from tests.trajectory.flight_cases import launcher_settings
 from tests.trajectory.guided.cases import guided, plan, state_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.syntax.cards import campaign_file
+from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation import nozzle as room
 from lvnav_trade.simulation.nozzle import FEEDS, controlled

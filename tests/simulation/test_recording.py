@@ -11,7 +11,7 @@ from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.strapdown import R, V
 from lvnav_trade.kernels.transition import ACCEL, GYRO, OTHER_0, OWN_0, POS, SQUARE, VEL
-from lvnav_trade.simulation.epoch.case import OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.montecarlo import new_work, run_block
 from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.recording import N_SAMPLE_OUTPUT, record, true_parameter

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.definition.axes import Case
-from lvnav_trade.covariance.diagnostics.diagnostics import explain, flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import explain, flown_events
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.reads import FieldReads
 from lvnav_trade.quantities.records import CovarianceRequest

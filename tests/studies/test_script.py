@@ -12,12 +12,12 @@ from ruamel.yaml import YAML
 from lvnav_studies import Publication, main
 from lvnav_trade import api
 from lvnav_trade.api.pages import StudyResult
-from lvnav_trade.campaign.reading.study import StudyCard, load_study
+from lvnav_trade.campaign.reading.study_card import StudyCard, load_study
 from lvnav_trade.quantities.errors import InputError, refuse_all
 from lvnav_trade.report.study import build
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
-from tests.campaign.reading.test_study import CAMPAIGN
+from tests.campaign.reading.test_study_card import CAMPAIGN
 
 END = {"metric": "velocity_error_3d", "at": "injection"}
 TERMS = {"a": END | {"case": {"imu": "coarse"}}, "b": END | {"case": {"imu": "fine"}}}

@@ -9,7 +9,7 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from lvnav_trade.trajectory.ascent.profile import RecordedAscent
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.flight import Trajectory, build
 from lvnav_trade.trajectory.flights.orbital import OrbitalFlight
 from lvnav_trade.trajectory.flights.sounding import SoundingFlight

@@ -16,12 +16,12 @@ from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import is_index
 from lvnav_trade.quantities import expression
 from lvnav_trade.quantities.input_files import read_bytes
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 from lvnav_trade.quantities.marks import MARKS, unmarked
 from lvnav_trade.quantities.shared_cards import Resources
 from lvnav_trade.scenario.rules import breaches_of_case
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 
 RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
 

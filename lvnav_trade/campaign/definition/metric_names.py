@@ -9,12 +9,12 @@ from lvnav_trade.quantities.errors import quoted
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results import registry
 from lvnav_trade.results.metric import REQUIREMENTS, STATEMENTS, Metric
-from lvnav_trade.results.metrics import errors
+from lvnav_trade.results.metrics import state_errors
 from lvnav_trade.sensors.family import FAMILY, SENSOR_STATES, kind_of
 from lvnav_trade.sensors.sensor import Evidence
 
 # SI unit of every quantity whose errors are stored
-ERROR_UNITS = errors.UNITS | {name: state.unit for name, state in SENSOR_STATES.items()}
+ERROR_UNITS = state_errors.UNITS | {name: state.unit for name, state in SENSOR_STATES.items()}
 
 
 class ListedMetric(NamedTuple):
@@ -36,7 +36,7 @@ def find_metric(name: str) -> Metric | None:
     """Return the metric with a name; None if there is none."""
     metric = registry.find(name)
     if metric is None and (unit := ERROR_UNITS.get(split_metric(name)[0])) is not None:
-        return errors.error_named(name, unit)
+        return state_errors.error_named(name, unit)
     return metric
 
 
@@ -57,7 +57,9 @@ def known_metric(name: str) -> str:
     """Return a name if it is a metric of published numbers; otherwise ValueError, which suggests a similar name."""
     metric = find_metric(name)
     if metric is None or metric.named_by == REQUIREMENTS:
-        others = registry.names(lambda each: each.named_by != REQUIREMENTS and not isinstance(each, errors.StateError))
+        others = registry.names(
+            lambda each: each.named_by != REQUIREMENTS and not isinstance(each, state_errors.StateError)
+        )
         near = hint(name, (*others, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
         raise ValueError(f"{quoted(name)} is not a metric{near}")
     return name
@@ -70,7 +72,7 @@ def required_metrics() -> tuple[str, ...]:
 
 def known_metrics() -> list[ListedMetric]:
     """Return all metrics that a campaign can name: first those of the registry, then the errors of sensor states."""
-    sensors = [errors.state_metric(name, state.unit) for name, state in SENSOR_STATES.items()]
+    sensors = [state_errors.state_metric(name, state.unit) for name, state in SENSOR_STATES.items()]
     metrics = [*registry.registry().values(), *sensors]
     return [ListedMetric(metric.name, metric.unit, metric.meaning, metric.named_by) for metric in metrics]
 

@@ -8,11 +8,11 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field
 
 from lvnav_trade.campaign.definition.document import Document, MarginPolicy, Window
 from lvnav_trade.campaign.definition.metric_names import metric_of, required_metrics, unit_of
-from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, PublishedNumber, place
-from lvnav_trade.campaign.definition.runs import MonteCarlo as MonteCarlo
+from lvnav_trade.campaign.definition.published_cards import ENDS, FLIGHT, PublishedNumber, place
+from lvnav_trade.campaign.definition.run_counts import MonteCarlo as MonteCarlo
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import SourceTree, hint
-from lvnav_trade.quantities import limits, units
+from lvnav_trade.quantities import input_limits, units
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.scenario.scenario import Scenario
 
@@ -189,33 +189,33 @@ class Covariance(units.Card):
         None, description="bounds on position and velocity: a further linear covariance for every satellite in use"
     )
     spot_check: int = Field(
-        limits.SPOT_CHECK,
+        input_limits.SPOT_CHECK,
         description="runs of each case that check linear covariance; only half of them if these agree; 0: none",
     )
 
     @field_validator("spot_check")
     @classmethod
     def _enough(cls, runs: int) -> int:
-        if runs and not limits.SPOT_CHECK <= runs <= limits.RUNS:
-            raise ValueError(f"{quoted(runs)} runs; give 0 for no check, or at least {limits.SPOT_CHECK}")
+        if runs and not input_limits.SPOT_CHECK <= runs <= input_limits.RUNS:
+            raise ValueError(f"{quoted(runs)} runs; give 0 for no check, or at least {input_limits.SPOT_CHECK}")
         return runs
 
 
 class Keep(units.Card):
     """Data stored of a simulated flight."""
 
-    history: Annotated[units.Duration, Field(gt=0.0, le=limits.STREAM)] = Field(
+    history: Annotated[units.Duration, Field(gt=0.0, le=input_limits.STREAM)] = Field(
         1.0, description="step of the stored histories, 1 ms or more; events are always kept"
     )
-    allan: Annotated[units.Duration, Field(ge=100.0, le=limits.STREAM)] | None = Field(
+    allan: Annotated[units.Duration, Field(ge=100.0, le=input_limits.STREAM)] | None = Field(
         None, description="duration of IMU errors at rest, simulated for each case, whose Allan deviation is stored"
     )
 
     @field_validator("history")
     @classmethod
     def _not_too_fine(cls, step: float) -> float:
-        if step < limits.FINEST_HISTORY:
-            raise ValueError(f"{step:g} s is too fine; give {1e3 * limits.FINEST_HISTORY:g} ms or more")
+        if step < input_limits.FINEST_HISTORY:
+            raise ValueError(f"{step:g} s is too fine; give {1e3 * input_limits.FINEST_HISTORY:g} ms or more")
         return step
 
 
@@ -275,7 +275,7 @@ class Campaign(units.Card):
     description: str = ""  # question that it answers, for the report
     seed: int = Field(ge=0, lt=2**63)  # of all random draws
     base: Scenario  # the scenario that the axes vary
-    axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)  # fields that are varied
+    axes: tuple[Axis, ...] = Field((), max_length=input_limits.AXES)  # fields that are varied
     # choice of the cases among all combinations of levels
     design: Literal["grid", "zip", "one_at_a_time", "latin_hypercube", "sobol", "box_behnken"] = "grid"
     samples: int | None = Field(
@@ -284,7 +284,8 @@ class Campaign(units.Card):
     store: Literal["metrics", "events", "history"] | None = Field(
         None,
         description="history: every table of every case; metrics: one row per case, full analysis of a few; events: as "
-        f"metrics, with the errors at every event; if absent: metrics beyond {limits.CASES} cases, otherwise history",
+        "metrics, with the errors at every event; if absent: metrics beyond "
+        f"{input_limits.CASES} cases, otherwise history",
     )
     exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
         (), description="combinations that are excluded: levels of some axes, or lists of levels"
@@ -295,9 +296,11 @@ class Campaign(units.Card):
     monte_carlo: MonteCarlo | None = None  # number of runs and rule for stopping; none: linear covariance alone
     covariance: Covariance = Covariance()  # results of linear covariance
     keep: Keep = Keep()  # data that are stored
-    requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)  # bounds that verdicts are given on
+    requirements: tuple[Requirement, ...] = Field(
+        (), max_length=input_limits.STATEMENTS
+    )  # bounds that verdicts are given on
     references: tuple[PublishedNumber, ...] = Field(
-        (), max_length=limits.STATEMENTS, description="published numbers that are compared with ours"
+        (), max_length=input_limits.STATEMENTS, description="published numbers that are compared with ours"
     )
     corridor: CorridorCard | None = Field(None, description="corridor in which the point of impact must stay")
     margin_policy: MarginPolicy | None = Field(None, description="margin policy that verdicts are compared with")

@@ -15,13 +15,13 @@ from lvnav_trade.campaign.definition.axes import (
     level_label,
 )
 from lvnav_trade.campaign.definition.metric_names import metric_of
-from lvnav_trade.campaign.definition.published import Pooled, PublishedNumber
+from lvnav_trade.campaign.definition.published_cards import Pooled, PublishedNumber
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.quantities.errors import Mistake, quoted
-from lvnav_trade.quantities.limits import AXES, CASES, DESIGNS
+from lvnav_trade.quantities.input_limits import AXES, CASES, DESIGNS
 from lvnav_trade.quantities.state_layout import AXES as FRAME_AXES
-from lvnav_trade.results.metrics.errors import NORM, StateError
+from lvnav_trade.results.metrics.state_errors import NORM, StateError
 from lvnav_trade.scenario.rules import breaches_of_case
 from lvnav_trade.scenario.scenario import Scenario
 

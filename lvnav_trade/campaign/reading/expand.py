@@ -7,12 +7,12 @@ from pydantic import Field, ValidationError
 from lvnav_trade.campaign.definition.schema import Requirement
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
-from lvnav_trade.campaign.syntax.cards import Shelf
+from lvnav_trade.campaign.syntax.card_lookup import Shelf
 from lvnav_trade.campaign.syntax.fields import Kind
 from lvnav_trade.campaign.syntax.marked import with_marks_of
 from lvnav_trade.campaign.syntax.tree import Node, join, mistake
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
-from lvnav_trade.quantities.limits import MESSAGES
+from lvnav_trade.quantities.input_limits import MESSAGES
 from lvnav_trade.quantities.units import Card
 
 _DEEPEST = 16

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.quantities.errors import Mistake, quoted
-from lvnav_trade.quantities.limits import MESSAGES
+from lvnav_trade.quantities.input_limits import MESSAGES
 
 # Units that datasheets use most, for "did you mean".
 _UNITS = (

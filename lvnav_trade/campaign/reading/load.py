@@ -16,7 +16,7 @@ from lvnav_trade.campaign.reading.sampled import Rule, choice_of_runs, ruled, wi
 from lvnav_trade.campaign.reading.spaced import spaced
 from lvnav_trade.campaign.reading.written_cases import WrittenCases, first_cases
 from lvnav_trade.campaign.syntax import fields, marked, tree
-from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file, nowhere
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, campaign_file, nowhere
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.scenario.scenario import Scenario
 

@@ -13,7 +13,7 @@ from lvnav_trade.campaign.reading.spaced import SAMPLED, AxisEnds, between, ends
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted
-from lvnav_trade.quantities.limits import CASES, DESIGNS
+from lvnav_trade.quantities.input_limits import CASES, DESIGNS
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.statistics.display_units import split
 

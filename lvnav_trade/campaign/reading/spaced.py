@@ -11,7 +11,7 @@ from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted
 from lvnav_trade.quantities.input_files import DECIMAL
-from lvnav_trade.quantities.limits import CASES, DESIGNS
+from lvnav_trade.quantities.input_limits import CASES, DESIGNS
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import with_ascii_minus
 

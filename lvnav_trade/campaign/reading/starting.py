@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.cards import Shelf
+from lvnav_trade.campaign.syntax.card_lookup import Shelf
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.trajectory.export import difference, exported
 from lvnav_trade.trajectory.files import guesses, table_flight

@@ -12,7 +12,7 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, InjectionLaw, Output
 from lvnav_trade.quantities.state_layout import BACKUP
 from lvnav_trade.results.metric import NAVIGATION_UNITS
-from lvnav_trade.results.statistics.case import (
+from lvnav_trade.results.statistics.case_results import (
     SAME_TIME,
     CaseResults,
     Gaussian,
@@ -25,7 +25,7 @@ from lvnav_trade.results.statistics.case import (
 from lvnav_trade.simulation.statistics import BlockSummary, add_norms, columns
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission import ErrorGaussian, State
+    from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State
 
 # Quantities whose covariance is stored at events
 _KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
@@ -164,7 +164,7 @@ class CaseArrays(CaseResults):
         They are computed through the columns of the stored tables. So a verdict before storing has exactly the same
         numbers as a verdict on stored results.
         """
-        from lvnav_trade.results.mechanics.mission import State, laws_in
+        from lvnav_trade.results.mechanics.mission_errors import State, laws_in
         from lvnav_trade.results.tables.flight_tables import state_columns
 
         stored = state_columns(self.prepared, self.covariance)

@@ -14,7 +14,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.work import WHY, Job, WorkOutcome, message_of, navigation, prepared_of
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, writing
-from lvnav_trade.results.tables.files import replacing
+from lvnav_trade.results.tables.table_files import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,7 +93,7 @@ def _is_trace(path: Path) -> bool:
 def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
     import pandas as pd
 
-    from lvnav_trade.results.tables.schema import SI_SUFFIX, error_column
+    from lvnav_trade.results.tables.dictionary import SI_SUFFIX, error_column
 
     columns = {"t_s": block.t}
     for index, output in enumerate(outputs):

@@ -7,7 +7,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.covariance.selfcheck.case import check_scenario
+from lvnav_trade.covariance.selfcheck.case_checks import check_scenario
 from lvnav_trade.covariance.selfcheck.check import CheckResult, bounded
 
 

@@ -18,9 +18,9 @@ from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.quantities.input_files import refuse_irregular
 from lvnav_trade.results.tables import parts as part_files
 from lvnav_trade.results.tables.contents import MANIFEST, read_manifest
-from lvnav_trade.results.tables.files import replace_file
+from lvnav_trade.results.tables.dictionary import TABLES
 from lvnav_trade.results.tables.read import read_table, stored_table
-from lvnav_trade.results.tables.schema import TABLES
+from lvnav_trade.results.tables.table_files import replace_file
 from lvnav_trade.results.tables.versions import environment
 from lvnav_trade.results.tables.write import difference, identity_of
 

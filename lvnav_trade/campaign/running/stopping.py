@@ -8,7 +8,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.statistics.case_results import number_in
 
 # Number of runs of a block that violate each requirement; None if the case does not have the metric
 Counts = tuple[int | None, ...]

@@ -24,9 +24,9 @@ from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.covariance import history as lincov
-from lvnav_trade.covariance.diagnostics import diagnostics as explained
+from lvnav_trade.covariance.diagnostics import case_diagnostics as explained
 from lvnav_trade.covariance.diagnostics.confirming_runs import with_alarms, with_nominal_alarms
-from lvnav_trade.covariance.injection import by_part
+from lvnav_trade.covariance.injection_covariance import by_part
 from lvnav_trade.gnss.recorded_errors import refuse_short
 from lvnav_trade.gnss.satellites import satellites
 from lvnav_trade.quantities.errors import InputError, Mistake
@@ -38,7 +38,7 @@ from lvnav_trade.simulation import montecarlo, nozzle, settings_read, statistics
 from lvnav_trade.simulation.preparation import initial_draws as starts
 from lvnav_trade.simulation.preparation.cache import trajectory_of
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
-from lvnav_trade.simulation.preparation.signals.recorded_errors import table_of
+from lvnav_trade.simulation.preparation.signals.recorded_solution import table_of
 from lvnav_trade.trajectory.truth import Remark
 
 Save = Callable[[Path, Any, str], None]  # `scratch.save` or `scratch.cache`

@@ -25,12 +25,12 @@ from lvnav_trade.campaign.reading.spaced import points
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import HISTORY, look, not_described
-from lvnav_trade.covariance.diagnostics.diagnostics import flown_events, scaled
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events, scaled
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import CovHistory, Floats
-from lvnav_trade.results.metrics.errors import NORM, StateError
 from lvnav_trade.results.metrics.injection import InjectionError
+from lvnav_trade.results.metrics.state_errors import NORM, StateError
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted
 from lvnav_trade.scenario.scenario import Scenario

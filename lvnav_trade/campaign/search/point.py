@@ -13,7 +13,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping, work
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.filter.assumed import ReceiverModel
 from lvnav_trade.filter.card import FilterCard

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.campaign.space.designs import Design, DesignBatch, DesignSpace, made, number_of
+from lvnav_trade.campaign.space.numbered_designs import Design, DesignBatch, DesignSpace, made, number_of
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.shared_pass import (
     TOLERANCE,

@@ -13,12 +13,12 @@ import pyarrow as pa
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.space.designs import DesignBatch, DesignSpace
-from lvnav_trade.campaign.space.evaluate import HISTORY, EvaluatedDesigns, EvaluationRequest, evaluate
+from lvnav_trade.campaign.space.design_plan import Chosen, chosen
+from lvnav_trade.campaign.space.evaluate_designs import HISTORY, EvaluatedDesigns, EvaluationRequest, evaluate
+from lvnav_trade.campaign.space.numbered_designs import DesignBatch, DesignSpace
 from lvnav_trade.campaign.space.passes import shared_axes
-from lvnav_trade.campaign.space.plan import Chosen, chosen
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.tables import designs as stored
+from lvnav_trade.results.tables import design_tables as stored
 from lvnav_trade.results.tables import scratch
 
 PART = 100  # designs per work item

@@ -17,7 +17,7 @@ from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
 from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
-from lvnav_trade.quantities import limits
+from lvnav_trade.quantities import input_limits
 from lvnav_trade.quantities.errors import HIDDEN, InputError, Mistake, quoted, refuse_all
 from lvnav_trade.quantities.input_files import is_plain, read_bytes
 
@@ -116,7 +116,7 @@ def refuse(place: Place, path: str, message: str) -> InputError:
 
 def hint(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'this'?)``, by meaning or by spelling; empty if no known word is similar."""
-    if len(word) > limits.QUOTED_LENGTH:
+    if len(word) > input_limits.QUOTED_LENGTH:
         return ""
     spelled = {str(name).lower(): str(name) for name in known}
     if word.lower() in MEANINGS:
@@ -138,7 +138,7 @@ def read(path: Path) -> Node:
     except (OSError, ValueError) as error:  # a name that no file can have
         raise InputError(f"{quoted(shown)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     try:
-        text = read_bytes(path, limits.YAML_BYTES).decode("utf-8-sig")
+        text = read_bytes(path, input_limits.YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{shown}: is not a text file in UTF-8") from None
     return parse(text, shown, path.resolve().parent)
@@ -205,11 +205,11 @@ class _BoundedComposer(Composer):
         is_alias = isinstance(event, AliasEvent)
         self.aliases += is_alias
         for size, most, what in (
-            (self.nodes, limits.YAML_NODES, "words, lists and mappings"),
-            (self.deep, limits.YAML_DEPTH, "lists and mappings within each other"),
-            (self.aliases, limits.YAML_ALIASES, "aliases"),
-            (index + 1 if isinstance(index, int) else 0, limits.LIST_LENGTH, "items in a list"),
-            (len(getattr(event, "value", None) or ""), limits.WORD_LENGTH, "characters in a text"),
+            (self.nodes, input_limits.YAML_NODES, "words, lists and mappings"),
+            (self.deep, input_limits.YAML_DEPTH, "lists and mappings within each other"),
+            (self.aliases, input_limits.YAML_ALIASES, "aliases"),
+            (index + 1 if isinstance(index, int) else 0, input_limits.LIST_LENGTH, "items in a list"),
+            (len(getattr(event, "value", None) or ""), input_limits.WORD_LENGTH, "characters in a text"),
         ):
             if size > most:
                 raise _RefusedError(problem=f"more than {most} {what}", problem_mark=event.start_mark)
@@ -239,8 +239,8 @@ class _Conversion:
         """Return the tree node of a composed node; `above` are the identities of the nodes that contain it."""
         place = self.place(raw)
         self.nodes += 1  # an alias counts with all its content, which is repeated
-        if self.nodes > limits.YAML_NODES:
-            raise refuse(place, path, f"with its aliases more than {limits.YAML_NODES} words, lists and mappings")
+        if self.nodes > input_limits.YAML_NODES:
+            raise refuse(place, path, f"with its aliases more than {input_limits.YAML_NODES} words, lists and mappings")
         if id(raw) in above:
             self.mistakes.append(mistake(place, path, "an alias that contains itself"))
             return Node(None, place)

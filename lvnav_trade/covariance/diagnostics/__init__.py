@@ -1,4 +1,4 @@
 """Diagnostics of a covariance analysis.
 
-Read `diagnostics.py` first, which calls the others.
+Read `case_diagnostics.py` first, which calls the others.
 """

@@ -1,4 +1,4 @@
 """Checks of a configuration of the user's own.
 
-Read `case.py` first, which calls the others.
+Read `case_checks.py` first, which calls the others.
 """

@@ -8,7 +8,7 @@ import numpy as np
 
 from lvnav_trade.covariance.diagnostics.nonlinearity import increments, place, place_previous_epoch, tick_at
 from lvnav_trade.covariance.selfcheck.check import CheckResult
-from lvnav_trade.covariance.selfcheck.states import sizes
+from lvnav_trade.covariance.selfcheck.state_checks import sizes
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
 from lvnav_trade.filter.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
 from lvnav_trade.filter.policies.epoch_differences import is_present

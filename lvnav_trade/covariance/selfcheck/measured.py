@@ -8,7 +8,7 @@ import numpy as np
 
 from lvnav_trade.covariance.diagnostics.nonlinearity import navigation_at, tick_at
 from lvnav_trade.covariance.selfcheck.check import CheckResult
-from lvnav_trade.covariance.selfcheck.draws import RUNS, correlation, moments
+from lvnav_trade.covariance.selfcheck.draw_checks import RUNS, correlation, moments
 from lvnav_trade.gnss.fault_cards import DegradedNoise
 from lvnav_trade.gnss.faults import active
 from lvnav_trade.gnss.receiver_cards import DirectSolution
@@ -21,7 +21,7 @@ from lvnav_trade.scenario.filter_models import solves
 from lvnav_trade.sensors.family import RECEIVER_SOLUTION, fill, measure
 from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.sensors.jacobian_row import N_ENTRY
-from lvnav_trade.simulation.epoch.case import case_of
+from lvnav_trade.simulation.epoch.filter_case import case_of
 from lvnav_trade.simulation.montecarlo import Truth, Work, new_work
 from lvnav_trade.simulation.preparation.correlated import RECORDED
 from lvnav_trade.simulation.preparation.prepare import Prepared

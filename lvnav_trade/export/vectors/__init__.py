@@ -1,1 +1,1 @@
-"""Reference vectors of a filter: inputs and expected outputs of one run, epoch by epoch. Read `tables.py` first."""
+"""Reference vectors of a filter: inputs and outputs of one run, epoch by epoch. Read `vector_tables.py` first."""

@@ -3,14 +3,14 @@
 from lvnav_trade.report.figures import (
     budget,
     curves,
-    errors,
+    error_histories,
     integrity,
     limits,
     mission,
     published,
     signals,
     space,
-    vehicle,
+    vehicle_motion,
 )
 from lvnav_trade.report.figures.style import PLOTS
 
@@ -18,12 +18,12 @@ __all__ = [
     "PLOTS",
     "budget",
     "curves",
-    "errors",
+    "error_histories",
     "integrity",
     "limits",
     "mission",
     "published",
     "signals",
     "space",
-    "vehicle",
+    "vehicle_motion",
 ]

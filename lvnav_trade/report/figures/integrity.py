@@ -8,7 +8,7 @@ from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, message, over_time
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.protection import series_of
+from lvnav_trade.results.evaluation.protection_levels import series_of
 from lvnav_trade.results.statistics.select import ends_of, history_of, pick
 from lvnav_trade.results.tables.read import Tables
 

@@ -10,7 +10,7 @@ from lvnav_trade.report.figures.figure import Figure, Panel, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, over_time, scale_up
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.requirements.margins import margins
-from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import history_of, pick
 from lvnav_trade.results.tables.read import Tables

@@ -6,19 +6,19 @@ import pandas as pd
 from lvnav_trade.quantities.records import INJECTION, Floats, InjectionLaw
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas
 from lvnav_trade.report.figures.style import PALETTE, drawing, message, over_time, scale_up
-from lvnav_trade.results.mechanics import mission, orbits
-from lvnav_trade.results.mechanics.injection import APSIDES, apsis_errors, is_curved, why_no_law
+from lvnav_trade.results.mechanics import mission_errors, orbits
+from lvnav_trade.results.mechanics.injection_law import APSIDES, apsis_errors, is_curved, why_no_law
 from lvnav_trade.results.metrics.mission import MISSION
 from lvnav_trade.results.mission.impact import corridor_of, ellipse, run_impacts
 from lvnav_trade.results.mission.impact import impact as impact_points
-from lvnav_trade.results.mission.injection import LABELS, injections_of
+from lvnav_trade.results.mission.injection_accuracy import LABELS, injections_of
 from lvnav_trade.results.mission.orbit import costs
-from lvnav_trade.results.statistics.case import Injections
+from lvnav_trade.results.statistics.case_results import Injections
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import outline_of
 from lvnav_trade.results.statistics.select import final_event
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.runs import ORBIT_UNITS
+from lvnav_trade.results.tables.run_tables import ORBIT_UNITS
 
 _Component = tuple[str, int, str]  # metric, component of its error, label
 _Errors = dict[str, Floats]  # by metric, each (n, k)
@@ -44,12 +44,12 @@ def orbit(tables: Tables, case: str) -> Figure:
     orbit, draws of the Gaussian replace the ellipse of perigee and apogee.
     """
     event = final_event(tables, case)
-    state = mission.state_at(tables, case, event)
+    state = mission_errors.state_at(tables, case, event)
     if state is None or not bool(orbits.osculating(state.r_i, state.v_i).elliptic):
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
-    law = mission.law_at(tables, case, event)
+    law = mission_errors.law_at(tables, case, event)
     figure, grid = canvas(2, 2, 2.9, title=f"{tables.labels[case]}, {event.replace('_', ' ')}")
-    of_runs = mission.orbit_errors(state, mission.good_errors(tables, case, state))
+    of_runs = mission_errors.orbit_errors(state, mission_errors.good_errors(tables, case, state))
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
         _plane(ax, state, law, of_runs, pair)
     _cost(grid[1, 1], costs(tables, case, event))
@@ -58,8 +58,8 @@ def orbit(tables: Tables, case: str) -> Figure:
 
 def _plane(
     ax: Panel,
-    state: mission.State,
-    law: mission.ErrorGaussian,
+    state: mission_errors.State,
+    law: mission_errors.ErrorGaussian,
     of_runs: _Errors,
     pair: tuple[_Component, _Component],
 ) -> None:
@@ -71,12 +71,12 @@ def _plane(
 
     if len(of_runs["node_error"]):
         ax.plot(*shown(of_runs), ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
-    if any(mission.applies(state, metric, law.true) for metric, _, _ in pair):
-        drawn = mission.orbit_errors(state, mission.draws(law.mean, law.true, _DRAWS))
+    if any(mission_errors.applies(state, metric, law.true) for metric, _, _ in pair):
+        drawn = mission_errors.orbit_errors(state, mission_errors.draws(law.mean, law.true, _DRAWS))
         ax.plot(*shown(drawn), ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
         ax.set(title="no first-order sigma: circular to within 3 sigma")
     else:
-        slope = np.stack([mission.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
+        slope = np.stack([mission_errors.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
         outline = slope @ law.mean + outline_of(slope @ law.true @ slope.T)
         ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma")
         formal_outline = outline_of(slope @ law.formal @ slope.T)

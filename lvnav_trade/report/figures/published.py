@@ -12,7 +12,7 @@ from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.results.evaluate import name_of
 from lvnav_trade.results.evaluation.pooled_cases import axes_of, cases_of, evaluate_single, label_of
 from lvnav_trade.results.evaluation.published import at_an_edge
-from lvnav_trade.results.requirements.curves import BASE, base_level
+from lvnav_trade.results.requirements.limit_crossings import BASE, base_level
 from lvnav_trade.results.tables.read import Tables
 
 _DRAWN = 0.02, 50.0  # limits of the axis of ratios; ratios beyond are drawn as arrows at its ends

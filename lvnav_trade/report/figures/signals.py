@@ -8,7 +8,7 @@ import pandas as pd
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, over_time, scale_up
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.signals import counted
+from lvnav_trade.results.evaluation.satellite_tracking import counted
 from lvnav_trade.results.statistics.select import final_event, flight_events, pick
 from lvnav_trade.results.tables.read import Tables
 

@@ -18,7 +18,7 @@ from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.requirements.improvements import expected
 from lvnav_trade.results.requirements.requirements import errors_of
-from lvnav_trade.results.statistics.case import RunErrors, number_in
+from lvnav_trade.results.statistics.case_results import RunErrors, number_in
 from lvnav_trade.results.statistics.select import at_time, final_event, flight_events, history_of, lincov_rms, pick
 from lvnav_trade.results.tables.read import Tables, load
 

@@ -17,8 +17,8 @@ from lvnav_trade.results.evaluation.designs import AXIS, designs, name_and_end, 
 from lvnav_trade.results.metric import NAVIGATION_UNITS
 from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted, success_bounds
 from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.tables.dictionary import unit_at_end, unit_suffix
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.schema import unit_at_end, unit_suffix
 
 EFFECTS = [
     "requirement",

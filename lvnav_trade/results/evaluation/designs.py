@@ -13,12 +13,12 @@ from lvnav_trade.results.evaluation.resources import totals
 from lvnav_trade.results.metric import NAVIGATION_UNITS
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.requirements import confirmation
-from lvnav_trade.results.requirements.curves import si_axes
 from lvnav_trade.results.requirements.improvements import expected
+from lvnav_trade.results.requirements.limit_crossings import si_axes
 from lvnav_trade.results.requirements.margins import worst
 from lvnav_trade.results.statistics.select import NAVIGATION, final_event, flight_events, history_columns, once, pick
+from lvnav_trade.results.tables.dictionary import SUFFIXES, unit_at_end, unit_suffix
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.schema import SUFFIXES, unit_at_end, unit_suffix
 
 AXIS = "axis_"
 # Columns of every design, with their meaning

@@ -18,7 +18,7 @@ from lvnav_trade.results.evaluation.verdicts import (
     verdict,
 )
 from lvnav_trade.results.metric import SingleValue
-from lvnav_trade.results.metrics.errors import StateError
+from lvnav_trade.results.metrics.state_errors import StateError
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.tables.read import Tables
 

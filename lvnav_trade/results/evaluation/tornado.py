@@ -14,10 +14,10 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.evaluation.design_space import CONFIDENCE, axes_of, errors_of, possible, range_text
 from lvnav_trade.results.evaluation.designs import unit_of
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.tables.dictionary import unit_at_end
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.schema import unit_at_end
 
 SWINGS = [
     "requirement",

@@ -1,4 +1,4 @@
 """Orbital mechanics of navigation errors: orbits, impact points, correction impulses.
 
-Read `mission.py` first.
+Read `mission_errors.py` first.
 """

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from lvnav_trade.quantities.records import INJECTION, OUTCOMES, Floats, InjectionLaw
-from lvnav_trade.results.mechanics.injection import (
+from lvnav_trade.results.mechanics.injection_law import (
     APSIDES,
     apsis_errors,
     is_curved,
@@ -19,10 +19,10 @@ from lvnav_trade.results.mechanics.injection import (
     why_no_law,
 )
 from lvnav_trade.results.metric import BOTH, LENGTH, MEAN, ONE_SIDED, TWO_SIDED, Metric, MetricValue, no_fit, scale_of
-from lvnav_trade.results.statistics.case import Distribution, Gaussian, Injections, Redraw, RunErrors
+from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, Injections, Redraw, RunErrors
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.statistics.case_results import CaseResults
     from lvnav_trade.results.tables.read import Tables
 
 UNGUIDED = "no ascent is guided: give trajectory.guidance"

@@ -21,11 +21,11 @@ from lvnav_trade.results.metric import (
     no_fit,
     scale_of,
 )
-from lvnav_trade.results.statistics.case import Distribution, Gaussian, RunErrors, number_in
+from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors, number_in
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission import ElementEpochs
-    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
+    from lvnav_trade.results.statistics.case_results import CaseResults
     from lvnav_trade.results.tables.read import Tables
 
 
@@ -102,7 +102,7 @@ class MissionError(Metric):
 
 def epochs_of(stated: Mapping[str, Any]) -> ElementEpochs:
     """Return type and epochs of the elements in a statement; by default mean elements at its event."""
-    from lvnav_trade.results.mechanics.mission import ElementEpochs
+    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
 
     estimated = number_in(stated.get("epoch") or 0.0, "s")
     true = stated.get("reference_epoch")
@@ -117,7 +117,7 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs |
 
     epochs : type and epochs of the orbital elements; None for mean elements at the event
     """
-    from lvnav_trade.results.mechanics.mission import ElementEpochs, orbit_errors_at, signed, turned
+    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs, orbit_errors_at, signed, turned
 
     state = case.state(event)
     if state is None:
@@ -136,7 +136,7 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs |
 
 def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
     """Return `mission.drawn_of` at an event; None if the state there is not stored."""
-    from lvnav_trade.results.mechanics.mission import drawn_of
+    from lvnav_trade.results.mechanics.mission_errors import drawn_of
 
     state = case.state(event)
     return None if state is None else drawn_of(state, case.joint(event), metric)
@@ -144,7 +144,7 @@ def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
 
 def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
     """Return `mission.expected_of` at an event; None if the state there is not stored."""
-    from lvnav_trade.results.mechanics.mission import expected_of
+    from lvnav_trade.results.mechanics.mission_errors import expected_of
 
     state = case.state(event)
     return None if state is None else expected_of(state, case.joint(event), metric)

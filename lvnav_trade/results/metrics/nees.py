@@ -32,7 +32,7 @@ class Nees(Metric):
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the NEES per axis: one by definition (formal), by linear covariance, and as the mean over the runs."""
-        from lvnav_trade.results.statistics.case import SAME_TIME
+        from lvnav_trade.results.statistics.case_results import SAME_TIME
         from lvnav_trade.results.statistics.case_tables import CaseTables
         from lvnav_trade.results.statistics.select import phase
 

@@ -19,10 +19,10 @@ from lvnav_trade.results.metric import (
     MetricValue,
     event_of,
 )
-from lvnav_trade.results.statistics.case import Distribution, Gaussian, RunErrors
+from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.statistics.case_results import CaseResults
     from lvnav_trade.results.tables.read import Tables
 
 SIGMAS = "sigma"

@@ -11,10 +11,10 @@ import numpy as np
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.metric import BOTH, MEDIAN, Metric, MetricValue, event_of, no_fit, scale_of
-from lvnav_trade.results.statistics.case import Distribution, RunErrors
+from lvnav_trade.results.statistics.case_results import Distribution, RunErrors
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.statistics.case_results import CaseResults
     from lvnav_trade.results.tables.read import Tables
 
 _NONE = "no protection levels there"
@@ -89,7 +89,7 @@ class Availability(Metric):
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share, which is equal in every run."""
-        from lvnav_trade.results.evaluation.protection import series_of
+        from lvnav_trade.results.evaluation.protection_levels import series_of
         from lvnav_trade.results.statistics.select import phase, rows_between, time_mean
 
         rows = series_of(tables, case, self.quantity)

@@ -24,7 +24,7 @@ class SignalNumber(Metric):
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return it as the true value, which all runs share."""
-        from lvnav_trade.results.evaluation.signals import values_of
+        from lvnav_trade.results.evaluation.satellite_tracking import values_of
         from lvnav_trade.results.statistics.per_run import within
         from lvnav_trade.results.statistics.select import pick
 
@@ -88,7 +88,7 @@ class ReacquisitionTime(Metric):
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the median over the satellites."""
-        from lvnav_trade.results.evaluation.signals import reacquisition_times
+        from lvnav_trade.results.evaluation.satellite_tracking import reacquisition_times
 
         scale = scale_of(unit, self.unit)
         if scale is None:

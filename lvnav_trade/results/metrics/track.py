@@ -21,10 +21,10 @@ from lvnav_trade.results.metric import (
     no_fit,
     scale_of,
 )
-from lvnav_trade.results.statistics.case import Distribution, Gaussian, RunErrors, finite_sizes
+from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors, finite_sizes
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.statistics.case_results import CaseResults
     from lvnav_trade.results.tables.read import Tables
 
 

@@ -12,8 +12,8 @@ from scipy import special
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.mechanics import mission, orbits
-from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.mechanics import mission_errors, orbits
+from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.probability import success_verdict
 from lvnav_trade.results.statistics.select import once, pick
 from lvnav_trade.results.tables.read import Tables
@@ -167,7 +167,7 @@ def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
 @once
 def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     corridor = corridor_of(tables)
-    states, laws = mission.states(tables, case), mission.laws(tables, case)
+    states, laws = mission_errors.states(tables, case), mission_errors.laws(tables, case)
     if not states:
         return []
     true = [column.tobytes() for column in _arrays(states)]
@@ -190,7 +190,7 @@ def _numbers(r_i: bytes, v_i: bytes, earth_angle: bytes) -> tuple[Floats, Floats
     return np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
 
 
-def _arrays(states: list[mission.State]) -> tuple[Floats, Floats, Floats]:
+def _arrays(states: list[mission_errors.State]) -> tuple[Floats, Floats, Floats]:
     """Return positions and velocities (n, 3), frame i, and Earth angles (n,) of true states."""
     position, velocity = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
     return position, velocity, np.array([state.earth_angle for state in states])
@@ -240,13 +240,15 @@ def corridor_verdicts(tables: Tables) -> pd.DataFrame:
 def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
     """Return the number of runs that failed or were outside the corridor at an event, and the number of all runs."""
     errors = [
-        (state, *mission.run_errors(tables, case, state)) for state in mission.states(tables, case) if state.event
+        (state, *mission_errors.run_errors(tables, case, state))
+        for state in mission_errors.states(tables, case)
+        if state.event
     ]
     bad = [failed | _outside(state, error, corridor) for state, error, failed in errors]
     return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
 
 
-def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
+def _outside(state: mission_errors.State, error: Floats, corridor: Corridor) -> Bools:
     """Return which estimated points are outside the corridor; none if the true state has no impact point."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
@@ -259,7 +261,11 @@ def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
 
 
 def _row(
-    state: mission.State, law: mission.ErrorGaussian, point: orbits.Impact, slope: Floats, corridor: Corridor | None
+    state: mission_errors.State,
+    law: mission_errors.ErrorGaussian,
+    point: orbits.Impact,
+    slope: Floats,
+    corridor: Corridor | None,
 ) -> dict[str, Any]:
     """Return the impact point and its error by linear covariance at one time, in kilometres and degrees.
 
@@ -279,7 +285,7 @@ def _row(
         return row
     covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
     sigma, filter_sigma = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(formal))
-    bias_km = mission.resolved(bias, sigma)
+    bias_km = mission_errors.resolved(bias, sigma)
     variance, axes = np.linalg.eigh(covariance)
     major = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
     row |= {
@@ -320,7 +326,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
         found = -orbits.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
         return np.asarray(found.reshape(m, n * 2))
 
-    slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
+    slopes = mission_errors.derivative(errors).reshape(len(r), 2, 6) * 1e-3
     slopes.flags.writeable = False
     return slopes
 
@@ -338,7 +344,7 @@ def _inside(corridor: Corridor, point: orbits.Impact, covariance: Floats, bias: 
 
 
 def _runs(
-    tables: Tables, case: str, states: Sequence[mission.State], corridor: Corridor | None
+    tables: Tables, case: str, states: Sequence[mission_errors.State], corridor: Corridor | None
 ) -> list[dict[str, Any]]:
     """Return the statistics of the runs at each state of an event; no runs are stored between events."""
     off = run_impacts(tables, case)
@@ -353,13 +359,15 @@ def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
 
     Down-range and cross-range, (n, 2), m; NaN if the true state has no impact point.
     """
-    states = [state for state in mission.states(tables, case) if state.event]
-    good = [mission.good_errors(tables, case, state) for state in states]
-    off = mission.impacts_errors(states, good) if states else []
+    states = [state for state in mission_errors.states(tables, case) if state.event]
+    good = [mission_errors.good_errors(tables, case, state) for state in states]
+    off = mission_errors.impacts_errors(states, good) if states else []
     return {state.event: errors for state, errors in zip(states, off, strict=True)}
 
 
-def _of_runs(tables: Tables, case: str, state: mission.State, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
+def _of_runs(
+    tables: Tables, case: str, state: mission_errors.State, off: Floats, corridor: Corridor | None
+) -> dict[str, Any]:
     """Return the statistics of the runs at an event.
 
     off : their errors (n, 2) at impact, m
@@ -372,7 +380,9 @@ def _of_runs(tables: Tables, case: str, state: mission.State, off: Floats, corri
     statistics = {"runs": len(off), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
     if corridor is None:
         return statistics
-    return statistics | {"mc_outside": int(_outside(state, mission.good_errors(tables, case, state), corridor).sum())}
+    return statistics | {
+        "mc_outside": int(_outside(state, mission_errors.good_errors(tables, case, state), corridor).sum())
+    }
 
 
 def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:

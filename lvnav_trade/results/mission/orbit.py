@@ -7,7 +7,7 @@ import pandas as pd
 from scipy import stats
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.mechanics import impulses, mission, orbits
+from lvnav_trade.results.mechanics import impulses, mission_errors, orbits
 from lvnav_trade.results.metrics.mission import MISSION
 from lvnav_trade.results.statistics.probability import holm
 from lvnav_trade.results.statistics.select import final_event, flight_events, once
@@ -87,21 +87,21 @@ def orbit(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def orbital_states(tables: Tables, case: str) -> list[mission.State]:
+def orbital_states(tables: Tables, case: str) -> list[mission_errors.State]:
     """Return the states at the final event, and at earlier events whose orbit clears the ground.
 
     Events at the time of the final event are omitted.
     """
     final = final_event(tables, case)
-    last = mission.state_at(tables, case, final)
+    last = mission_errors.state_at(tables, case, final)
     if last is None:
         return []
     clear = []
     for event in flight_events(tables, case).event:
-        state = last if event == final else mission.state_at(tables, case, str(event))
+        state = last if event == final else mission_errors.state_at(tables, case, str(event))
         if state is None or (event != final and abs(state.t - last.t) < 1e-6):
             continue
-        average = mission.mean_orbit(state)
+        average = mission_errors.mean_orbit(state)
         if float(average.perigee) > 0.0 or (event == final and bool(average.elliptic)):
             clear.append(state)
     return clear
@@ -124,22 +124,24 @@ def values(orbit_of: orbits.OrbitVectors) -> dict[str, float]:
     return {name: float(value) for name, value in zip(QUANTITIES, elements, strict=True)}
 
 
-def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any]]:
-    law = mission.law_at(tables, case, state.event)
-    now, average = values(orbits.osculating(state.r_i, state.v_i)), values(mission.mean_orbit(state))
-    good = mission.good_errors(tables, case, state)
-    of_runs, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
+def _rows(tables: Tables, case: str, state: mission_errors.State) -> list[dict[str, Any]]:
+    law = mission_errors.law_at(tables, case, state.event)
+    now, average = values(orbits.osculating(state.r_i, state.v_i)), values(mission_errors.mean_orbit(state))
+    good = mission_errors.good_errors(tables, case, state)
+    of_runs, drawn = (
+        mission_errors.orbit_errors(state, some) for some in (good, mission_errors.draws(law.mean, law.true))
+    )
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
         unit, factor = MISSION[metric].label_unit, MISSION[metric].label_factor
         columns = {"osculating": now[name] * factor, "averaged": average[name] * factor}
         columns = {column: value if abs(value) >= LEAST else 0.0 for column, value in columns.items()}
         row = {"quantity": name, "unit": unit, **columns}
-        row["remark"] = mission.applies(state, metric, law.true)
+        row["remark"] = mission_errors.applies(state, metric, law.true)
         if not row["remark"]:
-            slope = mission.jacobian(state, metric)[component]
+            slope = mission_errors.jacobian(state, metric)[component]
             sigma, formal = (float(np.sqrt(slope @ covariance @ slope)) for covariance in (law.true, law.formal))
-            bias = float(mission.resolved(slope @ law.mean, sigma))
+            bias = float(mission_errors.resolved(slope @ law.mean, sigma))
             row |= {"lincov_sigma": sigma * factor, "filter_sigma": formal * factor, "lincov_bias": bias * factor}
         row |= {"lincov_q99": _quantile(drawn[metric][:, component]) * factor, "runs": len(good)}
         if len(good):
@@ -166,10 +168,10 @@ def normality(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         for state in orbital_states(tables, case)[-1:]:
-            good = mission.good_errors(tables, case, state)
+            good = mission_errors.good_errors(tables, case, state)
             if len(good) < _LEAST_RUNS:
                 continue
-            errors = mission.orbit_errors(state, good)
+            errors = mission_errors.orbit_errors(state, good)
             each = {name: errors[metric][:, component] for name, (metric, component) in QUANTITIES.items()}
             each = {name: error for name, error in each.items() if np.isfinite(error).all() and np.ptp(error) > 0.0}
             shapes = {
@@ -235,12 +237,12 @@ def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
 
     Each is (3, n), m/s: for the whole error, for that of velocity alone, and for that of position alone.
     """
-    state = mission.state_at(tables, case, event)
+    state = mission_errors.state_at(tables, case, event)
     assert state is not None
-    law = mission.law_at(tables, case, event)
+    law = mission_errors.law_at(tables, case, event)
     of = {
-        "linear covariance": mission.draws(law.mean, law.true, _DRAWS),
-        "Monte Carlo": mission.good_errors(tables, case, state),
+        "linear covariance": mission_errors.draws(law.mean, law.true, _DRAWS),
+        "Monte Carlo": mission_errors.good_errors(tables, case, state),
     }
     masks = np.array([np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)])[:, None]
     errors = np.concatenate([error * masks for error in of.values()], axis=1)

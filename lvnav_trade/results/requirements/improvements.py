@@ -11,7 +11,7 @@ from scipy import optimize
 from lvnav_trade.results.evaluate import metric_in
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.requirements.requirements import verdicts
-from lvnav_trade.results.statistics.case import CaseResults, Distribution, number_in
+from lvnav_trade.results.statistics.case_results import CaseResults, Distribution, number_in
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import norm_probability, norm_quantile
 from lvnav_trade.results.statistics.select import once

@@ -11,7 +11,7 @@ from scipy import stats
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.evaluate import metric_in
-from lvnav_trade.results.statistics.case import RunErrors, number_in
+from lvnav_trade.results.statistics.case_results import RunErrors, number_in
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import runs_needed, success_verdict
 from lvnav_trade.results.statistics.select import once

@@ -12,14 +12,14 @@ from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.evaluate import metric_in
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.evaluation.protection import series_of
-from lvnav_trade.results.mechanics.mission import ErrorGaussian, State, drawn_of, expected_of, laws, states
+from lvnav_trade.results.evaluation.protection_levels import series_of
+from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State, drawn_of, expected_of, laws, states
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.metrics.mission import MissionError
 from lvnav_trade.results.metrics.normalised import SIGMAS, NormalisedError, whitening
 from lvnav_trade.results.metrics.protection import ProtectionLevel
 from lvnav_trade.results.requirements.confirmation import unconfirmed, verdicts
-from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.gaussian import gaussian
 from lvnav_trade.results.statistics.probability import norm_quantile
 from lvnav_trade.results.statistics.select import SAME_TIME, ends_of, history_of, once, pick, rows_between

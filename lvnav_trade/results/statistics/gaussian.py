@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.statistics.case import SAME_TIME, CaseResults, Gaussian
+from lvnav_trade.results.statistics.case_results import SAME_TIME, CaseResults, Gaussian
 from lvnav_trade.results.statistics.probability import norm_probability
 from lvnav_trade.results.tables.read import Tables, pick, pick_columns
 

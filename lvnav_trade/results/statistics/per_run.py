@@ -11,8 +11,8 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import SAME_TIME, errors_by_axis, instant, phase, pick, rows_between
+from lvnav_trade.results.tables.dictionary import error_column, rms_column
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.schema import error_column, rms_column
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,13 +10,13 @@ import numpy as np
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.statistics.case import SAME_TIME as SAME_TIME
-from lvnav_trade.results.statistics.case import instant_in, phase_in
+from lvnav_trade.results.statistics.case_results import SAME_TIME as SAME_TIME
+from lvnav_trade.results.statistics.case_results import instant_in, phase_in
+from lvnav_trade.results.tables.dictionary import error_column
 from lvnav_trade.results.tables.read import Tables
 from lvnav_trade.results.tables.read import once as once
 from lvnav_trade.results.tables.read import pick as pick
 from lvnav_trade.results.tables.read import pick_columns as pick_columns
-from lvnav_trade.results.tables.schema import error_column
 
 if TYPE_CHECKING:
     import pandas as pd

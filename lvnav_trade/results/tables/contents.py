@@ -15,8 +15,8 @@ from lvnav_trade.quantities.errors import InputError, quoted, writing
 from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.results.tables import parts as part_files
 from lvnav_trade.results.tables import scratch
-from lvnav_trade.results.tables.files import CASE_TABLE, replace_file
-from lvnav_trade.results.tables.schema import FEATURES, REPORTED, TABLES, TABLES_OF_VERSION_2
+from lvnav_trade.results.tables.dictionary import FEATURES, REPORTED, TABLES, TABLES_OF_VERSION_2
+from lvnav_trade.results.tables.table_files import CASE_TABLE, replace_file
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
 _BYTES = 2**26  # limit, far above the size of the list for the largest campaign

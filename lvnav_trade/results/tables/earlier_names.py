@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.contents import MANIFEST, read_manifest
-from lvnav_trade.results.tables.schema import COLUMNS_OF_VERSION_2, TABLES_OF_VERSION_2
+from lvnav_trade.results.tables.dictionary import COLUMNS_OF_VERSION_2, TABLES_OF_VERSION_2
 from lvnav_trade.results.tables.versions import RESULTS_VERSION, results_version
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.gnss.faults import periods, singled_out
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import IDLE, TRACKING, CovHistory, Floats
-from lvnav_trade.results.tables.files import Coded
+from lvnav_trade.results.tables.table_files import Coded
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 STEP = 5.0  # s between stored states, or the step of the history if that is longer; events are stored as well

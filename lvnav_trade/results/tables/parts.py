@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from lvnav_trade.results.tables.files import binaries, integers, replace_table, texts
+from lvnav_trade.results.tables.table_files import binaries, integers, replace_table, texts
 from lvnav_trade.simulation.statistics import BlockSummary
 
 _LOG = logging.getLogger("lvnav_trade.results.tables")

@@ -18,8 +18,8 @@ from ruamel.yaml.error import YAMLError
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import read_bytes, refuse_irregular
 from lvnav_trade.results.tables.contents import damaged, is_without_rows, read_manifest, refuse_changed
+from lvnav_trade.results.tables.dictionary import OF_OUTPUTS, TABLES, arrow_schema
 from lvnav_trade.results.tables.earlier_names import names_of, stored_names
-from lvnav_trade.results.tables.schema import OF_OUTPUTS, TABLES, arrow_schema
 from lvnav_trade.results.tables.versions import parsed
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from lvnav_trade.results.tables.files import replace_file, replacing
+from lvnav_trade.results.tables.table_files import replace_file, replacing
 
 _LOG = logging.getLogger("lvnav_trade.results.tables")
 FOLDER = ".scratch"

@@ -12,7 +12,7 @@ from typing import Any
 import ruamel.yaml
 
 from lvnav_trade.quantities.marks import without_marks
-from lvnav_trade.results.tables.schema import TABLES
+from lvnav_trade.results.tables.dictionary import TABLES
 
 RESULTS_VERSION = 3  # version of the file layout of results; blocks of another layout are computed again
 _UNSTATED_VERSION = 2  # version of results whose manifest has none

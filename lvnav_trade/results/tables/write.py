@@ -10,11 +10,11 @@ from typing import Any, Literal
 
 import pyarrow as pa
 
-from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
+from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.quantities.records import CovHistory, RunBlock
-from lvnav_trade.results.tables import designs, scratch
+from lvnav_trade.results.tables import design_tables, scratch
 from lvnav_trade.results.tables import parts as part_files
 from lvnav_trade.results.tables.contents import (
     DIGESTS,
@@ -26,7 +26,9 @@ from lvnav_trade.results.tables.contents import (
     digests,
     owned,
 )
-from lvnav_trade.results.tables.files import (
+from lvnav_trade.results.tables.dictionary import TABLES, arrow_schema
+from lvnav_trade.results.tables.engine_tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
+from lvnav_trade.results.tables.table_files import (
     CASE_TABLE,
     batches,
     case_schema,
@@ -37,8 +39,6 @@ from lvnav_trade.results.tables.files import (
     row_files,
     write_case_table,
 )
-from lvnav_trade.results.tables.schema import TABLES, arrow_schema
-from lvnav_trade.results.tables.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
 from lvnav_trade.results.tables.versions import across_machines, campaign_digest, environment, results_version
 from lvnav_trade.simulation.nozzle import NozzleStatistics
 from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
@@ -180,8 +180,8 @@ class ResultsWriter:
         """
         with_tables = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
         self._merge_tables([name for name in TABLES if name not in ("traces", "designs")], with_tables, each)
-        if not (self.folder / designs.FILE).exists():
-            self.owned.remove("run", [designs.FILE])
+        if not (self.folder / design_tables.FILE).exists():
+            self.owned.remove("run", [design_tables.FILE])
         if trace is not None:
             trace(self.folder)
         self._merge_tables(["traces"], with_tables, one_by_one)
@@ -205,7 +205,7 @@ class ResultsWriter:
     def write_designs(self, table: pa.Table) -> None:
         """Write the table of all designs of a design space."""
         about = {**(table.schema.metadata or {}), **self._about("designs")}
-        replace_table(table.replace_schema_metadata(about), self.folder / designs.FILE)
+        replace_table(table.replace_schema_metadata(about), self.folder / design_tables.FILE)
 
     def _about(self, name: str) -> dict[str, str]:
         """Return the metadata of a table."""

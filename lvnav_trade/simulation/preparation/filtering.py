@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.filter.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.filter.policies.stored_gains import StoredGains
 from lvnav_trade.filter.states import FilterMeasurements, state_layout
-from lvnav_trade.filter.strapdown import strapdown_of
+from lvnav_trade.filter.strapdown_algorithm import strapdown_of
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.quantities.frames import earth_angle, reporting_axes
@@ -18,7 +18,7 @@ from lvnav_trade.scenario.filter_models import filter_models, has_covariance, me
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.inputs import InitialState
 from lvnav_trade.simulation.preparation.options import every, gains_of
-from lvnav_trade.simulation.preparation.times import Times
+from lvnav_trade.simulation.preparation.schedule import Times
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 

@@ -26,7 +26,7 @@ from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.imu_arrays import arriving, elements, fused, units_of, white_of
 from lvnav_trade.simulation.preparation.imu_inputs import ImuArray, ImuTruth
-from lvnav_trade.simulation.preparation.imu_redundancy import Profile, redundant_of
+from lvnav_trade.simulation.preparation.redundancy_plan import Profile, redundant_of
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.trajectory.disturbances import disturbance
 

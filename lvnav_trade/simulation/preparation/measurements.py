@@ -16,12 +16,11 @@ from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import EnteringError, entering_errors, shared_of
 from lvnav_trade.simulation.preparation.filtering import CaseFilter
 from lvnav_trade.simulation.preparation.inputs import FurtherObservables, Signals
-from lvnav_trade.simulation.preparation.mode_logic import failing, satellites_taken, watched
+from lvnav_trade.simulation.preparation.mode_rules import failing, satellites_taken, watched
 from lvnav_trade.simulation.preparation.options import solver_of
 from lvnav_trade.simulation.preparation.signals.doppler import doppler_left, relativity_left
 from lvnav_trade.simulation.preparation.signals.phases_and_differences import delayed_of, further_of, references_of
-from lvnav_trade.simulation.preparation.signals.recorded_errors import RecordedErrors, recorded
-from lvnav_trade.simulation.preparation.signals.signals import (
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import (
     AssumedNoise,
     TrueSignals,
     UsedSatellites,
@@ -30,6 +29,7 @@ from lvnav_trade.simulation.preparation.signals.signals import (
     received_of,
     signals_of,
 )
+from lvnav_trade.simulation.preparation.signals.recorded_solution import RecordedErrors, recorded
 from lvnav_trade.simulation.preparation.signals.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
 from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel, chain_of
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight

@@ -6,17 +6,17 @@ from lvnav_trade.simulation.preparation.filtering import CaseFilter, filtering_o
 from lvnav_trade.simulation.preparation.imu import TrueImu, imu_of
 from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.preparation.measurements import Measurements, measurements_of
-from lvnav_trade.simulation.preparation.mode_logic import integrity_of
+from lvnav_trade.simulation.preparation.mode_rules import integrity_of
 from lvnav_trade.simulation.preparation.options import late_of, passes_of
 from lvnav_trade.simulation.preparation.prepared_case import Prepared as Prepared
 from lvnav_trade.simulation.preparation.reporting import Reporting, reporting_of, solution_of
+from lvnav_trade.simulation.preparation.schedule import Times, times_of
 from lvnav_trade.simulation.preparation.sensors import for_kernels
-from lvnav_trade.simulation.preparation.times import Times, times_of
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight, flight_of
-from lvnav_trade.simulation.preparation.vehicle import samples_of, vehicle_of
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.simulation.preparation.vehicle_model import samples_of, vehicle_of
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.flight import Trajectory
-from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
 
 GUIDED_HISTORY = 1.0
 """Longest step (s) between history times of a guided ascent. Guidance runs once per second and reads the navigation

@@ -13,11 +13,11 @@ from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
 from lvnav_trade.simulation.preparation.inputs import HistoryTruth, InitialState, Options, Schedule, Sensors, Signals
 from lvnav_trade.simulation.preparation.sensors import Sensor
-from lvnav_trade.simulation.preparation.signals.atmosphere import Delays
-from lvnav_trade.simulation.preparation.signals.recorded_errors import RecordedErrors
+from lvnav_trade.simulation.preparation.signals.atmospheric_delays import Delays
+from lvnav_trade.simulation.preparation.signals.recorded_solution import RecordedErrors
 from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
 from lvnav_trade.trajectory.flight import Trajectory
-from lvnav_trade.trajectory.guided.reference import GuidancePlan
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan
 
 
 class Prepared(NamedTuple):

@@ -13,8 +13,8 @@ from lvnav_trade.scenario.filter_models import measured, reported, solves
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.simulation.preparation.inputs import HistoryTruth, ReportedSolution
+from lvnav_trade.simulation.preparation.schedule import Times
 from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
-from lvnav_trade.simulation.preparation.times import Times
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.trajectory.truth import motion
 

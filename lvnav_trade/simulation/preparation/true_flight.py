@@ -13,7 +13,7 @@ from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import FURTHER, Channels
 from lvnav_trade.simulation.preparation.cache import built, identity, sampled, seen_in
 from lvnav_trade.simulation.preparation.sensors import Sensor, sensors_of
-from lvnav_trade.simulation.preparation.signals.atmosphere import Delays, delays
+from lvnav_trade.simulation.preparation.signals.atmospheric_delays import Delays, delays
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines, lines_of
 from lvnav_trade.trajectory.flight import Trajectory
 

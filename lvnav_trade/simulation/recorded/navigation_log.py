@@ -19,7 +19,7 @@ from pydantic import Field
 
 from lvnav_trade.quantities.data_file import column_names, read_columns, read_texts, refuse_first
 from lvnav_trade.quantities.errors import InputError, quoted
-from lvnav_trade.quantities.limits import YEARS
+from lvnav_trade.quantities.input_limits import YEARS
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.times import GPS_ORIGIN, UNIX_ORIGIN, utc_after, utc_time
 from lvnav_trade.quantities.units import Angle, Card, Duration, Epoch, NamedCard, Pause

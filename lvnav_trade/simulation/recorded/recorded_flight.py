@@ -19,9 +19,9 @@ from lvnav_trade.quantities.times import utc_after
 from lvnav_trade.scenario.filter_models import epoch_interval, measured, solves
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
-from lvnav_trade.simulation.preparation.signals.signals import slots
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import slots
 from lvnav_trade.simulation.recorded.alignment import Alignment, increments_to
-from lvnav_trade.simulation.recorded.consistency import RecordedRanges, compared, inertial_fixes
+from lvnav_trade.simulation.recorded.log_consistency import RecordedRanges, compared, inertial_fixes
 from lvnav_trade.simulation.recorded.navigation_log import NavigationData, NavigationLog, Ranges, satellite_name
 from lvnav_trade.trajectory.truth import Phase, Trajectory, attitude_spline
 

@@ -8,7 +8,7 @@ from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
 from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns, fly_ascent, law_span
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, require_possible, solve
-from lvnav_trade.trajectory.ascent.vehicle import Boosters, Stage, VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Stage, VehicleAscent
 
 _EMPTY = 1e-6  # kg; less propellant counts as none
 _GROUND = 1e3  # m below the start, because the Earth is not a sphere

@@ -8,12 +8,12 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dispersion import flown
-from lvnav_trade.trajectory.ascent.dynamics import accelerations
+from lvnav_trade.trajectory.ascent.equations_of_motion import accelerations
 from lvnav_trade.trajectory.ascent.legs import AscentLeg, SimulatedAscent, TargetingUnknowns, pad_state, site_axes
 from lvnav_trade.trajectory.ascent.record import differences
 from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, directions
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, Site, VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Site, VehicleAscent
 from lvnav_trade.trajectory.truth import Phase, Trajectory, joined, pad_phase, splined
 
 

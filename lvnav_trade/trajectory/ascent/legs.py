@@ -8,9 +8,9 @@ import numpy as np
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import NOTHING, Drag, Propulsion, Unthrottled, fly, time_to_mass
+from lvnav_trade.trajectory.ascent.equations_of_motion import NOTHING, Drag, Propulsion, Unthrottled, fly, time_to_mass
 from lvnav_trade.trajectory.ascent.steering_law import Steering
-from lvnav_trade.trajectory.ascent.vehicle import Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
+from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
 
 _Burning = tuple[Motor, int, float]  # motor, number of motors, time of ignition
 STEP = 0.25  # s; step of the integration and of the knots; halving it moves injection by 0.3 m

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.units import AccelerationLimit, AngularRateLimit
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, FlightCard
 from lvnav_trade.trajectory.truth import BEYOND, WARNING, Trajectory, motion
 
 _STEP = 0.05  # s at most between the times at which a flight is looked at

@@ -25,7 +25,7 @@ from lvnav_trade.quantities.units import (
     Speed,
     TimeConstant,
 )
-from lvnav_trade.trajectory.ascent.dynamics import Drag, accelerations, fly
+from lvnav_trade.trajectory.ascent.equations_of_motion import Drag, accelerations, fly
 from lvnav_trade.trajectory.ascent.launch import achieved, pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import COASTING, site_axes
 from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, Peak, within_limits
@@ -45,7 +45,7 @@ from lvnav_trade.trajectory.ascent.steering_law import (
     stretch_knots,
     thrust_directions,
 )
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, Roll, Site
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Roll, Site
 from lvnav_trade.trajectory.discontinuities import bridged, described, missing_events
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.truth import NOTE, WARNING, Phase, Trajectory, joined, motion, position_spline

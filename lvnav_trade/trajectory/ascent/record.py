@@ -14,9 +14,9 @@ from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.quantities.input_files import decimal_or_endless, text_lines
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.vehicle import FlightRecords, Site
+from lvnav_trade.trajectory.ascent.vehicle_cards import FlightRecords, Site
 from lvnav_trade.trajectory.truth import Trajectory, motion
 
 HEADER = ["time_s", "speed_m_s", "altitude_m"]

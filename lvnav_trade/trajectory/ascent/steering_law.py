@@ -11,7 +11,7 @@ from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.quantities.frames import earth_angle, eci_from_ecef, quaternions, unit
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
 from lvnav_trade.trajectory.truth import attitude_spline, body_axes
 
 Direction = tuple[float, float, float]

@@ -10,7 +10,7 @@ from lvnav_trade.kernels.earth import GM, OMEGA, SEMI_MAJOR
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, elements_from_state
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import thrust_beside
+from lvnav_trade.trajectory.ascent.equations_of_motion import thrust_beside
 from lvnav_trade.trajectory.ascent.legs import (
     SimulatedAscent,
     TargetingUnknowns,
@@ -20,7 +20,7 @@ from lvnav_trade.trajectory.ascent.legs import (
     lift_off_mass,
     mass_above,
 )
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
 _LOST = 1e6  # residual of an aim that is not finite

@@ -18,7 +18,7 @@ from lvnav_trade.quantities.units import (
     parse,
 )
 from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard
-from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
 from lvnav_trade.trajectory.disturbances import OscillationCard
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")

@@ -8,7 +8,7 @@ import numpy as np
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, matrices, unit
-from lvnav_trade.quantities.limits import STREAM
+from lvnav_trade.quantities.input_limits import STREAM
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.files.columns import AttitudeColumns, TableTrajectory
 from lvnav_trade.trajectory.files.j2000 import rotation_to_date

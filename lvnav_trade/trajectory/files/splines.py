@@ -15,7 +15,7 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, smoothsteps, stretch_knots, thrust_directions
-from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
 from lvnav_trade.trajectory.truth import joined, pad_times
 
 _CLOSEST = 0.1  # s; smallest interval of knots, because closer knots turn the rounding of the rows into force

@@ -21,13 +21,13 @@ from lvnav_trade.quantities.frames import (
     unit,
 )
 from lvnav_trade.quantities.input_files import read_bytes
-from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.input_limits import DATA_BYTES
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.trajectory.ascent.launch import achieved
 from lvnav_trade.trajectory.ascent.plausibility import within_limits
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY
 from lvnav_trade.trajectory.discontinuities import missing_events, suggested_events
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import Residual, added

@@ -11,7 +11,7 @@ from lvnav_trade.kernels.earth import gravity_along, gravity_j4
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
 from lvnav_trade.trajectory.truth import Phase, body_axes, joined, product, rotation_quaternions, splined
 

@@ -20,9 +20,9 @@ from lvnav_trade.quantities.frames import (
     unit,
 )
 from lvnav_trade.quantities.units import Angle, Area, Card, Epoch, Force, Length, Mass, TimeConstant
-from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.launch import achieved
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard, refuse_drag_table
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, FlightCard, refuse_drag_table
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,

@@ -16,10 +16,10 @@ from lvnav_trade.quantities.conditions import Instant, resolve
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant, TurnRate
-from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.launch import pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import pad_state, site_axes
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,

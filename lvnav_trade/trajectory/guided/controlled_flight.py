@@ -10,7 +10,7 @@ from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.launch import achieved, build_ascent
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent
 from lvnav_trade.trajectory.control_cards import SteeredCard
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend

@@ -13,10 +13,10 @@ from lvnav_trade.trajectory.ascent.dispersion import flown
 from lvnav_trade.trajectory.ascent.launch import build_ascent
 from lvnav_trade.trajectory.ascent.legs import AscentLeg
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import ControllerCard
 from lvnav_trade.trajectory.guided.autopilot import BURN, CHANGE, COAST, CommandedAttitude
-from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_along
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_along
 from lvnav_trade.trajectory.truth import Trajectory, motion
 
 PITCH, YAW = 0, 1

@@ -9,8 +9,8 @@ from lvnav_trade.kernels.random import normals, seed_words, source_word
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dispersion import dispersed
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, DispersionsCard
-from lvnav_trade.trajectory.ascent.vehicle import Boosters, Stage, VehicleAscent
-from lvnav_trade.trajectory.guided.dynamics import Wind
+from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Stage, VehicleAscent
+from lvnav_trade.trajectory.guided.guided_dynamics import Wind
 
 NO_RUN = -1  # number that stands for a vehicle of which nothing is drawn
 WIND_STEP, WIND_TOP = 500.0, 30e3

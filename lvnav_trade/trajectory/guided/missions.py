@@ -23,7 +23,7 @@ from lvnav_trade.trajectory.control_cards import (
 from lvnav_trade.trajectory.guided import autopilot, loop
 from lvnav_trade.trajectory.guided.course import SolvedAscent, course_along
 from lvnav_trade.trajectory.guided.draws import deviations
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, Wind
+from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, Wind
 from lvnav_trade.trajectory.guided.pilots import TurningPilot
 from lvnav_trade.trajectory.guided.turning import AttitudeControl, Gusts, RotationalModel
 

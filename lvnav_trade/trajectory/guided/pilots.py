@@ -6,12 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import Propulsion
+from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
 from lvnav_trade.trajectory.ascent.legs import COASTING, STEP, Pilot, cuts, engine
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.autopilot import STACK
 from lvnav_trade.trajectory.guided.draws import Deviations
-from lvnav_trade.trajectory.guided.dynamics import (
+from lvnav_trade.trajectory.guided.explicit import N_KEPT
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan
+from lvnav_trade.trajectory.guided.guided_dynamics import (
     CUT_OFF,
     DIVERGED,
     EMPTY,
@@ -23,8 +25,6 @@ from lvnav_trade.trajectory.guided.dynamics import (
     fly_last,
     fly_piece,
 )
-from lvnav_trade.trajectory.guided.explicit import N_KEPT
-from lvnav_trade.trajectory.guided.reference import GuidancePlan
 from lvnav_trade.trajectory.guided.turning import NEVER, AttitudeControl, acceleration, turn_piece
 
 INJECTED, DEPLETED, LOST, ADRIFT = "injected", "depleted", "guidance diverged", "navigation failed"

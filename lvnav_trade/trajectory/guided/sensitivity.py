@@ -16,11 +16,14 @@ from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats
-from lvnav_trade.trajectory.ascent.dynamics import Propulsion, height_above
+from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion, height_above
 from lvnav_trade.trajectory.ascent.legs import COASTING
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
+from lvnav_trade.trajectory.guided.ascent_runs import Injection, empty_mass, inject
 from lvnav_trade.trajectory.guided.draws import NO_RUN, WIND_TOP, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
-from lvnav_trade.trajectory.guided.dynamics import (
+from lvnav_trade.trajectory.guided.explicit import LAMBDA, N_KEPT, REFERENCE, STARTED, TURN
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
+from lvnav_trade.trajectory.guided.guided_dynamics import (
     WHOLE,
     AscentInputs,
     Cutoff,
@@ -31,11 +34,8 @@ from lvnav_trade.trajectory.guided.dynamics import (
     rates,
     step,
 )
-from lvnav_trade.trajectory.guided.explicit import LAMBDA, N_KEPT, REFERENCE, STARTED, TURN
-from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of, with_apsides
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of, with_apsides
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot
-from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_of
-from lvnav_trade.trajectory.guided.runs import Injection, empty_mass, inject
 
 _CHUNK = 1.0  # s, of the pieces that are flown again with a number changed
 _MASS = 6  # place of the mass in a state, after position and velocity

@@ -1,6 +1,6 @@
 """Flight of a piece of an ascent under attitude control: nozzle, air and thrusters turn the body, thrust follows it.
 
-Forces, air, wind, events, the law of the last stage and the cut-off are those of `dynamics.py`. Each tick of the
+Forces, air, wind, events, the law of the last stage and the cut-off are those of `guided_dynamics.py`. Each tick of the
 inertial unit the axes of `loop.py` turn the body, and a step of second order moves it.
 """
 
@@ -13,9 +13,16 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_j4
 from lvnav_trade.kernels.jit import inlined, making_arrays
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dynamics import Propulsion, coefficient_at, height_above, thrust_beside, thrust_of
+from lvnav_trade.trajectory.ascent.equations_of_motion import (
+    Propulsion,
+    coefficient_at,
+    height_above,
+    thrust_beside,
+    thrust_of,
+)
 from lvnav_trade.trajectory.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, ControlledAttitude, LateralForces
-from lvnav_trade.trajectory.guided.dynamics import (
+from lvnav_trade.trajectory.guided.explicit import STARTED
+from lvnav_trade.trajectory.guided.guided_dynamics import (
     CUT_OFF,
     DIVERGED,
     EMPTY,
@@ -28,7 +35,6 @@ from lvnav_trade.trajectory.guided.dynamics import (
     navigated_energy,
     velocity_of_air,
 )
-from lvnav_trade.trajectory.guided.explicit import STARTED
 from lvnav_trade.trajectory.guided.loop import ANGLE_NOW, GUST_NOW, MISALIGNED, PUSH_NOW, TARGET, ignite, move, tick
 
 _REFINED = 3  # secant steps to the cut-off within a tick

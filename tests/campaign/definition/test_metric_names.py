@@ -5,7 +5,7 @@ import json
 import pytest
 
 from lvnav_trade.campaign.definition.metric_names import known_metric, known_metrics, required_metrics, unit_of
-from lvnav_trade.campaign.definition.published import MeasuredMetric
+from lvnav_trade.campaign.definition.published_cards import MeasuredMetric
 from lvnav_trade.results.metric import BOTH, REQUIREMENTS
 from tests.cli.calling import call
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from lvnav_trade.campaign.reading.field_reference import json_schema
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.campaign.reading.reference import json_schema
 from lvnav_trade.campaign.syntax import tree
 
 _TYPES = {"string": str, "number": int | float, "integer": int, "boolean": bool, "array": list, "object": dict}

@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.checks import named_cases, unknown_case
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.campaign.reading.study_card import load_study
 from lvnav_trade.quantities.errors import InputError
 
 AXES = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"

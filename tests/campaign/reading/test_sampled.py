@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases, probes
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.campaign.space.designs import DesignSpace
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace
 from lvnav_trade.quantities.errors import InputError
 
 SAMPLED = """design: latin_hypercube

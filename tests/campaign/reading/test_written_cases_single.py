@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.definition.published import PublishedNumber
+from lvnav_trade.campaign.definition.published_cards import PublishedNumber
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.reading.written_cases import single
 from lvnav_trade.campaign.running.replay import find

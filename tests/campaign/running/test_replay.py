@@ -13,7 +13,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.tables.runs import trace_columns
+from lvnav_trade.results.tables.run_tables import trace_columns
 from tests.building import flying, hop
 from tests.campaign import fakes
 

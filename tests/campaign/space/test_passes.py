@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.search.point import frozen
-from lvnav_trade.campaign.space.designs import DesignSpace, made
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace, made
 from lvnav_trade.campaign.space.passes import HISTORY, CovariancePasses, together_of
 
 

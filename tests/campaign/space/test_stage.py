@@ -8,7 +8,7 @@ import lvnav_trade
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running.status import status
-from lvnav_trade.campaign.space import evaluate as evaluated
+from lvnav_trade.campaign.space import evaluate_designs as evaluated
 from lvnav_trade.campaign.space import stage
 from lvnav_trade.quantities.errors import InputError
 

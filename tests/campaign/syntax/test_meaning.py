@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from lvnav_trade.campaign.reading.reference import json_schema
-from lvnav_trade.campaign.syntax.cards import Shelf, card_text
+from lvnav_trade.campaign.reading.field_reference import json_schema
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, card_text
 from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.diagnostics import _nonlinearities
+from lvnav_trade.covariance.diagnostics.case_diagnostics import _nonlinearities
 from lvnav_trade.covariance.diagnostics.nonlinearity import _linear, _propagated, _start_tick, _windows, nonlinearity
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.attitude import matrix

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.diagnostics import explain
+from lvnav_trade.covariance.diagnostics.case_diagnostics import explain
 from lvnav_trade.covariance.diagnostics.observability import TOLERANCE, fold, in_words, observability
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.earth import OMEGA

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.covariance.history import adjoint, covariance, source_covariances
 from lvnav_trade.filter import ekf
 from lvnav_trade.kernels.transition import correct_motion
-from lvnav_trade.simulation.epoch.case import OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import update_receiver
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import INERTIAL, MATCHED, loaded, prepare_hop, with_fields

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.filter import ekf
-from lvnav_trade.simulation.epoch.case import OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import process_receiver
 from lvnav_trade.simulation.montecarlo import new_work, run_block
 from tests.building import loaded, prepare_hop, with_fields

@@ -7,7 +7,6 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from lvnav_trade.filter.policies.cards import AFTER_STOP, CHECKS
 from lvnav_trade.filter.policies.mode_logic import (
     CONVERGED,
     COUNT,
@@ -32,6 +31,7 @@ from lvnav_trade.filter.policies.mode_logic import (
     start_filter,
     update_mode,
 )
+from lvnav_trade.filter.policies.policy_cards import AFTER_STOP, CHECKS
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import WIDTH, like, view, where
 from lvnav_trade.kernels.transition import POS, VEL

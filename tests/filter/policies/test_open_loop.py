@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.covariance.history import adjoint, covariance
-from lvnav_trade.filter.policies.cards import CHECKS
+from lvnav_trade.filter.policies.policy_cards import CHECKS
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import WIDTH, view

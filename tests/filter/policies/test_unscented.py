@@ -14,7 +14,7 @@ from lvnav_trade.filter.policies.linearise import fill_receiver_rows, propagate_
 from lvnav_trade.filter.policies.unscented import factorise, hold_window, rotation_between
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.mechanisation import mechanise
-from lvnav_trade.simulation.epoch.case import OptionalState, case_of
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.montecarlo import new_work, run_block
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 

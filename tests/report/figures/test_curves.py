@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.raster import drawn
-from tests.results.requirements.test_curves import FACTORS, LIMIT, tables
+from tests.results.requirements.test_limit_crossings import FACTORS, LIMIT, tables
 
 
 def test_curves_have_a_panel_for_every_requirement_with_its_limit_and_crossing(tmp_path):

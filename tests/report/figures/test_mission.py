@@ -12,7 +12,7 @@ from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights
-from tests.results.mechanics.test_mission import falling
+from tests.results.mechanics.test_mission_errors import falling
 from tests.results.mission.test_impact import INSIDE, with_corridor
 
 

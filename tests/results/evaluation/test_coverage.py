@@ -10,8 +10,8 @@ from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.coverage import GAUSSIAN, SIGMAS, coverage, covered
 from lvnav_trade.results.evaluation.published import references
 from lvnav_trade.results.statistics.probability import box_probability, success_bounds
+from lvnav_trade.results.tables.dictionary import error_column
 from lvnav_trade.results.tables.read import load
-from lvnav_trade.results.tables.schema import error_column
 from tests import synthetic
 
 N_RUN = 200

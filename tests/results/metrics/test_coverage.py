@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.definition.published import PublishedNumber
+from lvnav_trade.campaign.definition.published_cards import PublishedNumber
 from lvnav_trade.results.evaluate import evaluate, name_of
 from lvnav_trade.results.statistics.select import errors_by_axis
 

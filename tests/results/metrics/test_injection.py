@@ -12,7 +12,7 @@ from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import INJECTION, ORBIT
-from lvnav_trade.results.mission.injection import _expected_end
+from lvnav_trade.results.mission.injection_accuracy import _expected_end
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load

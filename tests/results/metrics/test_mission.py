@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.evaluate import evaluate
-from lvnav_trade.results.mechanics.mission import ElementEpochs
+from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
 from lvnav_trade.results.metrics.mission import MISSION, drawn_at, epochs_of, expected_at, sizes_at
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load

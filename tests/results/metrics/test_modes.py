@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.published import MeasuredMetric
+from lvnav_trade.campaign.definition.published_cards import MeasuredMetric
 from lvnav_trade.results.evaluate import evaluate, evaluate_single, name_of
 from lvnav_trade.results.evaluation.published import references
 from lvnav_trade.results.tables.read import load

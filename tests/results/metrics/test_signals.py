@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.evaluate import evaluate, evaluate_single
-from lvnav_trade.results.evaluation.signals import values_of
+from lvnav_trade.results.evaluation.satellite_tracking import values_of
 from tests import synthetic
 
 CASE = "aaaaaaaaaaaa"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.definition.published import MeasuredMetric
+from lvnav_trade.campaign.definition.published_cards import MeasuredMetric
 from lvnav_trade.campaign.definition.schema import Requirement
 from lvnav_trade.results.evaluate import evaluate, evaluate_single
-from lvnav_trade.results.mechanics.mission import State, run_errors, state_at
+from lvnav_trade.results.mechanics.mission_errors import State, run_errors, state_at
 from lvnav_trade.results.registry import find
 from lvnav_trade.results.requirements.confirmation import expected, verdicts
 from lvnav_trade.results.requirements.windows import unevaluated
-from lvnav_trade.results.statistics.case import CaseResults, Gaussian
+from lvnav_trade.results.statistics.case_results import CaseResults, Gaussian
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights

@@ -10,13 +10,13 @@ from scipy.special import ndtr
 
 from lvnav_trade.quantities.frames import ecef_from_geodetic
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.mechanics import mission
+from lvnav_trade.results.mechanics import mission_errors
 from lvnav_trade.results.mechanics.orbits import offsets
 from lvnav_trade.results.mission.impact import beside, contains, corridor_of, ellipse, metres, probability
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights
 from tests import synthetic
-from tests.results.mechanics.test_mission import falling
+from tests.results.mechanics.test_mission_errors import falling
 
 INSIDE = "[['28 deg', '17 deg'], ['36 deg', '25 deg'], ['36 deg', '35 deg'], ['28 deg', '35 deg']]"
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -121,7 +121,7 @@ def test_without_a_corridor_there_is_no_verdict(good):
     found = METRICS["impact"](good)
     assert found.corridor_probability.isna().all()
     assert np.isfinite(found.down_sigma_km).all()
-    assert mission.state_at(good, "aaaaaaaaaaaa", "injection").t == pytest.approx(99.5)
+    assert mission_errors.state_at(good, "aaaaaaaaaaaa", "injection").t == pytest.approx(99.5)
 
 
 @pytest.mark.parametrize("turned", [1, -1], ids=["counter-clockwise", "clockwise"])

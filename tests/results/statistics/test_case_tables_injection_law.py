@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.covariance.injection import by_part
+from lvnav_trade.covariance.injection_covariance import by_part
 from lvnav_trade.results.statistics.case_tables import law_in
 from lvnav_trade.results.tables.read import load
 from tests import synthetic

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.results.tables.schema import TABLES, arrow_schema
+from lvnav_trade.results.tables.dictionary import TABLES, arrow_schema
 from lvnav_trade.results.tables.versions import across_machines
 
 OTHER = {

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.contents import CONTENTS, owned
-from lvnav_trade.results.tables.files import replace_file
+from lvnav_trade.results.tables.table_files import replace_file
 from lvnav_trade.results.tables.write import open_results
 from tests import synthetic
 from tests.synthetic import CAMPAIGN

@@ -15,8 +15,8 @@ from lvnav_trade.report.build import build
 from lvnav_trade.report.compare import keep_base
 from lvnav_trade.results.comparison.comparison import compare
 from lvnav_trade.results.tables.contents import CONTENTS, MANIFEST, owned
+from lvnav_trade.results.tables.dictionary import COLUMNS_OF_VERSION_2, FEATURES, TABLES, TABLES_OF_VERSION_2
 from lvnav_trade.results.tables.read import load
-from lvnav_trade.results.tables.schema import COLUMNS_OF_VERSION_2, FEATURES, TABLES, TABLES_OF_VERSION_2
 from lvnav_trade.results.tables.versions import RESULTS_VERSION
 from lvnav_trade.results.tables.write import open_results
 from tests import synthetic

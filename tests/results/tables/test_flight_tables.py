@@ -10,10 +10,10 @@ import pytest
 from lvnav_trade.quantities.frames import earth_angle, matrices, rotation_i_n
 from lvnav_trade.quantities.records import IDLE, LOST
 from lvnav_trade.results.mechanics import orbits as meanorbit
+from lvnav_trade.results.tables.engine_tables import thresholds
 from lvnav_trade.results.tables.flight_tables import STEP, flight_columns, state_columns
 from lvnav_trade.results.tables.read import load
-from lvnav_trade.results.tables.tables import thresholds
-from lvnav_trade.simulation.preparation.signals.atmosphere import Delays
+from lvnav_trade.simulation.preparation.signals.atmospheric_delays import Delays
 from tests import synthetic
 from tests.building import ascent
 

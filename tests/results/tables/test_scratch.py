@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.diagnostics import CaseDiagnostics
+from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import CovHistory
 from lvnav_trade.results.tables import scratch
 from tests import synthetic

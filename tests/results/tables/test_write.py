@@ -12,9 +12,9 @@ import pytest
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables import write
 from lvnav_trade.results.tables.contents import CONTENTS
+from lvnav_trade.results.tables.dictionary import FEATURES, TABLES
+from lvnav_trade.results.tables.engine_tables import CaseInfo
 from lvnav_trade.results.tables.read import load
-from lvnav_trade.results.tables.schema import FEATURES, TABLES
-from lvnav_trade.results.tables.tables import CaseInfo
 from lvnav_trade.results.tables.versions import RESULTS_VERSION, campaign_digest
 from lvnav_trade.results.tables.write import open_results
 from lvnav_trade.simulation.statistics import merge, summarise

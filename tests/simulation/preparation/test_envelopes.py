@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing, steady_ratio
-from lvnav_trade.simulation.preparation.vehicle import envelopes
+from lvnav_trade.simulation.preparation.vehicle_model import envelopes
 
 RATE = 200.0
 ROLL_OR_COAST, BOOST, LATERAL, AXIAL = 0.002, 0.02, 10.0, 15.0  # rad/s^2, m/s^3, section 2.3

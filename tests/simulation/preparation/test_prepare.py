@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.filtering import filtering_of, layout_of
 from lvnav_trade.simulation.preparation.measurements import measurements_of
-from lvnav_trade.simulation.preparation.times import times_of
+from lvnav_trade.simulation.preparation.schedule import times_of
 from lvnav_trade.simulation.preparation.true_flight import flight_of
 from tests.building import MATCHED, case, hop, loaded, prepare_hop, with_fields
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.recorded import read_card
+from lvnav_trade.campaign.recorded_log import read_card
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, gmst, matrices, rotation_i_n
 from lvnav_trade.simulation.recorded.alignment import align

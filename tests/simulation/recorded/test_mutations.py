@@ -7,10 +7,10 @@ import shutil
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.recorded import read_card
+from lvnav_trade.campaign.recorded_log import read_card
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.recorded.alignment import align
-from lvnav_trade.simulation.recorded.consistency import consistent
+from lvnav_trade.simulation.recorded.log_consistency import consistent
 from lvnav_trade.simulation.recorded.navigation_log import read_recording
 from tests import recorded_log
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.recorded import read_card
+from lvnav_trade.campaign.recorded_log import read_card
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, first_row_utc, read_recording, turning
 from tests import recorded_log

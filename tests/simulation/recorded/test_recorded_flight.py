@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded import read_card
+from lvnav_trade.campaign.recorded_log import read_card
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.recorded.alignment import align

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.frames import earth_velocity
-from lvnav_trade.trajectory.ascent.dynamics import thrust_beside
+from lvnav_trade.trajectory.ascent.equations_of_motion import thrust_beside
 from lvnav_trade.trajectory.ascent.legs import (
     TargetingUnknowns,
     cuts,
@@ -21,7 +21,7 @@ from lvnav_trade.trajectory.ascent.legs import (
     pad_state,
     site_axes,
 )
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent, VehicleCard
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent, VehicleCard
 from tests.trajectory.flight_cases import ascent_card, launcher_settings
 
 

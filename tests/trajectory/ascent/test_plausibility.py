@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.trajectory.ascent.plausibility import peaks
-from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY
+from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY
 from lvnav_trade.trajectory.flight import build
 from lvnav_trade.trajectory.truth import BEYOND
 from tests.trajectory.flight_cases import recorded, sounding

@@ -22,7 +22,7 @@ from lvnav_trade.quantities.frames import (
 )
 from lvnav_trade.trajectory.ascent.profile import RecordedAscent, course, rebuild, tracks_of
 from lvnav_trade.trajectory.ascent.record import Climb, read
-from lvnav_trade.trajectory.ascent.vehicle import Site
+from lvnav_trade.trajectory.ascent.vehicle_cards import Site
 from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, motion
 from tests.trajectory.flight_cases import record_card, record_settings, recorded
 

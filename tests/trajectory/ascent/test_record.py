@@ -9,7 +9,7 @@ from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.trajectory.ascent.record import AscentRecord, differences, force_along, read, smooth
-from lvnav_trade.trajectory.ascent.vehicle import FlightRecords
+from lvnav_trade.trajectory.ascent.vehicle_cards import FlightRecords
 from lvnav_trade.trajectory.truth import motion
 from tests.trajectory.flight_cases import ascent, ascent_card, record_settings
 

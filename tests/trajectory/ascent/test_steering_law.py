@@ -17,7 +17,7 @@ from lvnav_trade.trajectory.ascent.steering_law import (
     smoothstep,
     smoothsteps,
 )
-from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
 
 RADIUS = 6.5e6
 SPEED = 3000.0

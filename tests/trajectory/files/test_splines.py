@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, matrices, unit
-from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
 from lvnav_trade.trajectory.files.splines import along_path, fit
 from lvnav_trade.trajectory.files.table_flight import _path_of
 from lvnav_trade.trajectory.flight import Phase, Trajectory, motion

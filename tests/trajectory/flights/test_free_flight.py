@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import earth_velocity, ecef_from_geodetic, matrices, rotation_e_n, unit
-from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
     Thrust,

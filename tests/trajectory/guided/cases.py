@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.quantities.frames import Elements, state_from_elements
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
-from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
-from lvnav_trade.trajectory.guided.reference import GuidancePlan, plan_of
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
+from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
 from tests.trajectory.flight_cases import launcher_settings
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from ruamel.yaml import YAML
 
-from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.campaign.syntax.card_lookup import shipped
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words

@@ -12,8 +12,8 @@ from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
-from lvnav_trade.simulation.preparation.vehicle import walks
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.simulation.preparation.vehicle_model import walks
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.flight import build, identity, motion, reference
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.controlled_flight import fly_launch, launch_along

@@ -18,7 +18,7 @@ from lvnav_trade.trajectory.flight import motion
 from lvnav_trade.trajectory.guided import autopilot, loop
 from lvnav_trade.trajectory.guided.course import PITCH, YAW, ascend, changes, course_along
 from lvnav_trade.trajectory.guided.draws import deviations
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, Wind
+from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, Wind
 from lvnav_trade.trajectory.guided.missions import prepare_launch, turning_of, wind_of_launch
 from lvnav_trade.trajectory.guided.pilots import TurningPilot
 from lvnav_trade.trajectory.guided.turning import meet

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.shared_cards import steady_ratio
-from lvnav_trade.simulation.preparation.vehicle import envelopes
+from lvnav_trade.simulation.preparation.vehicle_model import envelopes
 from lvnav_trade.trajectory.control_cards import FeedbackCard, Guidance, rate_noise
 from lvnav_trade.trajectory.guided.autopilot import (
     AIR,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.results.evaluation.vehicle import reduction
-from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.results.evaluation.motion_estimates import reduction
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.guided.autopilot import (
     AIR,

@@ -10,10 +10,10 @@ from lvnav_trade.trajectory.control_cards import FeedbackCard
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.draws import deviations
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, commanded
+from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, commanded
 from lvnav_trade.trajectory.guided.missions import fly_mission, launch_along
 from lvnav_trade.trajectory.guided.pilots import GuidedPilot
-from lvnav_trade.trajectory.guided.reference import plan_of
 from tests.trajectory.guided.cases import guided
 from tests.trajectory.guided.test_turning import under_control
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.records import INJECTION, ORBIT
+from lvnav_trade.trajectory.guided.ascent_runs import inject
 from lvnav_trade.trajectory.guided.draws import numbers
-from lvnav_trade.trajectory.guided.dynamics import NavigationErrors
-from lvnav_trade.trajectory.guided.orbit import orbit_difference, orbit_of, with_apsides
-from lvnav_trade.trajectory.guided.reference import plan_of
-from lvnav_trade.trajectory.guided.runs import inject
+from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of, with_apsides
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 from tests.trajectory.guided.cases import guided, plan
 

@@ -13,16 +13,16 @@ from scipy.integrate import solve_ivp
 from lvnav_trade.kernels.earth import OMEGA, gravity_j4
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.frames import elements_from_state
-from lvnav_trade.trajectory.ascent.dynamics import coefficient_at, height_above
+from lvnav_trade.trajectory.ascent.equations_of_motion import coefficient_at, height_above
 from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.guided import autopilot, loop
+from lvnav_trade.trajectory.guided.ascent_runs import inject
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.draws import deviations
-from lvnav_trade.trajectory.guided.dynamics import PERFECT, AttitudeProgramme, fly_piece
+from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, AttitudeProgramme, fly_piece
 from lvnav_trade.trajectory.guided.missions import launch_along, turning_of
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot, TurningPilot
-from lvnav_trade.trajectory.guided.reference import plan_of
-from lvnav_trade.trajectory.guided.runs import inject
 from lvnav_trade.trajectory.guided.turning import NEVER, turn_piece
 from tests.trajectory.guided.cases import constant_error, guided
 from tests.trajectory.guided.launches import settings

@@ -1,4 +1,4 @@
 """What a receiver gives on the nominal flight, and its errors that are common to all runs.
 
-Read `signals.py` first; `solution.py` has a receiver that solves for itself.
+Read `receiver_measurements.py` first; `solution.py` has a receiver that solves for itself.
 """

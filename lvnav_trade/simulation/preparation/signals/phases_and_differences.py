@@ -17,7 +17,7 @@ from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.filtering import CaseFilter
 from lvnav_trade.simulation.preparation.inputs import FurtherObservables
 from lvnav_trade.simulation.preparation.signals.noise import assumed_sigma
-from lvnav_trade.simulation.preparation.signals.signals import UsedSatellites, hold
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import UsedSatellites, hold
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 L1 = 1.57542e9  # Hz; of a receiver without a link

@@ -25,7 +25,7 @@ from lvnav_trade.filter.receivers.receiver import BIAS, DRIFT, N_STATE, Receiver
 from lvnav_trade.quantities.line_of_sight import sight
 from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
-from lvnav_trade.simulation.preparation.signals.signals import AssumedNoise, TrueSignals
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import AssumedNoise, TrueSignals
 
 # Sources of white errors.
 RANGE, RATE, CLOCK, PLACE, SPEED, PHASE = 0, 1, 2, 3, 4, 5

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.policies.cards import IntegrityCard, thresholds_of
 from lvnav_trade.filter.policies.integrity.assess import assess
 from lvnav_trade.filter.policies.integrity.state import new_monitor
+from lvnav_trade.filter.policies.policy_cards import IntegrityCard, thresholds_of
 from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.sensors.jacobian_row import H_CLOCK, H_POS, H_VEL, N_ENTRY
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from lvnav_trade.filter.policies.cards import IntegrityCard, thresholds_of
 from lvnav_trade.filter.policies.integrity.assess import _test_rows
 from lvnav_trade.filter.policies.integrity.state import new_monitor
+from lvnav_trade.filter.policies.policy_cards import IntegrityCard, thresholds_of
 from lvnav_trade.filter.updates import noise_variance
 
 

@@ -10,7 +10,7 @@ from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import lines_of
 from lvnav_trade.trajectory.flight import motion
 from tests.building import case, hop, loaded, prepare_hop, with_fields
-from tests.simulation.preparation.signals.test_signals import T, with_patches
+from tests.simulation.preparation.signals.test_receiver_measurements import T, with_patches
 from tests.trajectory.phase_centres import antenna_states
 
 

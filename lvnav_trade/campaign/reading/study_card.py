@@ -1,0 +1,262 @@
+"""Studies: the campaigns of a folder that answer one question together, with the texts and figures of their report.
+
+A study is described by data, in `study.yaml`. Anything beyond that is a script in the same folder (`report.script`),
+which the user runs.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from pydantic import Field, ValidationError, field_validator
+
+from lvnav_trade.campaign.definition.metric_names import ERROR_UNITS
+from lvnav_trade.campaign.definition.published_cards import Case
+from lvnav_trade.campaign.definition.schema import Campaign, MonteCarlo
+from lvnav_trade.campaign.reading.checks import of_study
+from lvnav_trade.campaign.reading.explain import explain
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.tree import SourceTree
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.quantities.units import Card, parse
+
+FILE = "study.yaml"
+Shown = Literal["requirements", "logic", "coverage", "paired", "error_bound", "integrity", "tested_errors"]
+
+
+FIGURES = (
+    "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
+    "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic", "motion", "singular", "movement",
+    "sweep", "turning", "allan", "decisions",
+)  # fmt: skip
+"""Figures that every study can show; a script may add others."""
+
+
+class CampaignFigure(Card):
+    """A figure of a campaign that the study shows."""
+
+    plot: str = Field(description="name of the figure, or of one that the study's script draws")
+    caption: str = ""  # text under the figure
+    case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
+    cases: tuple[Case, ...] = Field((), description="the cases that are drawn, all if absent")
+    quantity: str = Field("position", description="for errors, envelope, budget and motion: the quantity")
+    axis: str = Field("3d", description="for errors, relative: the axis; for locus: the axis that is varied")
+    during: str | None = Field(None, description="for errors, relative, locus: the phase")
+    metric: str = Field("position_error_3d", description="for locus: the metric")
+    at: str | None = Field(None, description="for locus: the event; injection if no phase is given")
+    statistic: str = Field("rms", description="for locus: the statistic, as in references")
+    unit: str = Field("m", description="for locus: the metric")
+    varied: str = Field("", description="for locus: label of the quantity that the axis varies; its name if absent")
+    flown: str = Field("", description="for locus: the level that the study uses; that of the base if absent")
+    published: float | None = Field(None, description="for locus: the published value, in that unit")
+    band: tuple[float, float] | None = Field(
+        None,
+        description="for locus: band of ours / published, [0.5, 2] if absent; for sweep: percentages that are shaded",
+    )
+    channels: str = Field("", description="for autocorrelation: words in the name of the channels")
+    settings: dict[str, Any] = Field({}, description="for a figure of the study's script: its settings")
+
+
+class StudyCampaign(Card):
+    """A campaign of the study."""
+
+    campaign: str = Field(description="name of its file in the folder, without extension")
+    question: str = Field("", description="question of the campaign; its description if absent")
+    figures: tuple[CampaignFigure, ...] = ()  # of this campaign, in order
+    text: str = Field("", description="comment on the results")
+    tables: tuple[Shown, ...] = Field((), description="tables of the campaign that the study shows")
+    paired: str = Field("", description="axis whose levels are compared run by run, on the same draws")
+    kml: Case | None = Field(
+        None,
+        description="level of each axis of the case whose trajectory is saved as KML, with its 3-sigma position errors",
+    )
+
+
+class Cell(Card):
+    """A cell of a published table: the item of the row that answers it."""
+
+    item: str = Field(description="as its reference, order or statement has it")
+    campaign: str = Field("", description="the campaign that answers it; any that has the item if absent")
+    case: Case = Field(default_factory=dict, description="level of each axis, where several cases have the item")
+
+
+class PrintedTable(Card):
+    """A table of the publication, in its own layout: each cell is shown with ours and their ratio beside it."""
+
+    title: str = Field(description="of the table, as the page has it")
+    head: str = Field("", description="heading of the first column, which has the names of the rows")
+    columns: tuple[str, ...] = Field(min_length=1, description="headings of the published columns")
+    rows: dict[str, tuple[Cell | None, ...]] = Field(
+        min_length=1, description="by the names of the rows: an item for each column, none where nothing is printed"
+    )
+
+    @field_validator("rows", mode="before")
+    @classmethod
+    def _items(cls, rows: Any) -> Any:
+        """Let a cell be its item alone."""
+        if not isinstance(rows, dict):
+            return rows
+        return {
+            label: [{"item": cell} if isinstance(cell, str) else cell for cell in cells]
+            if isinstance(cells, list | tuple)
+            else cells
+            for label, cells in rows.items()
+        }
+
+    def _faults(self) -> Iterator[str]:
+        for label, cells in self.rows.items():
+            if len(cells) != len(self.columns):
+                yield f"rows.{label}: {len(cells)} cells for {len(self.columns)} columns"
+
+
+class StudyCard(Card):
+    """Texts and layout of the report of a study."""
+
+    name: str = ""  # of the study
+    title: str  # of the report
+    description: str = Field(description="introduction: the results that are reproduced, and their source")
+    assumptions: tuple[str, ...] = Field(
+        (), description="assumptions in place of data that the publication does not state"
+    )
+    important: tuple[str, ...] = Field(
+        (),
+        description="first words of the important items, the most important first; three of those that do not hold "
+        "are named first",
+    )
+    units: dict[str, str] = Field(
+        {}, description="unit of each quantity in figures and tables, such as attitude: deg; the default unit if absent"
+    )
+    campaigns: tuple[StudyCampaign, ...] = Field(
+        (), description="campaigns in the order of the report; all of the folder if absent"
+    )
+    printed: tuple[PrintedTable, ...] = Field((), description="published tables that the answer shows in their layout")
+
+    @field_validator("campaigns")
+    @classmethod
+    def _once(cls, parts: tuple[StudyCampaign, ...]) -> tuple[StudyCampaign, ...]:
+        names = [part.campaign for part in parts]
+        if len(set(names)) < len(names):
+            raise ValueError("a campaign is listed twice")
+        return parts
+
+
+class StudySection(NamedTuple):
+    """A campaign of a study with its section of the report.
+
+    part : Section of study.yaml for this campaign.
+    campaign : The campaign.
+    written : Places of the settings in study.yaml.
+    path : Path of the section in study.yaml.
+    """
+
+    part: StudyCampaign
+    campaign: Campaign
+    written: SourceTree = SourceTree()
+    path: str = ""
+
+    def mistake(self, path: str, message: str) -> Mistake:
+        """Return an input error at a path below the section."""
+        return self.written.mistake(f"{self.path}.{path}", message)
+
+
+def load_study(
+    folder: str | Path, runs: int | None = None, figures: Iterable[str] = ()
+) -> tuple[StudyCard, tuple[StudySection, ...]]:
+    """Read a study, and load and check its campaigns.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of the study, or the name of a study that comes with the tool.
+    runs : int, optional
+        Runs per case; by default the number of each campaign.
+    figures : iterable of str
+        Names of figures that a script draws.
+
+    Returns
+    -------
+    StudyCard, tuple of StudySection
+        The study and its campaigns, in the order of the report.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, or a file in it has input errors.
+    """
+    place = study_folder(folder)
+    files = {file.stem: file for file in sorted(place.glob("*.yaml")) if file.name != FILE}
+    if not files:
+        raise InputError(f"{folder}: no campaigns here")
+    written = SourceTree(tree.read_mapping(place / FILE)) if (place / FILE).is_file() else SourceTree()
+    study = _read(place, tuple(files), written.root)
+    questions = [
+        StudySection(part, load(files[part.campaign]), written, f"campaigns.{index}")
+        for index, part in enumerate(study.campaigns)
+    ]
+    known = (*FIGURES, *figures)
+    refuse_all(
+        [
+            question.mistake(path, message)
+            for question in questions
+            for path, message in (*_unknown_figures(question.part, known), *of_study(question.part, question.campaign))
+        ]
+    )
+    return study, tuple(question._replace(campaign=_with_runs(question.campaign, runs)) for question in questions)
+
+
+def _unknown_figures(part: StudyCampaign, known: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for index, figure in enumerate(part.figures):
+        if figure.plot not in known:
+            message = f"{quoted(figure.plot)} is not one of {', '.join(known)}{tree.hint(figure.plot, known)}"
+            yield f"figures.{index}.plot", message
+        elif figure.plot in FIGURES and figure.settings:
+            yield f"figures.{index}.settings", f"no effect: the study's script does not draw {figure.plot}"
+
+
+def study_folder(name: str | Path) -> Path:
+    """Return the folder of a study, given as a path or as the name of a study of the tool; InputError if missing."""
+    for place in (Path(name), Path("campaigns") / name, shipped("campaigns") / name):
+        if place.is_dir():
+            return place
+    raise InputError(f"{name}: no such folder of campaigns")
+
+
+def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> StudyCard:
+    """Return the content of study.yaml; without that file all campaigns of the folder in the order of their names."""
+    by_name = tuple(StudyCampaign(campaign=name) for name in names)
+    if root is None:
+        return StudyCard(name=place.name, title=place.resolve().name, description="", campaigns=by_name)
+    try:
+        study = StudyCard.model_validate(tree.plain(root))
+    except ValidationError as error:
+        raise InputError(records=explain(error, root, StudyCard, "")) from None
+    refuse_all([tree.mistake_at(root, f"units.{quantity}", text) for quantity, text in _unknown_units(study)])
+    for index, part in enumerate(study.campaigns):
+        if part.campaign not in names:
+            message = f"no campaign {part.campaign!r} in this folder{tree.hint(part.campaign, names)}"
+            raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
+    return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or by_name})
+
+
+def _unknown_units(study: StudyCard) -> Iterator[tuple[str, str]]:
+    for quantity, unit in study.units.items():
+        if quantity not in ERROR_UNITS:
+            yield quantity, f"no error is of {quoted(quantity)}{tree.hint(quantity, ERROR_UNITS)}"
+            continue
+        try:
+            parse(f"1 {unit}", ERROR_UNITS[quantity])
+        except ValueError as error:
+            yield quantity, str(error)
+
+
+def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:
+    """Return the campaign with a number of runs per case; a campaign without Monte Carlo is returned unchanged."""
+    if runs is None or campaign.monte_carlo is None:
+        return campaign
+    try:
+        monte_carlo = MonteCarlo(runs=runs, block=campaign.monte_carlo.block, stop=None)
+    except ValidationError as error:
+        raise InputError(f"--runs {runs}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+    return campaign.model_copy(update={"monte_carlo": monte_carlo})

@@ -1,0 +1,216 @@
+"""Processing of a recorded log by the filters of a campaign: estimates over time, and simulated outages."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.explain import explain
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.kernels.transition import VEL
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.recorded.alignment import Alignment, align
+from lvnav_trade.simulation.recorded.log_consistency import consistent
+from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, read_recording
+from lvnav_trade.simulation.recorded.outages import Outage, outage
+from lvnav_trade.simulation.recorded.recorded_flight import refuse_unable, replayed
+
+_MOTION = slice(VEL, VEL + 6)  # outputs of velocity and position
+
+
+class OutagePlan(NamedTuple):
+    """Outages in which the solutions of the receiver are withheld."""
+
+    lengths: tuple[float, ...] = (15.0, 60.0)  # durations, s
+    first: float = 20.0  # begin of the first outage, s after the rest
+    every: float = 5.0  # from the begin of an outage to the begin of the next, s
+
+
+class FilteredLog(NamedTuple):
+    """A log processed by the filters of a campaign."""
+
+    card: NavigationLog  # card of the log
+    alignment: Alignment  # attitude and biases from the rest
+    track: pd.DataFrame  # estimates and their errors, one row per case and time
+    outages: pd.DataFrame  # one row per case and outage
+    summary: pd.DataFrame  # one row per case and duration of the outages
+    notes: tuple[str, ...] = ()  # parts of the log that are not used, and failures
+
+
+def read_card(file: Path) -> NavigationLog:
+    """Read the card of a log; InputError with all input errors of the card."""
+    root = tree.read_mapping(file)
+    try:
+        return NavigationLog.model_validate(tree.plain(root))
+    except ValidationError as error:
+        raise InputError(records=explain(error, root, NavigationLog, "")) from None
+
+
+def process(campaign: Campaign, file: Path, asked: OutagePlan) -> FilteredLog:
+    """Process a log with the filter of every case of a campaign.
+
+    The log replaces trajectory, IMU and receiver. The runs, requirements, faults and true errors of the campaign have
+    no effect.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the filters.
+    file : Path
+        Card of the log.
+    asked : OutagePlan
+        Outages to simulate.
+
+    Returns
+    -------
+    FilteredLog
+        Alignment, tracks, outages, summary.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read or aligned, is too short for an outage, or lacks data that a filter needs.
+    """
+    card = read_card(file)
+    all_cases = cases(campaign)
+    for case in all_cases:
+        with _of(case):
+            refuse_unable(case.scenario, card)
+    # the lever arm of the first case: the log is of one vehicle, so all cases should have the same antenna
+    log = consistent(read_recording(card, file.parent), card, np.array(all_cases[0].scenario.receiver.lever_b))
+    aligned = align(log, card)
+    tracks, outages, notes = [], [], list(log.notes)
+    for case in all_cases:
+        with _of(case):
+            prepared, remarks = replayed(case.scenario, log, card, aligned)
+        track, failure = _track(case, prepared)
+        tracks.append(track)
+        notes += [f"{case.label}: {note}" for note in (*remarks, *failure)]
+        outages += [_row(case, length, result) for length, result in _outages(prepared, asked)]
+    rows = pd.DataFrame(outages, columns=list(_COLUMNS))
+    if rows.empty:
+        raise InputError(
+            f"{file}: no outage of {' or '.join(f'{length:g}' for length in asked.lengths)} s fits between "
+            f"{asked.first:g} s after the rest and the end of the log"
+        )
+    summary = summarised(rows)
+    notes += failures(summary)
+    return FilteredLog(card, aligned, pd.concat(tracks, ignore_index=True), rows, summary, tuple(notes))
+
+
+def failures(summary: pd.DataFrame) -> Iterator[str]:
+    """Yield a note for each case and duration with failed outages."""
+    for row in summary[summary.failed > 0].itertuples():
+        others = row.outages - row.failed
+        rest = f"NEES, RMS and worst are of the other {others}" if others else "there is no NEES, RMS or worst"
+        yield (
+            f"{row.case}, {row.length_s:g} s: {row.failed} of {row.outages} outages fail (the estimate is not finite, "
+            f"or beyond the case's limit); {rest}"
+        )
+
+
+@contextmanager
+def _of(case: Case) -> Iterator[None]:
+    """Add the label of a case to input errors raised within the block."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{case.label}: {error}") from None
+
+
+def _outages(prepared: Prepared, asked: OutagePlan) -> list[tuple[float, Outage]]:
+    """Return the outages of a replayed case, each with its nominal duration (s)."""
+    results = []
+    for length in asked.lengths:
+        for begin in np.arange(asked.first, prepared.t_epoch[-1] - length, asked.every).tolist():
+            result = outage(prepared, begin, length)
+            if result is not None:
+                results.append((length, result))
+    return results
+
+
+_COLUMNS = (
+    "case",
+    "length_s",
+    "begin_s",
+    "end_s",
+    "position_error_m",
+    "position_3sigma_m",
+    "velocity_error_m_per_s",
+    "velocity_3sigma_m_per_s",
+    "nees_ratio",
+    "inside",
+    "failed",
+)
+
+
+def _row(case: Case, length: float, result: Outage) -> dict[str, Any]:
+    sigma = 3.0 * result.sigma
+    velocity, position = result.error[:3], result.error[3:]
+    sizes = (position, sigma[3:], velocity, sigma[:3])
+    norms = (math.nan if result.failed else float(np.linalg.norm(vector)) for vector in sizes)
+    values = (case.label, length, result.begin, result.end, *norms)
+    return dict(zip(_COLUMNS, (*values, result.square, result.inside, result.failed), strict=True))
+
+
+def summarised(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the statistics of the outages by case and duration.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        One row per outage.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Number of outages, number of failed outages, percentage of all outages that end within three sigma; mean
+        NEES ratio, RMS and largest errors of the outages that do not fail (NaN if all fail).
+    """
+    groups = rows.groupby(["case", "length_s"], sort=False)
+    return pd.DataFrame(
+        {
+            "outages": groups.size(),
+            "failed": groups.failed.sum().astype(int),
+            "inside_percent": 100.0 * groups.inside.mean(),
+            "nees_ratio": groups.nees_ratio.mean(),
+            "position_rms_m": groups.position_error_m.agg(_rms),
+            "position_worst_m": groups.position_error_m.max(),
+            "velocity_rms_m_per_s": groups.velocity_error_m_per_s.agg(_rms),
+        }
+    ).reset_index()
+
+
+def _rms(values: "pd.Series[float]") -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return the estimate over time with all solutions in use, and a note if the filter fails.
+
+    The table has the geodetic position, the errors with respect to the receiver's solutions, and the sigmas.
+    """
+    run, record = run_block(prepared, 0, 0, 1), prepared.record
+    error, sigma = run.err[0], run.sigma[0]
+    shown = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
+    position_error = error[:, [k for k, output in shown if output.quantity == "position"]]
+    # estimate = recorded position - error, as an error is truth minus estimate; rows of `axes`: the reporting axes
+    r_i = record.r - np.einsum("nji,nj->ni", record.axes, position_error)
+    place = geodetic_from_ecef(ecef_from_eci(r_i, earth_angle(prepared.trajectory.theta0, prepared.t_hist)))
+    frame = pd.DataFrame({"case": case.label, "t_s": prepared.t_hist})
+    frame["latitude_deg"], frame["longitude_deg"], frame["height_m"] = (*np.degrees(place[:2]), place[2])
+    for k, output in shown:
+        name = f"{output.quantity}_{output.axis}_{output.unit.replace('/', '_per_')}"
+        frame[f"error_{name}"], frame[f"sigma_{name}"] = error[:, k], sigma[:, k]
+    failed = f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld"
+    return frame, (failed,) if run.failed[0] else ()

@@ -1,0 +1,186 @@
+"""What many designs take in time, disk and memory, and which of them are analysed whole."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from lvnav_trade.campaign.definition.axes import cases, probes
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.running.plan import covariance_seconds, estimate
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.results.evaluation.resources import dominating
+from lvnav_trade.results.metric import NAVIGATION_UNITS
+
+AT_RANDOM = 8
+"""Number of randomly drawn designs whose runs check linear covariance."""
+
+Chosen = dict[str, list[int]]
+"""Numbers of the selected designs, by reason."""
+
+
+def chosen(table: pa.Table, campaign: Campaign) -> Chosen:
+    """Select designs of a campaign for a full analysis, from the table of all designs.
+
+    The selection has the best design; with a spot check random designs; with Monte Carlo the designs on the Pareto
+    front, or those whose largest error is closest to its limit.
+    """
+    case = np.array(table["case"].to_pylist())
+    possible = np.flatnonzero(case != "")
+    numbers = table["design_number"].to_numpy()
+    ratio = _column(table, "error_ratio")
+    selected: Chosen = {"best": numbers[_best(table, possible, ratio)].tolist()}
+    if campaign.covariance.spot_check:
+        rng = np.random.default_rng([campaign.seed, len(possible)])
+        drawn = rng.choice(possible, min(AT_RANDOM, len(possible)), replace=False)
+        selected["at random"] = numbers[np.sort(drawn)].tolist()
+    card = campaign.monte_carlo
+    if card is not None:
+        wanted = front(table, possible) if card.cases == "front" else nearest(possible, ratio)
+        selected[card.cases or "undecided"] = numbers[wanted[: card.chosen_most]].tolist()
+    return selected
+
+
+def _column(table: pa.Table, name: str) -> Floats:
+    """Return a column of numbers; all NaN if the table does not have it."""
+    if name not in table.column_names:
+        return np.full(table.num_rows, np.nan)
+    return np.asarray(table[name].to_numpy(), dtype=float)
+
+
+def _best(table: pa.Table, possible: Ints, ratio: Floats) -> Ints:
+    """Return the row with the smallest ratio of error to limit; without requirements the smallest velocity error."""
+    value = ratio if np.isfinite(ratio[possible]).any() else _column(table, "velocity_m_per_s")
+    known = possible[np.isfinite(value[possible])]
+    return known[np.argsort(value[known], kind="stable")][:1] if len(known) else possible[:1]
+
+
+def nearest(possible: Ints, ratio: Floats) -> Ints:
+    """Return the rows sorted by the distance of the largest error from its limit, as |log(error / limit)|."""
+    known = possible[np.isfinite(ratio[possible]) & (ratio[possible] > 0.0)]
+    return known[np.argsort(np.abs(np.log(ratio[known])), kind="stable")]
+
+
+def front(table: pa.Table, possible: Ints) -> Ints:
+    """Return the rows on the Pareto front of error and totals of the devices, sorted by the error over its limit."""
+    names = ["error_ratio", "cost", "mass_kg", "power_w", "volume_m3"]
+    columns = [_column(table, name)[possible] for name in names]
+    used = [column for column in columns if np.isfinite(column).any()]
+    if not used:
+        return possible
+    values = np.stack(used, axis=1)
+    known = np.isfinite(values).all(axis=1)
+    rows, values = possible[known], values[known]
+    kept = np.array([dominating(values, k) < 0 for k in range(len(rows))], dtype=bool)
+    return rows[kept][np.argsort(values[kept, 0], kind="stable")]
+
+
+# Measured on one core of a small virtual machine: time of preparation, metrics and row of a design, in addition to its
+# covariance; memory per design of the process that distributes them
+_DESIGN_S, _DESIGN_BYTES = 0.035, 6e3
+# Bytes of a design on disk: table and CSV table; report; until the end the part in which it was evaluated
+_ROW_BYTES, _PAGE_BYTES, _PART_BYTES = 1020.0, 150.0, 1160.0
+_EVENT_BYTES, _EVENT_PART_BYTES = 27.0, 8.0  # bytes of one more number, in the tables and in the part
+_CASE_TABLES = 2.0  # size of the tables of single cases until the end, over that of the final tables
+
+
+class DesignsPlan(NamedTuple):
+    """Estimated cost of a design space.
+
+    store : Data stored for each design: metrics or events.
+    designs : Number of designs.
+    whole : Largest number of designs with a full analysis.
+    runs : Largest number of runs of these together.
+    seconds : Time (s) on one core, without compilation.
+    disk_mb : Size (MB) of the results.
+    most_mb : Peak size (MB) on disk, before parts, blocks of runs and tables of single designs are removed.
+    memory_mb : Memory (MB) of the process that distributes the designs.
+    seconds_of_designs : Part of `seconds` for the rows.
+    """
+
+    store: str
+    designs: int
+    whole: int
+    runs: int
+    seconds: float
+    disk_mb: float
+    most_mb: float
+    memory_mb: float
+    seconds_of_designs: float
+
+
+def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str, float]]) -> DesignsPlan:
+    """Estimate the cost of a design space, with one covariance pass per design; shared passes take less time.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    folder : Path
+        Folder of its results, which need not exist.
+    flights : mapping of str to mapping of str to float
+        Times (s) of the events by digest of the case and by name; the first and last give the duration.
+    """
+    designs = DesignSpace(campaign)
+    duration = max(max(times.values()) - min(times.values()) for times in flights.values())
+    some = probes(campaign)
+    each = sum(covariance_seconds(case, duration) for case in some) / len(some) + _DESIGN_S
+    card = campaign.monte_carlo
+    whole = 1 + (AT_RANDOM if campaign.covariance.spot_check else 0) + (card.chosen_most if card is not None else 0)
+    whole = min(whole, len(designs))
+    single = campaign.probe.model_copy(update={"axes": (), "design": "grid", "references": ()})
+    alone = estimate(single, folder, {case.id: duration for case in cases(single)})
+    further = _further_numbers(campaign, flights)
+    disk = len(designs) * (_ROW_BYTES + _PAGE_BYTES + further * _EVENT_BYTES)
+    tables = whole * 1e6 * (alone.disk_mb - alone.blocks_mb)
+    disk += tables
+    beside = len(designs) * (_PART_BYTES + further * _EVENT_PART_BYTES)
+    beside += whole * 1e6 * alone.blocks_mb + _CASE_TABLES * tables
+    return DesignsPlan(
+        str(campaign.store),
+        len(designs),
+        whole,
+        whole * card.runs if card is not None else 0,
+        len(designs) * each + whole * alone.seconds,
+        disk / 1e6,
+        (disk + beside) / 1e6,
+        alone.memory_mb + len(designs) * _DESIGN_BYTES / 1e6,
+        len(designs) * each,
+    )
+
+
+def _further_numbers(campaign: Campaign, flights: Mapping[str, Mapping[str, float]]) -> int:
+    """Return the number of further numbers of a row, of all events together."""
+    if campaign.store != "events":
+        return 0
+    of_requirements = sum(requirement.at is not None for requirement in campaign.requirements)
+    return max(map(len, flights.values())) * (len(NAVIGATION_UNITS) + of_requirements)
+
+
+def refuse_too_large(plan: DesignsPlan, folder: Path) -> None:
+    """Raise an InputError if the disk of a folder or the memory is too small for a planned design space."""
+    place = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(place).free / 1e6
+    if plan.most_mb > free:
+        raise InputError(f"{plan.designs} designs take about {plan.most_mb:.0f} MB of disk; {free:.0f} MB are free")
+    memory = _memory_mb()
+    if plan.memory_mb > memory:
+        raise InputError(
+            f"{plan.designs} designs take about {plan.memory_mb:.0f} MB of memory; there are {memory:.0f} MB"
+        )
+
+
+def _memory_mb() -> float:
+    """Return the memory of this machine (MB); infinite if it is not known."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e6
+    except (AttributeError, OSError, ValueError):
+        return float("inf")

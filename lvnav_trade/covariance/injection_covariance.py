@@ -1,0 +1,102 @@
+"""Linear covariance of the injection of a guided ascent, by navigation errors and vehicle dispersions.
+
+To first order, an injection parameter is a sum over the flight of navigation errors times sensitivities of the guided
+ascent. One backward pass takes all of these sensitivities, so the variance includes the correlation of the errors over
+time, source by source. Vehicle dispersions are independent of the navigation errors, which are those along the nominal
+flight.
+"""
+
+from itertools import combinations
+
+import numpy as np
+
+from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats, InjectionLaw
+from lvnav_trade.trajectory.guided.orbit_numbers import AXIS, orbit_difference, with_apsides
+from lvnav_trade.trajectory.guided.sensitivity import InjectionSensitivity
+
+_BASE = [k for k, name in enumerate(INJECTION) if name not in ("perigee", "apogee")]
+"""Injection parameters from which perigee and apogee follow."""
+_PAIRS = list(combinations(range(len(_BASE)), 2))
+
+
+def injection_rows(found: InjectionSensitivity) -> Floats:
+    """Return the weights (n_t, n_row, 9) of the navigation errors at each time in the sums that `injection_law` needs.
+
+    The sums are the parameters of `_BASE`, the sum of each pair of them, and the orbit errors of knowledge and of
+    execution. The parameters of `_BASE` are scaled to similar magnitudes first, because covariances follow from
+    differences of variances.
+    """
+    total = found.navigation[:, _BASE] / _sizes(found.target)[:, None]
+    sums = np.stack([total[:, i] + total[:, j] for i, j in _PAIRS], axis=1)
+    execution = found.navigation[:, : len(ORBIT)] - found.knowledge
+    return np.concatenate([total, sums, found.knowledge, execution], axis=1)
+
+
+def injection_law(
+    found: InjectionSensitivity, sources: tuple[str, ...], variance: Floats, mean: Floats
+) -> InjectionLaw:
+    """Return the linear covariance of an injection.
+
+    Parameters
+    ----------
+    found
+        Sensitivities of the injection to navigation errors and vehicle dispersions.
+    sources
+        (n_source,). Names of the navigation error sources.
+    variance
+        (n_row, n_source). Variance of each sum of `injection_rows` by source.
+    mean
+        (n_t, 9) SI. Mean navigation errors.
+
+    Returns
+    -------
+    InjectionLaw
+        Mean, covariance by source, and second-order terms of the injection.
+    """
+    n, n_pair = len(_BASE), len(_PAIRS)
+    base = np.zeros((variance.shape[1], n, n))
+    base[:, range(n), range(n)] = variance[:n].T
+    for row, (i, j) in enumerate(_PAIRS, start=n):
+        base[:, i, j] = base[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
+    sizes = _sizes(found.target)
+    from_base = with_apsides(np.eye(len(INJECTION))[_BASE], found.target).T  # (n_parameter, n), all from `_BASE`
+    navigation = from_base @ (base * np.outer(sizes, sizes)) @ from_base.T
+    vehicle = np.array([slopes.T @ slopes for _, slopes in found.vehicle]).reshape(-1, *navigation.shape[1:])
+    knowledge, execution = (part.T for part in np.split(variance[n + n_pair :], 2))
+    diagonal = np.diagonal(vehicle, axis1=1, axis2=2)[:, : len(ORBIT)]
+    offset = found.reference.copy()
+    offset[: len(ORBIT)] = orbit_difference(found.reference[None, : len(ORBIT)], found.target[None])[0]
+    return InjectionLaw(
+        reference=found.reference,
+        target=found.target,
+        mean=offset + np.einsum("kne,ke->n", found.navigation, mean) + found.curvature.sum(axis=0),
+        second_order=np.sqrt(2.0 * np.sum(found.curvature**2, axis=0)),
+        sources=(*sources, *(name.replace("_", " ") for name, _ in found.vehicle)),
+        n_navigation=len(sources),
+        covariance=np.concatenate([navigation, vehicle]),
+        knowledge=np.concatenate([knowledge, np.zeros_like(diagonal)]),
+        execution=np.concatenate([execution, diagonal]),
+    )
+
+
+def by_part(law: InjectionLaw | None) -> InjectionLaw | None:
+    """Return the law of an injection with two sources: navigation and vehicle."""
+    if law is None or law.why:
+        return law
+    covariance, knowledge, execution = (
+        np.array([part.sum(axis=0) for part in np.split(values, [law.n_navigation])])
+        for values in (law.covariance, law.knowledge, law.execution)
+    )
+    return law._replace(
+        sources=("navigation", "vehicle"),
+        n_navigation=1,
+        covariance=covariance,
+        knowledge=knowledge,
+        execution=execution,
+    )
+
+
+def _sizes(target: Floats) -> Floats:
+    """Return the scale of each parameter of `_BASE`, about a kilometre of the orbit, (n,): m, 1, rad, s, kg."""
+    angle = 1e3 / target[AXIS]
+    return np.array([1e3, angle, angle, angle, angle, 1.0, 10.0])

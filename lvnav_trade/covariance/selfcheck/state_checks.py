@@ -1,0 +1,129 @@
+"""Checks of the error states: a known error is found and removed, and is propagated linearly over every gap."""
+
+import numpy as np
+
+from lvnav_trade.covariance.diagnostics.confirming_runs import gaps
+from lvnav_trade.covariance.diagnostics.nonlinearity import navigation, nonlinearity
+from lvnav_trade.covariance.history import turns
+from lvnav_trade.covariance.selfcheck.check import CheckResult
+from lvnav_trade.filter.ekf import correct
+from lvnav_trade.filter.policies.imu_samples import correct_vehicle
+from lvnav_trade.quantities.records import CovHistory, Floats
+from lvnav_trade.quantities.state_layout import state_names, state_outputs
+from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
+from lvnav_trade.simulation.montecarlo import Work, new_work
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.recording import record
+
+SIZE = {"attitude": 1e-3, "velocity": 1.0, "position": 100.0}
+"""Errors that are applied (rad, m/s, m); for any other state, its unit."""
+ALLOWED = 1e-6
+"""Largest relative deviation: rounding of positions, and second order of a rotation of a milliradian."""
+
+
+def sizes(prepared: Prepared) -> Floats:
+    """Return the error (n_state,) that is applied to each state, SI."""
+    outputs = state_outputs(prepared.layout, prepared.scenario.frame)
+    return np.array([SIZE.get(output.quantity, 1.0 / output.label_factor) for output in outputs])
+
+
+def round_trip(prepared: Prepared) -> list[CheckResult]:
+    """Return a check for each quantity of the filter's state, at start, middle and end of the flight.
+
+    A given error is applied, recorded as in runs, fed back by the filter, and recorded again. Figures are relative to
+    the error.
+    """
+    (work, parts), size, names = new_work(prepared, lanes=False), sizes(prepared), state_names(prepared.layout)
+    turn, reported = turns(prepared), np.array(prepared.layout.reported)
+    worst: dict[str, tuple[float, str]] = {}
+    for hist in sorted({0, prepared.t_hist.size // 2, prepared.t_hist.size - 1}):
+        for state in reported.tolist():
+            name, d = names[state], np.zeros(prepared.layout.n_state)
+            d[state] = size[state]
+            _apply_error(prepared, work, parts, hist, d)
+            error, residual = np.zeros_like(d), np.zeros_like(d)
+            error[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
+            _feed_back(prepared, work, parts, error)
+            residual[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
+            missed = float(max(np.abs((error - d) / size).max(), np.abs(residual / size).max()))
+            quantity = name.partition(" ")[0]
+            if not missed <= worst.get(quantity, (-1.0, ""))[0]:
+                worst[quantity] = (missed, f"{name} at {prepared.t_hist[hist]:g} s")
+    return [
+        CheckResult("error definition", quantity, missed, high=ALLOWED, where=where)
+        for quantity, (missed, where) in worst.items()
+    ]
+
+
+def _tick(prepared: Prepared, hist: int) -> int:
+    """Return the last tick before a history time."""
+    return max(0, int(prepared.hist_tick[hist]) - 1)
+
+
+def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int, d: Floats) -> None:
+    """Set the estimate of a run without true parameters, clock and correlated errors to the truth minus the error d."""
+    model, truth, vehicle = prepared.model, prepared.record, prepared.options.vehicle
+    work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
+    work.P[:] = np.eye(model.n_state)
+    for block, offset in enumerate(model.par_offset):
+        work.par[block] = -d[offset : offset + 3]
+    if model.clock >= 0:
+        work.clock_hat[:] = -d[model.clock : model.clock + 2]
+    for extra, offset in enumerate(model.extra_offset):
+        work.extra[extra] = -d[offset]
+    if vehicle is not None:
+        tick, at = _tick(prepared, hist), vehicle.motion
+        parts.motion.rate[:] = vehicle.rate[tick] - d[at : at + 3]
+        parts.motion.force[:] = vehicle.force[tick] - d[at + 3 : at + 6]
+
+
+def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int) -> Floats:
+    """Return the error (n_reported,) that a run records, in reporting axes."""
+    of_states = prepared.options._replace(samples=None, report=None, backup=None)
+    parts = OptionalState(units=parts.units, motion=parts.motion)
+    record(work, parts, case_of(prepared, options=of_states), None, prepared.record, _tick(prepared, hist), hist)
+    return np.array(work.err[hist, : len(prepared.layout.reported)])
+
+
+def _feed_back(prepared: Prepared, work: Work, parts: OptionalState, x: Floats) -> None:
+    """Feed an error state x (n_state,), frame i, back to the estimate."""
+    work.x[:] = x
+    correct_vehicle(work, parts.motion, prepared.model, prepared.options.vehicle)
+    correct(work, None, None, prepared.model)
+
+
+ALLOWED_GAP = 0.1
+"""Largest deviation of a one-sigma error from its linear propagation over a gap, in sigmas at its end."""
+KIND = "propagation"
+
+
+def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float]) -> list[CheckResult]:
+    """Return a check for every gap without measurements, and one for the update intervals at the events.
+
+    Directions are one-sigma errors of the filter's covariance at the beginning of the gap, propagated with both signs
+    by the strapdown and by the filter's transition. Figures are in formal sigmas at the end.
+    """
+    if prepared.options.vehicle is not None:
+        return [
+            CheckResult(
+                KIND, "transition", reason="samples of the IMU are measurements: there is no window without one"
+            )
+        ]
+    formal = history._replace(true_cov=history.formal_cov)
+    names = state_names(prepared.layout)
+    stretches = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
+    if not (history.n_row > 0).any():
+        stretches = [("the whole flight, unaided", float(history.t[0]), float(history.t[-1]))]
+    checks = []
+    for what, begin, end in stretches:
+        index = nonlinearity(prepared, formal, begin, end=end)
+        where = f"{names[index.state]}, {begin:g} to {end:g} s"
+        checks.append(CheckResult(KIND, what, max(index.motion, index.transition), high=ALLOWED_GAP, where=where))
+    intervals = [(nonlinearity(prepared, formal, t), name) for name, t in events.items()]
+    if intervals:
+        index, event = max(intervals, key=lambda item: max(item[0].motion, item[0].transition))
+        where = f"{names[index.state]} at {event}"
+        checks.append(
+            CheckResult(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED_GAP, where=where)
+        )
+    return checks

@@ -1,0 +1,393 @@
+"""Tables of reference vectors with unit and meaning of every column."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.export.scope import refuse_redundant_imus
+from lvnav_trade.filter.ekf import channel_of, n_measured
+from lvnav_trade.filter.policies.epoch_differences import is_present
+from lvnav_trade.filter.policies.reference_satellite import is_reference
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.state_layout import state_names, state_outputs
+from lvnav_trade.results.tables.dictionary import unit_suffix
+from lvnav_trade.sensors.receiver_observables import LABELS
+from lvnav_trade.simulation.montecarlo import TapedRun, taped
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.tape import Estimates
+
+START, BEFORE, AFTER, END = "start", "before", "after", "end"
+"""Stages of an estimate: at the start, before and after the measurements of an epoch, at the end of the flight."""
+NO_EPOCH = -1
+_XYZ = ("x", "y", "z")
+_EPOCH = {
+    "epoch": ("", "number of the epoch, from 0; -1 at the start and at the end of the flight"),
+    "t_s": ("s", "time since lift-off"),
+}
+_STAGE = {"stage": ("", "start, before or after the measurements of an epoch, or end of the flight")}
+
+
+class VectorTable(NamedTuple):
+    """A table of reference vectors.
+
+    about : Description of its content.
+    frame : Its rows.
+    columns : Unit (SI) and meaning of every column, in order.
+    """
+
+    about: str
+    frame: pd.DataFrame
+    columns: Mapping[str, tuple[str, str]]
+
+
+def vectors_of(prepared: Prepared, seed: int, run: int) -> dict[str, VectorTable]:
+    """Return the tables of reference vectors of a run by name.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    seed, run : int
+        Seed of the campaign and number of the run.
+
+    Raises
+    ------
+    InputError
+        Redundant IMUs are tested ahead of the filter.
+    """
+    refuse_redundant_imus(prepared)
+    recorded = taped(prepared, seed, run)
+    tables = {
+        "imu": _imu(prepared, recorded.tape.increments),
+        "windows": _windows(prepared),
+        "epochs": _epochs(prepared, recorded),
+        "measurements": _measurements(prepared, recorded),
+        "antennas": _antennas(prepared),
+        "satellites": _satellites(prepared),
+        "sensors": _sensors(prepared, recorded.tape.observed),
+        "reported_covariance": _reported_covariance(prepared, recorded.tape.covariance),
+        "states": _states(prepared),
+        "model": _model(prepared),
+        "estimates": _estimates(prepared, recorded),
+        "covariance": _covariance(prepared, recorded),
+    }
+    return {name: table for name, table in tables.items() if len(table.frame)}
+
+
+def _table(about: str, columns: Mapping[str, tuple[str, str]], values: Iterable[Any]) -> VectorTable:
+    """Return a table from arrays, one per column."""
+    return VectorTable(about, pd.DataFrame(dict(zip(columns, values, strict=True))), dict(columns))
+
+
+def _of_rows(about: str, columns: Mapping[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> VectorTable:
+    """Return a table from rows."""
+    return VectorTable(about, pd.DataFrame(list(rows), columns=list(columns)), dict(columns))
+
+
+def _axes(stem: str, unit: str, meaning: str) -> dict[str, tuple[str, str]]:
+    """Return the columns of the components of a vector."""
+    return {f"{stem}_{axis}_{unit_suffix(unit)}": (unit, f"{meaning}, axis {axis}") for axis in _XYZ}
+
+
+# ------------------------------------------------------------------------------------------------- inputs
+
+
+def _imu(prepared: Prepared, increments: Floats) -> VectorTable:
+    ticks = np.arange(len(increments))
+    columns = {
+        "tick": ("", "number of the sample, from 0"),
+        "t_s": ("s", "end of the sampling interval, since lift-off"),
+    }
+    columns |= _axes("delta_angle", "rad", "angle increment as the IMU outputs it, body axes")
+    columns |= _axes("delta_velocity", "m/s", "velocity increment as the IMU outputs it, body axes")
+    t = prepared.unit.start + prepared.unit.dt * (ticks + 1)
+    return _table("IMU samples, in order", columns, [ticks, t, *increments.T])
+
+
+def _windows(prepared: Prepared) -> VectorTable:
+    schedule, model = prepared.schedule, prepared.model
+    columns = {
+        "window": ("", "number of the window, from 0"),
+        "first_tick": ("", "first IMU sample of the window"),
+        "n_tick": ("", "number of IMU samples"),
+        "length": ("", "index of the window's length in the table model"),
+        "length_s": ("s", "length of the window"),
+        "epoch": ("", "epoch at its end, -1 none"),
+    }
+    length = model.seconds[schedule.length]
+    values = [np.arange(length.size), schedule.first_tick, schedule.n_tick, schedule.length, length, schedule.epoch]
+    return _table("Windows over which the covariance is propagated", columns, values)
+
+
+def _epochs(prepared: Prepared, recorded: TapedRun) -> VectorTable:
+    options, t = prepared.options, prepared.t_epoch
+    columns: dict[str, tuple[str, str]] = {
+        **_EPOCH,
+        "n_accepted": ("", "scalar measurements that the filter accepts"),
+        "n_rejected": ("", "scalar measurements that its gate rejects"),
+    }
+    values = [np.arange(t.size), t, recorded.accepted.astype(int), recorded.rejected.astype(int)]
+    if options.late is not None:
+        columns["delay_s"] = ("s", "delay of the receiver that the filter compensates")
+        values.append(options.late.delay)
+    if options.rules is not None:
+        columns["good"] = ("", "whether the receiver's sample passes the checks at the input")
+        values.append(options.rules.good)
+    return _table("Epochs at which measurements are processed", columns, values)
+
+
+class _Scalar(NamedTuple):
+    """A scalar measurement.
+
+    row : Position among the measurements of the epoch.
+    channel : Channel.
+    value : Measured value (SI).
+    unit : SI unit.
+    """
+
+    row: int
+    channel: int
+    value: float
+    unit: str
+
+
+def _python(kernel: Any) -> Any:
+    """Return the Python function of a kernel; for a few calls compilation is not worthwhile."""
+    return getattr(kernel, "py_func", kernel)
+
+
+def _of_receiver(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
+    model, signals, tape = prepared.model, prepared.signals, recorded.tape
+    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
+    for row in range(_python(n_measured)(model, signals, epoch)):
+        channel = _python(channel_of)(model, signals, epoch, row)
+        present = _python(is_present)(prepared.options.delayed, model, epoch, channel)
+        if not present or (model.tight and _python(is_reference)(model, signals, epoch, row)):
+            continue
+        if model.tight:
+            slot, observable = divmod(row, model.n_kind)
+            yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
+        else:
+            yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
+
+
+def _of_sensors(prepared: Prepared, epoch: int) -> Iterator[_Scalar]:
+    sensors = prepared.sensors
+    if sensors is None:
+        return
+    for k, device in enumerate(prepared.devices):
+        if sensors.on[k, epoch] and prepared.model.measured[sensors.channel[k]]:
+            for i in range(sensors.scalars[k]):
+                channel = sensors.channel[k] + i
+                row = prepared.n_row - prepared.channels.n_channel + channel
+                yield _Scalar(row, channel, math.nan, device.card.unit)
+
+
+def _measurements(prepared: Prepared, recorded: TapedRun) -> VectorTable:
+    columns = {
+        **_EPOCH,
+        "row": ("", "order of processing within the epoch"),
+        "channel": ("", "what is measured"),
+        "satellite": ("", "satellite of the channel, empty for none"),
+        "measured_si": (
+            "as in the column unit",
+            "measured value, ranges less what the filter corrects; of another sensor empty: see the table sensors",
+        ),
+        "unit": ("", "unit of the measured value"),
+        "variance_si": ("square of it", "noise variance in the filter model"),
+        "innovation_ratio": ("1", "expected innovation over its standard deviation; empty: not processed"),
+    }
+    return _of_rows("Scalar measurements", columns, _measured_rows(prepared, recorded))
+
+
+def _measured_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[Any, ...]]:
+    channels, signals, names = prepared.channels, prepared.signals, prepared.channel_names
+    reports = _reports(prepared)
+    for epoch, t in enumerate(prepared.t_epoch):
+        of_epoch = [*_of_receiver(prepared, recorded, epoch), *_of_sensors(prepared, epoch)]
+        for row, channel, value, unit in of_epoch if prepared.model.aided else ():
+            is_satellite = channels.tight and channel < channels.n_receiver
+            satellite = channels.satellites[channel // prepared.model.n_kind] if is_satellite else ""
+            variance = signals.variance[epoch, channel]
+            if reports and channel < channels.n_receiver:
+                variance = recorded.tape.covariance[epoch, row, row] * signals.scale[epoch, channel] ** 2
+            innovation = recorded.innovation[epoch, channel]
+            yield epoch, t, row, names[channel], satellite, value, unit, variance, innovation
+
+
+def _antennas(prepared: Prepared) -> VectorTable:
+    columns = {"antenna": ("", "number of the antenna, from 0")}
+    columns |= _axes("lever", "m", "phase centre relative to the IMU in the filter model, body axes")
+    rows = [(number, *lever) for number, lever in enumerate(prepared.model.lever_arms)]
+    return _of_rows("Antennas of the receiver", columns, rows)
+
+
+def _satellites(prepared: Prepared) -> VectorTable:
+    columns = {**_EPOCH, "satellite": ("", "its name"), "antenna": ("", "antenna that receives it, from 0")}
+    columns |= _axes("position", "m", "position at transmission that the filter uses, frame i at reception")
+    columns |= _axes("velocity", "m/s", "derivative of that position by the time of reception, frame i")
+    signals, rows = prepared.signals, list[tuple[Any, ...]]()
+    for epoch, t in enumerate(prepared.t_epoch if prepared.channels.tight else ()):
+        for s in signals.used[epoch, : signals.n_used[epoch]]:
+            place, velocity = signals.satellite[epoch, s], signals.satellite_velocity[epoch, s]
+            rows.append((epoch, t, prepared.sky.names[s], signals.antenna[epoch, s], *place, *velocity))
+    return _of_rows("Satellites in use", columns, rows)
+
+
+def _sensors(prepared: Prepared, observed: Floats) -> VectorTable:
+    sensors, rows, n_known = prepared.sensors, list[tuple[Any, ...]](), 0
+    if sensors is not None:
+        n_known = int(np.flatnonzero(np.any(sensors.known != 0.0, axis=(0, 1))).max(initial=-1)) + 1
+        for k, device in enumerate(prepared.devices):
+            for epoch in np.flatnonzero(sensors.on[k]):
+                constants = (sensors.theta[k, epoch], *sensors.known[k, epoch, :n_known])
+                rows.append((epoch, prepared.t_epoch[epoch], device.name, *observed[epoch, k], *constants))
+    columns: dict[str, tuple[str, str]] = {**_EPOCH, "sensor": ("", "its name")}
+    output = "output: scalars in the order of the channels; an attitude as quaternion, an azimuth as cosine and sine"
+    columns |= {f"output_{i}_si": ("SI", output) for i in range(observed.shape[2])}
+    columns["earth_angle_rad"] = ("rad", "Earth rotation angle that the filter uses")
+    about = "quantity that the filter's model of the sensor is given, in the order of the model"
+    columns |= {f"known_{i}_si": ("SI", about) for i in range(n_known)}
+    return _of_rows("Outputs of the other sensors, and what the filter's models of them are given", columns, rows)
+
+
+def _reports(prepared: Prepared) -> bool:
+    """Return whether the receiver reports the covariance of its solution and the filter uses it."""
+    return bool(prepared.model.has_covariance) and prepared.options.solver is not None
+
+
+def _reported_covariance(prepared: Prepared, covariance: Floats) -> VectorTable:
+    columns, rows = dict(_EPOCH), list[tuple[Any, ...]]()
+    lower = [(i, j) for i in range(6) for j in range(i + 1)]
+    columns |= {f"c_{i}_{j}_si": ("SI", "position (0 to 2), velocity (3 to 5), frame i") for i, j in lower}
+    if _reports(prepared):
+        rows = [(epoch, t, *(covariance[epoch, i, j] for i, j in lower)) for epoch, t in enumerate(prepared.t_epoch)]
+    return _of_rows("Covariance that the receiver reports with its solution", columns, rows)
+
+
+# -------------------------------------------------------------------------------------------------- model
+
+
+def column_of_state(name: str) -> str:
+    """Return the column name of a state, without its unit."""
+    return re.sub(r"\W+", "_", name).strip("_").lower()
+
+
+def _states(prepared: Prepared) -> VectorTable:
+    layout = prepared.layout
+    columns = {
+        "state": ("", "number of the state, from 0"),
+        "name": ("", "its name; attitude, velocity and position in frame i, IMU parameters in body axes"),
+        "column": ("", "its column in the table covariance"),
+        "unit": ("", "its SI unit"),
+        "initial_sigma_si": ("as in the column unit", "standard deviation at the start"),
+        "estimated": ("", "whether it is corrected; otherwise it is considered"),
+    }
+    names, units = state_names(layout), [output.unit for output in state_outputs(layout, "inertial")]
+    sigma, number = np.sqrt(np.diagonal(prepared.start.P)), np.arange(layout.n_state)
+    delayed = (number >= layout.delayed) & (number < layout.delayed + layout.n_delayed)
+    values = [
+        number,
+        names,
+        [column_of_state(name) for name in names],
+        units,
+        sigma,
+        (number < layout.n_estimated) | delayed,
+    ]
+    return _table("Error states, truth minus estimate", columns, values)
+
+
+def _model(prepared: Prepared) -> VectorTable:
+    model, names = prepared.model, state_names(prepared.layout)
+    columns = {
+        "length": ("", "index of the window's length"),
+        "length_s": ("s", "length of the window"),
+        "name": ("", "name of the state"),
+        "decay_ratio": ("1", "decay factor over the window"),
+        "noise_si": ("square of the state's unit", "variance of process noise added over the window"),
+    }
+    rows = (
+        (k, seconds, name, model.decay[k, i], model.noise[k, i])
+        for k, seconds in enumerate(model.seconds)
+        for i, name in enumerate(names)
+    )
+    return _of_rows("Process noise and decay by length of a window", columns, rows)
+
+
+# ------------------------------------------------------------------------------------------------ outputs
+
+
+def _estimate_columns(prepared: Prepared) -> dict[str, tuple[str, str]]:
+    layout = prepared.layout
+    names, units = state_names(layout), [output.unit for output in state_outputs(layout, "inertial")]
+    columns = {**_STAGE, **_EPOCH}
+    columns |= {
+        f"quaternion_{part}": ("1", "rotation from body axes to frame i, scalar first") for part in ("w", *_XYZ)
+    }
+    columns |= _axes("velocity", "m/s", "inertial velocity, frame i") | _axes("position", "m", "position, frame i")
+    estimated = [block.offset + i for block in layout.parameters for i in range(3)]
+    estimated += [layout.clock, layout.clock + 1] if layout.clock >= 0 else []
+    estimated += [int(offset) for offset in prepared.model.extra_offset]
+    for state in estimated:
+        name = f"{column_of_state(names[state])}_{unit_suffix(units[state])}"
+        columns[name] = (units[state], f"estimate of {names[state]}")
+    if _is_open(prepared):
+        columns |= {
+            f"error_{column_of_state(name)}_{unit_suffix(unit)}": (
+                unit,
+                f"estimated error of {name}, truth minus estimate",
+            )
+            for name, unit in zip(names, units, strict=True)
+        }
+    return columns
+
+
+def _is_open(prepared: Prepared) -> bool:
+    """Return whether the error state is separate from the estimates (open loop)."""
+    return prepared.scenario.filter.feedback == "open"
+
+
+def _estimate_row(prepared: Prepared, found: Estimates, at: int) -> list[float]:
+    n_par, n_extra = len(prepared.layout.parameters), prepared.model.extra_offset.size
+    row = [*found.nav[at], *found.par[at, :n_par].ravel()]
+    row += [*found.clock[at]] if prepared.layout.clock >= 0 else []
+    return [*row, *found.extra[at, :n_extra], *(found.x[at] if _is_open(prepared) else ())]
+
+
+def _stages(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[str, int, float, Estimates, int]]:
+    """Yield stage, epoch, time (s), and the record with the index of its estimates."""
+    tape, schedule, unit = recorded.tape, prepared.schedule, prepared.unit
+    for epoch, t in enumerate(prepared.t_epoch):
+        yield BEFORE, epoch, t, tape.before, epoch
+        yield AFTER, epoch, t, tape.after, epoch
+    n_tick = int(schedule.first_tick[-1] + schedule.n_tick[-1])
+    yield END, NO_EPOCH, unit.start + unit.dt * n_tick, tape.after, -1
+
+
+def _estimates(prepared: Prepared, recorded: TapedRun) -> VectorTable:
+    columns = _estimate_columns(prepared)
+    start = [START, NO_EPOCH, prepared.unit.start, *recorded.tape.start]
+    rows = [(*start, *[0.0] * (len(columns) - len(start)))]
+    rows += [
+        (stage, epoch, t, *_estimate_row(prepared, found, at))
+        for stage, epoch, t, found, at in _stages(prepared, recorded)
+    ]
+    return _of_rows("Expected estimates", columns, rows)
+
+
+def _covariance(prepared: Prepared, recorded: TapedRun) -> VectorTable:
+    names = state_names(prepared.layout)
+    columns = {**_STAGE, **_EPOCH, "state": ("", "name of the state of the row")}
+    columns |= {column_of_state(name): ("product of both units", f"covariance with {name}") for name in names}
+    blocks = [(START, NO_EPOCH, prepared.unit.start, prepared.start.P)]
+    blocks += [(stage, epoch, t, found.P[at]) for stage, epoch, t, found, at in _stages(prepared, recorded)]
+    keys = [pd.DataFrame({"stage": s, "epoch": k, "t_s": t, "state": names}) for s, k, t, _ in blocks]
+    numbers = pd.DataFrame(np.concatenate([P for *_, P in blocks]), columns=list(columns)[4:])
+    frame = pd.concat([pd.concat(keys, ignore_index=True), numbers], axis=1)
+    return VectorTable("Expected covariance of the error states, a row per state", frame, columns)

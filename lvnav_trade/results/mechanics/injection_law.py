@@ -1,0 +1,98 @@
+"""Injection of a guided ascent by linear covariance: its Gaussian, limits of validity, probability of depletion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from lvnav_trade.quantities.records import INJECTION, Floats, InjectionLaw
+from lvnav_trade.results.mechanics.mission_errors import QUANTILE_DRAWS, draws
+
+DEPLETED_AT_MOST = 1e-3
+"""Largest probability of depletion for which linear covariance is valid, since it does not model an empty stage."""
+SECOND_ORDER_AT_MOST = 0.3
+"""Largest second-order effect of the vehicle's dispersions, as share of sigma, for which linear covariance is valid."""
+_CIRCULAR_SIGMAS = 3.0
+_CURVED = 0.1  # ratio of second to first order above which perigee and apogee are sampled
+_LEFT = INJECTION.index("propellant_left")
+_BASE = [INJECTION.index(name) for name in ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node")]
+APSIDES = {"perigee": -1.0, "apogee": 1.0}
+"""Quantities that are nonlinear near a circular orbit, with the sign of the eccentricity in them."""
+
+
+def share_depleted(law: InjectionLaw) -> float:
+    """Return the probability that the last stage is empty before its cut-off."""
+    sigma = float(np.sqrt(law.covariance[:, _LEFT, _LEFT].sum()))
+    propellant = float(law.mean[_LEFT])
+    return float(propellant < 0.0) if sigma == 0.0 else float(special.ndtr(-propellant / sigma))
+
+
+def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
+    """Return the reason why linear covariance does not describe quantities of an injection; empty if it does."""
+    if law.why:
+        return law.why
+    empty = share_depleted(law)
+    if empty > DEPLETED_AT_MOST:
+        return f"linear covariance expects {100.0 * empty:.2g} % of the flights to end with an empty stage"
+    at = [INJECTION.index(name) for name in quantities if name not in APSIDES] or _BASE
+    sigma = np.sqrt(law.covariance[:, at, at].sum(axis=0))
+    if np.all(law.second_order[at] <= SECOND_ORDER_AT_MOST * sigma):
+        return ""
+    share = float(np.max(law.second_order[at] / np.where(sigma > 0.0, sigma, 1e-300)))
+    return f"spreads of the vehicle act to second order, {share:.2g} times their sigma to the first"
+
+
+def is_curved(law: InjectionLaw, quantity: str) -> bool:
+    """Return whether perigee or apogee is too nonlinear in semi-major axis and eccentricity vector for the first order.
+
+    An error of the eccentricity vector across its direction changes its length to second order only. This matters if
+    the orbit is nearly circular, and if the first order nearly vanishes, such as that of the perigee of an injection at
+    perigee. The second order is compared with the first by their sigmas: a sigma_across^2 / (sqrt(2) e).
+    """
+    vector = _BASE[1:]
+    reached = law.target[vector] + law.mean[vector]
+    e, spread = float(np.linalg.norm(reached)), law.covariance[:, vector][:, :, vector].sum(axis=0)
+    if e < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, float(np.linalg.eigvalsh(spread)[-1]))):
+        return True
+    across = np.array([-reached[1], reached[0]]) / e
+    second = law.target[_BASE[0]] * float(across @ spread @ across) / (np.sqrt(2.0) * e)
+    place = INJECTION.index(quantity)
+    first = np.sqrt(law.covariance[:, place, place].sum())
+    return not second <= _CURVED * first  # `not <=` is also true for NaN, the first order at a circular orbit
+
+
+def scaled_law(law: InjectionLaw, sources: Sequence[str], factor: float) -> InjectionLaw:
+    """Return the law with the sigmas of error sources multiplied by a factor, the gains of the filter unchanged."""
+    scale = np.where(np.isin(law.sources, list(sources)), factor**2, 1.0)
+    return law._replace(covariance=law.covariance * scale[:, None, None])
+
+
+def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) -> Floats:
+    """Return errors of perigee or apogee, from draws of semi-major axis and eccentricity vector through the exact
+    relation.
+
+    Parameters
+    ----------
+    law : InjectionLaw
+        Gaussian of the injection by linear covariance.
+    quantity : str
+        Perigee or apogee, a key of `APSIDES`.
+    count : int
+        Number of draws, a power of two.
+
+    Returns
+    -------
+    (count,) array
+        Achieved less target (m).
+    """
+    total = law.covariance[:, _BASE][:, :, _BASE].sum(axis=0)
+    drawn = draws(law.mean[_BASE], total, count, np.sqrt(np.diag(total)))
+    reached, target = law.target[_BASE] + drawn, law.target[_BASE]
+    sign = APSIDES[quantity]
+
+    def radius(orbit: Floats) -> Floats:
+        return np.asarray(orbit[..., 0] * (1.0 + sign * np.hypot(orbit[..., 1], orbit[..., 2])))
+
+    return radius(reached) - radius(target)

@@ -1,0 +1,275 @@
+"""Errors of the filter's states: attitude, velocity, position, and every other state that a filter can estimate."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.quantities.state_layout import AXES, BACKUP, EXTRAS, MOTION, PARAMETERS, split_metric
+from lvnav_trade.results.metric import (
+    BOTH,
+    LENGTH,
+    MISSING,
+    NAVIGATION_UNITS,
+    NO_LAW,
+    NOT_IN_FLIGHT,
+    TWO_SIDED,
+    Metric,
+    MetricValue,
+    SingleValue,
+    event_of,
+    no_fit,
+    scale_of,
+    where,
+)
+from lvnav_trade.results.statistics.case_results import Distribution, RunErrors, number_in
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lvnav_trade.results.statistics.case_results import CaseResults
+    from lvnav_trade.results.tables.read import Tables
+
+NORM = "3d"
+_FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
+# Axes of the quantities that a requirement can name
+_AXES = {
+    f"{prefix}{quantity}": axes
+    for prefix in ("", BACKUP)
+    for quantity, axes in (("position", _FRAME_AXES), ("velocity", _FRAME_AXES), ("attitude", ("roll", "pitch", "yaw")))
+}
+_WORDS = {
+    "attitude": "attitude, small rotation from estimate to truth",
+    "velocity": "velocity over the ground",
+    "position": "position",
+}
+# States of a filter that statements can name; in the list, axis x represents every axis
+_STATES = (
+    {name: kind.unit for name, kind in PARAMETERS.items()}
+    | {name: unit for name, (unit, *_) in EXTRAS.items()}
+    | {name: unit for name, unit, *_ in MOTION}
+    | {"clock_bias": "m", "clock_drift": "m/s"}
+)
+# SI unit of every quantity whose error is stored in results
+UNITS = (
+    NAVIGATION_UNITS
+    | {f"{BACKUP}{name}": unit for name, unit in NAVIGATION_UNITS.items()}
+    | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
+    | _STATES
+    | {f"{prefix}{name}": unit for prefix in ("raw_", "corrected_") for name, unit, *_ in MOTION}
+)
+_NAME = re.compile(r"[a-z][a-z_]*_error(_[a-z0-9]+)?")
+# Columns of the history with a sigma: with runs, and without
+_SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
+
+
+@dataclass(frozen=True)
+class StateError(Metric):
+    """Error of a quantity along an axis, or the norm of its three components ("3d").
+
+    quantity : Such as velocity, gyro_bias.
+    axis : Axis of the reporting frame, the body or a sensor; 3d for the norm.
+    """
+
+    quantity: str = ""
+    axis: str = NORM
+
+    @classmethod
+    def of(cls, name: str, unit: str, meaning: str = "") -> StateError:
+        """Return the metric of a name such as ``gyro_bias_error_x``.
+
+        unit : SI unit
+        """
+        return cls(name, "dimensionless" if unit == "1" else unit, meaning, *split_metric(name))
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it is an error along one axis."""
+        return self.axis != NORM
+
+    @property
+    def bounded_as(self) -> str:
+        """Kind of bound: a norm, or an error along one axis, which is bounded on both sides."""
+        return LENGTH if self.axis == NORM else TWO_SIDED
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the root mean square, or the signed mean, at an event or over the time of a phase."""
+        from lvnav_trade.results.statistics.per_run import of_each, signed
+        from lvnav_trade.results.statistics.select import time_mean
+
+        if stated.get("statistic") == "worst":
+            number = self.single(tables, case, stated, unit)
+            if len(number.runs):
+                return MetricValue(monte_carlo=number.value, remark=number.remark)
+            return MetricValue(true=number.value, remark=number.remark)
+        rows, scale, remark = self._rows(tables, case, stated, unit)
+        if remark:
+            return MetricValue(remark=remark)
+        t = rows.t_s.to_numpy()
+        if stated.get("statistic") == "mean":
+            numbers = (time_mean(t, rows[name].to_numpy(dtype=float)) / scale for name in ("lincov_mean_si", "mean_si"))
+            true, drawn = numbers
+            each = signed(tables, case, stated, str(rows.unit.iloc[0])) / scale
+            return MetricValue(np.nan, true, drawn, runs=each, is_root=False)
+        of_runs = rows.rms_si if rows.run_count.iloc[0] else np.nan * rows.rms_si
+        formal, true, drawn = (
+            float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
+            for square in (rows.lincov_formal_si**2, rows.lincov_true_si**2 + rows.lincov_mean_si**2, of_runs**2)
+        )
+        each = of_each(tables, case, stated, str(rows.unit.iloc[0]))
+        return MetricValue(formal, true, drawn, runs=(each / scale) ** 2)
+
+    def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+        """Return the number that is compared with a published number.
+
+        It is the root mean square or mean of the runs (of linear covariance without runs), a sigma, or the median over
+        the runs of the largest error of each run in a phase.
+        """
+        statistic = stated.get("statistic", "rms")
+        if statistic == "worst":
+            return self._worst(tables, case, stated, unit)
+        if statistic in _SIGMAS:
+            return self._sigma(tables, case, stated, unit)
+        number = super().single(tables, case, stated, unit)
+        alone = statistic == "rms" and not number.remark and not self._has_runs(tables, case)
+        return number._replace(remark="linear covariance") if alone else number
+
+    def _rows(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> tuple[pd.DataFrame, float, str]:
+        """Return the history at the stated event or phase, the SI value of the unit, and the reason if there is no
+        history.
+        """
+        from lvnav_trade.results.statistics.per_run import within
+        from lvnav_trade.results.statistics.select import history_of
+
+        rows = history_of(tables, case, self.quantity, self.axis)
+        if rows.empty:
+            return rows, 1.0, MISSING
+        scale = scale_of(unit, str(rows.unit.iloc[0]))
+        if scale is None:
+            return rows, 1.0, no_fit(unit)
+        chosen = within(tables, case, rows, stated)
+        return chosen, scale, NOT_IN_FLIGHT if chosen.empty else ""
+
+    def _has_runs(self, tables: Tables, case: str) -> bool:
+        from lvnav_trade.results.statistics.select import history_of
+
+        return bool(history_of(tables, case, self.quantity, self.axis).run_count.iloc[0])
+
+    def _worst(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+        from lvnav_trade.results.statistics.per_run import per_run
+        from lvnav_trade.results.statistics.select import history_of
+        from lvnav_trade.results.tables.dictionary import error_column
+
+        rows = history_of(tables, case, self.quantity, self.axis)
+        scale = None if rows.empty else scale_of(unit, str(rows.unit.iloc[0]))
+        if scale is None:
+            return SingleValue(np.nan, MISSING if rows.empty else no_fit(unit))
+        largest = per_run(tables, case, stated, error_column(self.quantity, self.axis, rows.unit.iloc[0]))
+        if not len(largest):
+            return SingleValue(np.nan, "no runs, or the phase does not begin and end at events")
+        return SingleValue(float(np.median(largest)) / scale, "", np.sort(largest) / scale)
+
+    def _sigma(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+        from lvnav_trade.results.statistics.select import time_mean
+
+        rows, scale, remark = self._rows(tables, case, stated, unit)
+        statistic = str(stated["statistic"])
+        if not remark and statistic == "lincov" and (beyond := self._beyond_linear(tables, case, stated, unit)):
+            remark = f"not applicable: {beyond}"
+        if remark:
+            return SingleValue(np.nan, remark)
+        with_runs = bool(rows.run_count.iloc[0])
+        square = rows[_SIGMAS[statistic][0 if with_runs else 1]] ** 2
+        value = float(np.sqrt(time_mean(rows.t_s.to_numpy(), square.to_numpy()))) / scale
+        return SingleValue(value, "" if with_runs else "linear covariance")
+
+    def _beyond_linear(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> str:
+        """Return the reason why linear covariance cannot be compared with a published attitude: an attitude error is
+        large.
+        """
+        from lvnav_trade.results.evaluation.covariances import LINEAR_ATTITUDE, beyond_at_start, beyond_linear
+
+        size = (scale_of(unit, "rad") or 0.0) if self.quantity == "attitude" else 0.0
+        published = float(stated.get("value", 0.0)) * size
+        return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
+        """Return |error| of every run at an event, or its largest value in a phase."""
+        output = case.output(self.quantity, self.axis)
+        if output is None:
+            return None
+        if requirement.get("during"):
+            phase = case.phase(str(requirement["during"]))
+            size = case.largest(self.quantity, self.axis, *phase)
+        else:
+            size = case.sizes(event_of(requirement), self.quantity, self.axis)
+        return RunErrors(size, output.unit, output.label_unit, output.label_factor)
+
+    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+        """Return the Gaussian at an event, or at the time of a phase with the smallest probability to meet the limit.
+
+        For a phase, the norm needs the covariance of three axes, which is stored at events; the error along one axis is
+        evaluated at every time of the history.
+        """
+        from lvnav_trade.results.statistics.gaussian import least_kept
+
+        output = case.output(self.quantity, self.axis)
+        if output is None:
+            return NO_LAW
+        at, during = where(requirement), bool(requirement.get("during"))
+        law = None if during else case.gaussian(at, self.quantity, self.axis)
+        if during:
+            bound = number_in(requirement["below"], output.unit)
+            law, at = least_kept(case, self.quantity, self.axis, at, bound) or (None, at)
+        if law is None:
+            return NO_LAW
+        return Distribution(law, output.unit, output.label_unit, output.label_factor, at, above_only=during)
+
+
+@dataclass(frozen=True)
+class NavigationError(StateError):
+    """Error of attitude, velocity or position, of the filter or of a strapdown without corrections."""
+
+    named_by: ClassVar[str] = BOTH
+
+    def missing_in(self, campaign: Any) -> str:
+        """Return the reason if the reporting frame of a campaign lacks the axis; empty if it has it."""
+        axes_of_frame, of_body = AXES[campaign.base.frame], self.quantity.removeprefix(BACKUP) == "attitude"
+        if of_body or self.axis in (*axes_of_frame, NORM):
+            return ""
+        return f"frame {campaign.base.frame} has the axes {', '.join(axes_of_frame)}"
+
+
+def error_named(name: str, unit: str = "") -> StateError | None:
+    """Return the metric of an error by its name; None for other names.
+
+    unit : SI unit, for a quantity that is not in the list of known quantities
+    """
+    unit = unit or UNITS.get(split_metric(name)[0], "")
+    return StateError.of(name, unit) if unit and _NAME.fullmatch(name) else None
+
+
+def state_metric(quantity: str, unit: str) -> StateError:
+    """Return the error of a filter state as the list of metrics shows it, where x represents every axis."""
+    meaning = f"estimate of {quantity.replace('_', ' ')}, where it is a state"
+    return StateError.of(f"{quantity}_error_x", unit, meaning)
+
+
+def _navigation(quantity: str, axis: str) -> NavigationError:
+    of_backup = " of the uncorrected backup strapdown" if quantity.startswith(BACKUP) else ""
+    size = "length of the three-axis error" if axis == NORM else f"{axis} component of the error"
+    plain = quantity.removeprefix(BACKUP)
+    return NavigationError(
+        f"{quantity}_error_{axis}", NAVIGATION_UNITS[plain], f"{size} of {_WORDS[plain]}{of_backup}", quantity, axis
+    )
+
+
+METRICS: tuple[Metric, ...] = (
+    *(_navigation(quantity, NORM) for quantity in _AXES),
+    *(_navigation(quantity, axis) for quantity, axes in _AXES.items() for axis in axes),
+    *(state_metric(quantity, unit) for quantity, unit in _STATES.items()),
+)

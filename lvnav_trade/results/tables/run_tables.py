@@ -1,0 +1,190 @@
+"""Columns of the tables of single runs: errors at events, mode logic, initial draws, time histories of a few runs."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.quantities.records import (
+    FIRST_UNIT,
+    ISOLATED,
+    MODES,
+    ORBIT,
+    OUTCOMES,
+    REASONS,
+    Floats,
+    Output,
+    RunBlock,
+)
+from lvnav_trade.results.tables.dictionary import error_column, rms_column
+from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
+from lvnav_trade.simulation.statistics import NORM, BlockSummary, add_norms, columns
+from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
+
+DRAWN = ("attitude", "velocity", "position")
+"""Quantities whose error budget and single runs are stored over the whole flight."""
+MOST_TIMES = 400
+"""Largest number of stored times of a run."""
+ORBIT_UNITS = {
+    **dict.fromkeys(("semi_major_axis", "perigee", "apogee"), "m"),
+    **dict.fromkeys(("inclination", "node"), "rad"),
+    **dict.fromkeys(("eccentricity_along_node", "eccentricity_ahead_of_node"), "dimensionless"),
+}
+"""SI units of the elements of an achieved orbit."""
+INJECTION_UNITS = {**ORBIT_UNITS, "cutoff_time": "s", "propellant_left": "kg"}
+"""SI units of the numbers of an injection."""
+FAILURES = {0: "", 1: "not finite", 2: "diverged"}
+
+
+def run_columns(
+    outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
+) -> dict[str, dict[str, Any]]:
+    """Return the columns of the tables of single runs, by table.
+
+    outputs : reported errors of the case
+    summary : statistics of some runs; None for empty columns
+    channels : names of the filter's measurement channels
+
+    `interval_errors` has one row per run and interval between events.
+    """
+    every = columns(outputs)
+    errors, means = (
+        [column(output.quantity, output.axis, output.unit) for output in every] for column in (error_column, rms_column)
+    )
+    if summary is None:
+        return {
+            "runs": {name: [] for name in errors},
+            "interval_errors": {name: [] for name in (*errors, *means)},
+            "mode_transitions": {},
+            "integrity": {},
+            "injections": {},
+            "failed_injection_draws": {},
+        }
+    n_event, n_span = len(summary.events), summary.worst.shape[1]
+    failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
+    run, t, before, after, why = summary.changes.T
+    runs = {
+        "run_number": np.repeat(summary.runs, n_event),
+        "event": list(summary.events) * summary.n_run,
+        "t_s": np.tile(summary.t_event, summary.n_run),
+        "failure": np.repeat(failures, n_event),
+        "t_failed_s": np.repeat(summary.t_failed, n_event),
+        "nees_ratio": summary.event_nees.ravel(),
+    }
+    worst = {
+        "run_number": np.repeat(summary.runs, n_span),
+        "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
+        "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
+        "failure": np.repeat(failures, n_span),
+    }
+    logic = {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "from_mode": np.array(MODES)[before.astype(int)],
+        "to_mode": np.array(MODES)[after.astype(int)],
+        "reason": np.array(REASONS)[why.astype(int)],
+    }
+    runs |= _named(errors, summary.event_error)
+    worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
+    return {
+        "runs": runs,
+        "interval_errors": worst,
+        "mode_transitions": logic,
+        "integrity": integrity_columns(summary.decisions, channels),
+        "injections": _injection_columns(summary),
+        "failed_injection_draws": _lost_columns(summary),
+    }
+
+
+def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
+    """Return the columns of `injections`: one row per run and orbital element."""
+    if not len(summary.injections):
+        return {}
+    n = len(ORBIT)
+    outcome, t, propellant = (np.repeat(values, n) for values in summary.injections[:, :3].T)
+    return {
+        "run_number": np.repeat(summary.runs, n),
+        "outcome": np.array(OUTCOMES)[outcome.astype(int)],
+        "t_s": t,
+        "propellant_left_kg": propellant,
+        "quantity": list(ORBIT) * summary.n_run,
+        "unit": [ORBIT_UNITS[name] for name in ORBIT] * summary.n_run,
+        "error_si": summary.injections[:, 3 : 3 + n].ravel(),
+        "knowledge_si": summary.injections[:, 3 + n :].ravel(),
+    }
+
+
+def _lost_columns(summary: BlockSummary) -> dict[str, Any]:
+    """Return the columns of `failed_injection_draws`: one row per draw of a run that does not reach its cut-off."""
+    run, source, number, value = summary.lost.T
+    return {
+        "run_number": run.astype(np.int64),
+        "source": np.array(SOURCES)[source.astype(int)],
+        "draw_number": number.astype(np.int64),
+        "draw_ratio": value,
+    }
+
+
+def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str, Any]:
+    """Return the columns of `integrity` and `nominal_integrity`: decisions of the tests for faults.
+
+    decisions : (n, 4). Run, time (s), number in `ISOLATED`, and number of the channel: -1 is no channel, and numbers
+        from `FIRST_UNIT` downward are IMUs
+    channels : names of the filter's measurement channels
+    """
+    run, t, isolated, channel = decisions.T
+    number = channel.astype(int)
+    units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
+    names = np.array([*channels, *reversed(units), ""])
+    return {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "isolated_element": np.array(ISOLATED)[isolated.astype(int)],
+        "channel": names[number],
+    }
+
+
+def _named(names: list[str], values: Any) -> dict[str, Any]:
+    """Return values (n_run, n, n_name) as one column (n_run * n,) per name."""
+    return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
+
+
+def start_columns(starts: InitialDraws | None) -> dict[str, Any]:
+    """Return the columns of `initial_draws`: initial and turn-on draws of the runs."""
+    if starts is None:
+        return {}
+    n_run, n_draw = starts.values.shape
+    return {
+        "run_number": np.repeat(starts.runs, n_draw),
+        "source": list(starts.sources) * n_run,
+        "axis": list(starts.axes) * n_run,
+        "draw_ratio": starts.values.ravel(),
+    }
+
+
+def trace_columns(outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> dict[str, Any]:
+    """Return the columns of `traces` for blocks of one run each, at most `MOST_TIMES` times including the last."""
+    every = columns(outputs)
+    chosen = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in DRAWN]
+    pieces = []
+    for block in blocks:
+        at = np.arange(len(block.t))[:: -max(1, -(-len(block.t) // MOST_TIMES))][::-1]
+        error, sigma = (add_norms(values[0, at], outputs)[:, chosen] for values in (block.err, block.sigma))
+        error[block.t[at] >= _end_of(block)] = np.nan
+        pieces.append(
+            {
+                "run_number": np.full(at.size * len(chosen), block.first_run),
+                "t_s": np.tile(block.t[at], len(chosen)),
+                "quantity": np.repeat([every[k].quantity for k in chosen], at.size),
+                "unit": np.repeat([every[k].unit for k in chosen], at.size),
+                "error_si": error.T.ravel(),
+                "sigma_si": sigma.T.ravel(),
+            }
+        )
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces[0] if pieces else ())}
+
+
+def _end_of(block: RunBlock) -> float:
+    """Return the time (s) at which the only run of a block failed; infinite if it did not fail."""
+    failed = bool(block.failed[0]) and not np.isnan(block.t_failed[0])
+    return float(block.t_failed[0]) if failed else np.inf

@@ -1,0 +1,91 @@
+"""Recorded errors of a receiver: mean, and deviation by the start of a run in the recording."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.gnss.receiver_cards import DirectSolution
+from lvnav_trade.gnss.recorded_errors import ErrorTable, in_frame_i, sampled
+from lvnav_trade.kernels.random import philox, seed_words, source_word
+from lvnav_trade.quantities.frames import earth_angle
+from lvnav_trade.quantities.records import Bools, Floats, Sky
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.receiver_observables import Channels
+from lvnav_trade.sensors.sensor import CorrelatedError
+from lvnav_trade.simulation.preparation.correlated import RECORDED, EnteringError
+from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import hold
+
+SOURCE = "recorded receiver error"
+_NEGLIGIBLE = 1e-12  # of the largest singular value
+
+
+class RecordedErrors(NamedTuple):
+    """Recorded errors of a receiver's solution, by the start of a run in the recording.
+
+    mean : (n_epoch, 6) m, m/s. Mean over the starts, frame i.
+    errors : One error for each singular vector of the deviations.
+    values : (n_component, n_start). Coefficients of these errors at each start: mean 0, variance 1, uncorrelated.
+    """
+
+    mean: Floats
+    errors: tuple[EnteringError, ...]
+    values: Floats
+
+
+def table_of(scenario: Scenario) -> ErrorTable | None:
+    """Return the recorded error table of a scenario's receiver; None without."""
+    solution = scenario.receiver.solution
+    return solution.error_table if isinstance(solution, DirectSolution) else None
+
+
+def recorded(
+    scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels: Channels, frozen: Bools
+) -> RecordedErrors:
+    """Return the recorded errors of the receiver's solution at the epochs of a flight; zero without a recording.
+
+    The deviations of the starts from their mean are decomposed into singular vectors. With the coefficients of a run
+    their sum is the recording of that run, to rounding. The coefficients are uncorrelated with unit variance, as linear
+    covariance requires, so both engines have the same mean and covariance. The number of sources is at most the number
+    of starts minus one.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    theta0
+        rad. Earth rotation angle at lift-off.
+    line, seen, channels
+        Lines of sight, satellites, measurement channels.
+    frozen
+        (n_epoch,). Whether the receiver repeats the output, and the error, of the previous epoch.
+    """
+    card, n_epoch = table_of(scenario), seen.t.size
+    if card is None or channels.tight:
+        return RecordedErrors(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
+    table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
+    hold(frozen, np.swapaxes(table, 0, 1))
+    mean = table.mean(axis=0)
+    vectors, size, shapes = np.linalg.svd((table - mean).reshape(card.starts, -1), full_matrices=False)
+    count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(table))))))
+    entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
+    everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
+    entering = np.pad(entering, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
+    errors = tuple(
+        EnteringError(CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),)), everywhere, shape)
+        for number, shape in enumerate(entering)
+    )
+    return RecordedErrors(mean, errors, vectors[:, :count].T * np.sqrt(card.starts))
+
+
+def values_of(found: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
+    """Return the coefficients (n_component, n_run) of runs, by the starts that they draw."""
+    return found.values[:, [start_of(seed, int(run), found.values.shape[1]) for run in runs]]
+
+
+def start_of(seed: int, run: int, n_start: int) -> int:
+    """Return the start that a run draws, 0 to n_start - 1; it depends on seed and run only."""
+    word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), *seed_words(seed))[0]
+    return int(word) * n_start >> 32

@@ -1,0 +1,82 @@
+"""Guided ascents, run by run: from draws and navigation errors to the state at cut-off."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.legs import mass_above
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
+from lvnav_trade.trajectory.guided.autopilot import DrawKeys
+from lvnav_trade.trajectory.guided.course import ascend
+from lvnav_trade.trajectory.guided.draws import Sigmas, density_of, deviations, vehicle_of
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan
+from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, NavigationErrors, error_at
+from lvnav_trade.trajectory.guided.missions import Launch, launch_along, turning_of, wind_of_launch
+from lvnav_trade.trajectory.guided.pilots import ADRIFT, INJECTED, GuidedPilot, TurningPilot
+
+
+class Injection(NamedTuple):
+    """How a run ends.
+
+    outcome : One of `records.OUTCOMES`.
+    t : s since lift-off. Time of the cut-off, or of an earlier end of the flight.
+    y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
+    left : kg. Propellant left in the last stage.
+    error : (9,). Navigation errors at that time, as in `NavigationErrors`.
+    """
+
+    outcome: str
+    t: float
+    y: Floats
+    left: float
+    error: Floats
+
+
+def empty_mass(flown: VehicleAscent) -> float:
+    """Return the mass (kg) of the last stage without propellant, with its payload."""
+    return flown.vehicle.stages[-1].dry + mass_above(flown, len(flown.vehicle.stages))
+
+
+def inject(
+    plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors = PERFECT, draws: DrawKeys | None = None
+) -> Injection:
+    """Fly one run.
+
+    Parameters
+    ----------
+    plan : GuidancePlan
+    sigmas : Draws of the vehicle's error sources, in sigmas, see `draws`.
+    navigation : Navigation errors over the flight, from the filter on the nominal flight.
+    draws : Keys of the noises, gusts and misalignments of a vehicle under attitude control; keys of zero if absent.
+    """
+    if not np.all(np.isfinite(navigation.error)):
+        return Injection(ADRIFT, np.nan, np.full(7, np.nan), np.nan, np.full(9, np.nan))
+    flown = vehicle_of(plan.card, sigmas)
+    pilot = _pilot(plan, flown, sigmas, navigation, draws)
+    outcome = pilot.fly()
+    left = float(pilot.y[6]) - empty_mass(flown)
+    if outcome == INJECTED:
+        pilot.push(pilot.differs.tail_off)
+    return Injection(outcome, pilot.t, pilot.y[:7], max(0.0, left), error_at(pilot.t, navigation))
+
+
+def _pilot(
+    plan: GuidancePlan, flown: VehicleAscent, sigmas: Sigmas, navigation: NavigationErrors, draws: DrawKeys | None
+) -> GuidedPilot:
+    """Return the pilot for the attitude response of a vehicle."""
+    differs, control = deviations(plan.card, sigmas), plan.card.control
+    if control is None:
+        return GuidedPilot(plan, flown, differs, navigation)
+    launch = _launched(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
+    draws = draws or DrawKeys(np.uint64(0), np.uint64(0), np.uint64(0))
+    turning = turning_of(launch, control.feedback, draws, by_run=True, density=density_of(plan.card, sigmas))
+    blown = differs._replace(wind=wind_of_launch(launch, draws, differs.wind))
+    return TurningPilot(plan, flown, blown, navigation, turning)
+
+
+@remembered(4)
+def _launched(key: str, card: VehicleAscent) -> Launch:
+    assert card.control is not None
+    return launch_along(ascend(card), card.control)

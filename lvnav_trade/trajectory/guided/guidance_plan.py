@@ -1,0 +1,105 @@
+"""Guidance data stored before lift-off: attitude programme, target of the last burn, nominal cut-off."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from lvnav_trade.kernels.earth import GM
+from lvnav_trade.quantities.frames import unit
+from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.dispersion import flown
+from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
+from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns
+from lvnav_trade.trajectory.ascent.steering_law import directions
+from lvnav_trade.trajectory.ascent.targeting import entry_of
+from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
+from lvnav_trade.trajectory.guided.explicit import Target
+from lvnav_trade.trajectory.guided.guided_dynamics import AttitudeProgramme
+
+_STEP = 0.05  # s, of the stored attitude: between its entries the direction is known to 1e-5 rad
+
+
+class GuidancePlan(NamedTuple):
+    """A guided ascent before lift-off.
+
+    card : The ascent.
+    aim : Its solved steering.
+    programme : Direction of the thrust over time, to the end of the flight.
+    target : Where explicit guidance ends the last burn.
+    energy : J/kg. Specific energy (two-body) of the nominal flight at its cut-off.
+    cutoff : s since lift-off. Nominal time of that.
+    nominal : (7,). State of the nominal flight there.
+    explicit : Whether the last stage steers by the navigated state.
+    by_energy : Whether it is cut off at the energy, and not at the time.
+    spreads : Sigma of each source that is dispersed, by its name.
+    lag : s. Time constant with which the body follows its command; 0: at once.
+    schuler : Whether explicit guidance predicts gravity by the Schuler approximation.
+    """
+
+    card: VehicleAscent
+    aim: TargetingUnknowns
+    programme: AttitudeProgramme
+    target: Target
+    energy: float
+    cutoff: float
+    nominal: Floats
+    explicit: bool = False
+    by_energy: bool = True
+    spreads: tuple[tuple[str, float], ...] = ()
+    lag: float = 0.0
+    schuler: bool = False
+
+
+def steering_times(plan: GuidancePlan, t: Floats) -> slice:
+    """Return the part of the times (n,) of a nominal flight from which guidance takes navigation errors.
+
+    It ends at the nominal cut-off. A run that burns longer keeps the errors of that time, because the nominal vehicle
+    has no thrust afterwards and its navigation errors develop differently.
+    """
+    return slice(0, int(np.searchsorted(t, plan.cutoff + 1e-6, side="right")))
+
+
+def plan_of(card: VehicleAscent) -> GuidancePlan:
+    """Return the guidance data of an ascent; InputError if its vehicle does not reach the target."""
+    how, spreads = card.dispersion, card.vehicle.dispersions
+    named = () if how is None or spreads is None else (*how.drawn, *how.sigmas)
+    # Fields that do not change the solved nominal ascent
+    unused = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
+    solved = _planned(card.model_dump_json(exclude=unused), card)
+    return solved._replace(
+        card=card,
+        explicit=card.guidance in ("explicit", "schuler"),
+        schuler=card.guidance == "schuler",
+        by_energy=card.cutoff == "energy",
+        spreads=tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in named),
+        lag=card.attitude_lag or 0.0,
+    )
+
+
+@remembered(4)
+def _planned(key: str, card: VehicleAscent) -> GuidancePlan:
+    _, aim, flight = flown(card)
+    return plan_along(card, aim, flight)
+
+
+def plan_along(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> GuidancePlan:
+    """Return the guidance data of a solved ascent."""
+    last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= flight.events["injection"] + 1e-9)
+    y = last.y[-1]
+    entry = entry_of(card)
+    target = Target(entry.radius, entry.speed, entry.climb, unit(np.cross(y[:3], y[3:6])), y[:3].copy())
+    energy = 0.5 * float(y[3:6] @ y[3:6]) - GM / float(np.linalg.norm(y[:3]))
+    return GuidancePlan(card, aim, _programme(flight), target, energy, float(last.t[-1]), y.copy())
+
+
+def _programme(flight: SimulatedAscent) -> AttitudeProgramme:
+    """Return the direction of the thrust of a flight on even times."""
+    t = np.arange(0.0, flight.legs[-1].t[-1], _STEP)
+    y = np.empty((t.size, 6))
+    for leg in flight.legs:
+        inside = (t >= leg.t[0]) & (t <= leg.t[-1])
+        y[inside, :3] = CubicHermiteSpline(leg.t, leg.y[:, :3], leg.y[:, 3:6])(t[inside])
+        y[inside, 3:] = CubicSpline(leg.t, leg.y[:, 3:6])(t[inside])
+    return AttitudeProgramme(_STEP, directions(t, y, flight.steering))
