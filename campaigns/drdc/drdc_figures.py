@@ -228,7 +228,7 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
     """Draw what feeds the controller is worth, all cases or those asked for: movement of the nozzle with the raw, the
     filtered and the true rate, by how much the filtered one is less, and the attitude's error in burns.
     """
-    frame = FRAMES["worth"](tables)
+    frame = FRAMES["rate_filter_benefit"](tables)
     wanted = [case for asked in cases for case in cases_of(tables, asked, ())] or list(tables.labels)
     names = {tables.labels[case]: name for case, name in short_names(tables, wanted).items()}
     place, feeds = np.arange(len(names)), ("raw", "filtered", "true")
@@ -242,7 +242,7 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
             below.bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
         for at_case, row in zip(place, rows.itertuples(), strict=True):
             highest = max(row.raw_deg, row.filtered_deg, row.true_deg)
-            above.text(at_case, highest, f"{row.less_percent:.1f} % less", ha="center", va="bottom")
+            above.text(at_case, highest, f"{row.reduction_percent:.1f} % less", ha="center", va="bottom")
         above.set(title=axis, ylim=(0.0, top))
         labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]
         below.set(xlabel="case")

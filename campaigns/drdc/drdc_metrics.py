@@ -25,14 +25,14 @@ class NozzleMovement(Metric):
     def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the reduction by pairs of runs, with its interval as the remark."""
         for row in pick(
-            FRAMES["nozzle"](tables), case=tables.labels[case], axis=self.axis, burn=self.burn
+            FRAMES["nozzle_travel"](tables), case=tables.labels[case], axis=self.axis, burn=self.burn
         ).itertuples():
             interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
             rows = pick(tables.nozzle_travel, case=case, axis=self.axis, burn=self.burn)
             moved = rows.pivot(index="run_number", columns="controller_rate", values="travel_rad")
             each = 100.0 * (1.0 - moved.filtered / moved.raw).to_numpy()
             remark = f"{row.runs} paired runs, 95 %: {interval}"
-            return SingleValue(float(row.less_percent), remark, np.sort(each))
+            return SingleValue(float(row.reduction_percent), remark, np.sort(each))
         return SingleValue(np.nan, "no vehicle under control, no such burn, or fewer than two runs")
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:

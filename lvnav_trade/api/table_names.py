@@ -53,12 +53,12 @@ class Frames:
     requirements: pd.DataFrame  # verdict on every requirement in every case
     corridor: pd.DataFrame  # whether the instantaneous impact point stays in its corridor
     rms: pd.DataFrame  # errors by case, phase or event, quantity and axis
-    controlled: pd.DataFrame  # 3-D errors at injection, plain and with control variates
+    control_variates: pd.DataFrame  # 3-D errors at injection, plain and with control variates
     ranking: pd.DataFrame  # 3-D errors of every case at injection, best velocity first
     coverage: pd.DataFrame  # share of runs within three sigma
     agreement: pd.DataFrame  # Monte Carlo RMS over linear covariance RMS
     contributions: pd.DataFrame  # contribution of each source to the 3-D errors
-    observed: pd.DataFrame  # rank of the observability matrix
+    observability_ranks: pd.DataFrame  # rank of the observability matrix
     filter_verdicts: pd.DataFrame  # whether the filter's covariance matches its errors
     effects: pd.DataFrame  # of many designs: how the error of each requirement follows each axis
     swings: pd.DataFrame  # of many designs: the error of each requirement at both ends of each axis
@@ -67,39 +67,38 @@ class Frames:
     nis: pd.DataFrame  # normalised innovation squared with its bounds
     autocorrelation: pd.DataFrame  # autocorrelation of each channel
     modes: pd.DataFrame  # share of runs in each mode over time
-    logic: pd.DataFrame  # mode transitions by type
     stops: pd.DataFrame  # starts and stops of a filter with a mode logic
     decisions: pd.DataFrame  # what tests for faults decide, and when
-    tested_errors: pd.DataFrame  # errors with and without tests for faults
+    fault_test_errors: pd.DataFrame  # errors with and without tests for faults
     in_view: pd.DataFrame  # satellites tracked and above the horizon over time
     outages: pd.DataFrame  # 3-D errors around every fault
     tracking: pd.DataFrame  # availability of a position fix in each case
     losses: pd.DataFrame  # losses of tracking by reason
     recovery: pd.DataFrame  # loss and recovery of the receiver at every fault
-    totals: pd.DataFrame  # cost, mass, power and volume of every case
+    resource_totals: pd.DataFrame  # cost, mass, power and volume of every case
     pareto: pd.DataFrame  # cost and performance of every case
     assumptions: pd.DataFrame  # numbers that are marked as assumed
     configuration: pd.DataFrame  # key numbers of every case
     curves: pd.DataFrame  # error over each numeric axis
     crossings: pd.DataFrame  # where these curves cross the limit
     tornado: pd.DataFrame  # smallest and largest error over each axis
-    expected: pd.DataFrame  # verdicts by linear covariance
+    expected_verdicts: pd.DataFrame  # verdicts by linear covariance
     spot_check: pd.DataFrame  # result of the spot check
     improvements: pd.DataFrame  # improvements that would meet a requirement
     margins: pd.DataFrame  # verdict and margin of every requirement
     windows: pd.DataFrame  # worst error around the event of a requirement
     unevaluated: pd.DataFrame  # requirements that results cannot be evaluated for, with the reason
     orbit: pd.DataFrame  # orbit at injection with its errors
-    correction: pd.DataFrame  # delta-v that corrects the orbit
+    orbit_correction: pd.DataFrame  # delta-v that corrects the orbit
     normality: pd.DataFrame  # whether errors of the orbit are Gaussian
     injection: pd.DataFrame  # injection accuracy of guided ascents: achieved orbit against target
     injection_sources: pd.DataFrame  # budget of the achieved orbit: navigation and sources of the vehicle
     cutoff: pd.DataFrame  # how guided ascents end: depletion, time, propellant left
-    lost: pd.DataFrame  # guided runs that do not reach their cut-off, with their largest vehicle dispersions
+    failed_injections: (
+        pd.DataFrame
+    )  # guided runs that do not reach their cut-off, with their largest vehicle dispersions
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test
-    motion: pd.DataFrame  # errors of rate and acceleration by phase
-    nozzle: pd.DataFrame  # travel of the nozzle and its reduction
-    turning: pd.DataFrame  # motion of the vehicle against the envelopes
-    worth: pd.DataFrame  # benefit of the filtered angular rate for a controller
+    rate_and_acceleration: pd.DataFrame  # errors of rate and acceleration by phase
+    rate_filter_benefit: pd.DataFrame  # benefit of the filtered angular rate for a controller
     references: pd.DataFrame  # published numbers next to the results

@@ -127,7 +127,7 @@ def _place(requirement: dict[str, Any]) -> str:
 
 def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
     """Return the verdicts by linear covariance alone; a single sentence if all agree with the verdicts of the runs."""
-    frame = METRICS["expected"](tables)
+    frame = METRICS["expected_verdicts"](tables)
     frame = frame[frame.requirement == name]
     runs = verdicts.set_index("case").verdict
     differing = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]

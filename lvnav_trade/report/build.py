@@ -89,7 +89,7 @@ BRIEF = (*OPEN, "consistency", "agreement", "configuration", "assumptions", "mod
 _BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # largest number of rows of a table, and of figures, in a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js", "space.js")
 _MANY = 50
-_DETAILED = ("orbit", "correction", "impact")
+_DETAILED = ("orbit", "orbit_correction", "impact")
 """Sections and tables that take a second per case; with more than `_MANY` cases they cover the key cases only."""
 
 
@@ -230,7 +230,7 @@ def build(
     return tables.folder / ("brief.html" if brief else "report.html")
 
 
-VERDICTS = ("requirements", "expected", "windows", "filter_verdicts")
+VERDICTS = ("requirements", "expected_verdicts", "windows", "filter_verdicts")
 """CSV tables that are also written without a report."""
 
 

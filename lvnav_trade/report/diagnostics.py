@@ -264,7 +264,7 @@ def _time(rows: pd.DataFrame, outcome: str) -> str:
     return f"{number(result.median_s)} ({number(result.lincov_s)})"
 
 
-@of("tested_errors")
+@of("fault_test_errors")
 def worth(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return errors at the last event with and without the fault tests, if the campaign has both."""
     return [stated("tested_errors", frame)]

@@ -78,7 +78,7 @@ def windows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 def _expected(tables: Tables) -> list[Block]:
     """Return the table of probabilities expected by linear covariance."""
-    frame = in_words(METRICS["expected"](tables))
+    frame = in_words(METRICS["expected_verdicts"](tables))
     frame = frame.assign(
         expected=expectation(frame),
         asked=100.0 * frame.probability,
@@ -229,7 +229,7 @@ def agreement(tables: Tables) -> list[Block]:
     return blocks + _controlled(tables)
 
 
-@of("controlled")
+@of("control_variates")
 def _controlled(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [stated("controlled", frame, event=words(frame.event.iloc[0])), Text(note("controlled"))]
 
@@ -371,7 +371,7 @@ def logic_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [stated("stops", percents), *_changes(tables)]
 
 
-@of("logic")
+@of("mode_transitions")
 def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [stated("logic", frame.assign(run_ratio=100.0 * frame.run_ratio))]
 

@@ -36,7 +36,7 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             blocks.append(stated("orbit", columns, label=label, event=words(event)))
             blocks += [Text(f"{why}.", "Not applicable.") for why in dict.fromkeys(rows.remark) if why]
         blocks += [figure(tables, "orbit", case), *_not_gaussian(tables, label)]
-    return [*blocks, Text(note("correction")), stated("correction", METRICS["correction"](tables))]
+    return [*blocks, Text(note("correction")), stated("correction", METRICS["orbit_correction"](tables))]
 
 
 def _not_gaussian(tables: Tables, label: str) -> list[Block]:
@@ -74,7 +74,7 @@ def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("corridor")), stated("corridor", frame)]
 
 
-@of("motion")
+@of("rate_and_acceleration")
 def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return by how much the estimates of rate and acceleration improve on the raw samples, and whether the errors
     match the filter's covariance.
@@ -92,7 +92,7 @@ def motion_summary(tables: Tables) -> list[Block]:
 
     The result is empty without runs, and for a vehicle under control, for which the nozzle movement decides.
     """
-    frame = METRICS["motion"](tables)
+    frame = METRICS["rate_and_acceleration"](tables)
     if len(tables.nozzle_travel) or not tables.cases.run_count.any():
         return []
     outputs = tables.outputs
@@ -106,8 +106,10 @@ def motion_summary(tables: Tables) -> list[Block]:
             (case_rows.low / case_rows.over_sigma_ratio).min(),
             (case_rows.high / case_rows.over_sigma_ratio).max(),
         )
-        counts = case_rows.as_modelled.value_counts().items()
-        ranges = [_range(case_rows[name]) for name in ("better_percent", "formal_better_percent", "over_sigma_ratio")]
+        counts = case_rows.verdict.value_counts().items()
+        ranges = [
+            _range(case_rows[name]) for name in ("reduction_percent", "formal_reduction_percent", "over_sigma_ratio")
+        ]
         verdicts = ", ".join(f"{name} in {count} of {len(case_rows)}" for name, count in counts)
         rows.append((case, error, *ranges, f"times {number(low)} to {number(high)}", verdicts))
     phases = stated("motion_summary", pd.DataFrame(rows))
@@ -123,7 +125,7 @@ def observed_table(tables: Tables) -> list[Block]:
     if not (tables.campaign.get("covariance") or {}).get("window"):
         return []
     tolerance = float(tables.observability.tolerance_ratio.iloc[0])
-    return [Text(note("observed", tolerance=tolerance)), stated("observed", METRICS["observed"](tables))]
+    return [Text(note("observed", tolerance=tolerance)), stated("observed", METRICS["observability_ranks"](tables))]
 
 
 def motion(tables: Tables) -> list[Block]:
@@ -181,7 +183,7 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
 
     brief : only burns and envelopes, of cases with the rate gain of the card
     """
-    moved, turned = METRICS["nozzle"](tables), METRICS["turning"](tables)
+    moved, turned = METRICS["nozzle_travel"](tables), METRICS["motion_statistics"](tables)
     if moved.empty:
         return []
     if brief:
@@ -189,7 +191,7 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
         scaled = [tables.labels[case] for case, gain in gains.items() if gain != 1.0]
         moved, turned = moved[~moved.case.isin(scaled)], turned[~turned.case.isin(scaled)]
     filtered = turned[turned.controller_rate == "filtered"].drop(columns="controller_rate")
-    tabled = (("nozzle", moved), ("worth", METRICS["worth"](tables)), ("turning", filtered))
+    tabled = (("nozzle", moved), ("worth", METRICS["rate_filter_benefit"](tables)), ("turning", filtered))
     return [Text(note("nozzle")), *(stated(name, frame) for name, frame in tabled)]
 
 
@@ -215,7 +217,7 @@ def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     ends = METRICS["cutoff"](tables)
     spread = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
     spread = spread.where(ends.runs > 0, "-")
-    lost = METRICS["lost"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
+    lost = METRICS["failed_injections"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
     sources = METRICS["injection_sources"](tables)
     large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
     budget = [stated("injection_sources", sources[large])] if large.any() else []

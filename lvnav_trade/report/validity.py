@@ -92,7 +92,7 @@ def short_lived(tables: Tables) -> list[Block]:
     blocks: list[Block] = []
     for name, rows in frame.groupby("requirement", sort=False):
         compliant = set(margins[(margins.requirement == name) & (margins.verdict == "met")].case)
-        bad = rows[rows.changes & rows.case.isin(compliant)]
+        bad = rows[rows.verdict_changes & rows.case.isin(compliant)]
         if bad.empty:
             continue
         each = [f"{row.case}: {with_unit(row.worst, row.unit)} {when(row)}" for row in bad.itertuples()]

@@ -52,12 +52,12 @@ def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
 @pytest.mark.slow  # a campaign of half a minute
 def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_hardly(tmp_path):
     tables = flown("rates_and_accelerations", tmp_path, "monte_carlo.runs=16", "report.sections=[motion]")
-    found = METRICS["motion"](tables)
+    found = METRICS["rate_and_acceleration"](tables)
     roll = found[
         found.case.str.contains("as published") & found.case.str.contains("vehicle model") & (found.axis == "roll")
     ]
-    assert (roll.formal_better_percent - 88.1).abs().max() < 1.0  # table 2
-    assert roll.better_percent.min() > 85.0
+    assert (roll.formal_reduction_percent - 88.1).abs().max() < 1.0  # table 2
+    assert roll.reduction_percent.min() > 85.0
     frame = publication("drdc").table(tables)
     unknown = frame[frame["item"].str.startswith("unknown dynamics")]
     assert len(unknown) == 4
@@ -72,8 +72,8 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
 def test_twenty_launches_say_whether_errors_are_as_the_filter_assumes(tmp_path):
     only = ("base.trajectory=trajectories/churchill_sso",
             "axes=[{path: receiver.mask, values: [5 deg, 10 deg]}]", "references=[]")  # fmt: skip
-    found = METRICS["motion"](flown("twenty_launches", tmp_path, *only))
-    assert set(found.as_modelled) <= {"as modelled", "smaller"}
+    found = METRICS["rate_and_acceleration"](flown("twenty_launches", tmp_path, *only))
+    assert set(found.verdict) <= {"as modelled", "smaller"}
 
 
 def test_launches_of_a_mission_count_as_one_case(tmp_path):
@@ -112,8 +112,8 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     ):
         only_one = ("axes.1.values=[1]", 'axes.1.labels=["1"]', "report.sections=[control]")
         tables = flown("nozzle", tmp_path, "monte_carlo.runs=8", *only_one)
-    found = METRICS["nozzle"](tables)
-    whole = found[(found.burn == "flight")].set_index(["case", "axis"]).less_percent
+    found = METRICS["nozzle_travel"](tables)
+    whole = found[(found.burn == "flight")].set_index(["case", "axis"]).reduction_percent
     assert len(whole) == 6
     assert whole.min() > 0.0
     rows = publication("drdc").table(tables).set_index("item")
@@ -134,13 +134,13 @@ def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_pat
         patch.object(controlled, "fly_missions", fly_steady),
         patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
     ):
-        found = METRICS["worth"](
+        found = METRICS["rate_filter_benefit"](
             flown("envelope", tmp_path, "monte_carlo.runs=8", "axes.0.labels=[published, datasheet]")
         )
     pitch = found[found.case.str.contains("datasheet") & (found.axis == "pitch")]
     assert len(pitch) == 4
-    assert pitch.less_percent.is_monotonic_increasing
-    assert (pitch.less_percent < pitch.possible_percent).all()
+    assert pitch.reduction_percent.is_monotonic_increasing
+    assert (pitch.reduction_percent < pitch.possible_percent).all()
 
 
 @pytest.mark.slow

@@ -151,14 +151,14 @@ def _every_rule_does_its_work(results: api.Results) -> None:
     for rule, (first, last, count) in WITHOUT.items():
         found, ruled = (int(rows[label].t_s.between(first, last).sum()) for label in (f"logic={rule}", "base"))
         assert found == count < ruled, rule
-    reasons = METRICS["logic"](tables).groupby("case").reason.agg(set)
+    reasons = METRICS["mode_transitions"](tables).groupby("case").reason.agg(set)
     checks = {"checksum", "hardware", "time synchronisation", "no fresh solution", "dilution of precision"}
     assert {"data loss persists", "residual error persists", *checks} <= reasons["base"]
     assert any("covariance" in reason for reason in reasons["logic=narrow covariance limits"])
     assert not any("covariance" in reason for reason in reasons["base"])
-    started = METRICS["logic"](tables).query("from_mode == 'waiting'").groupby("case").first_s.min()
+    started = METRICS["mode_transitions"](tables).query("from_mode == 'waiting'").groupby("case").first_s.min()
     assert started["logic=starts with one sample"] == started["base"] - 4.0
-    corrected = METRICS["logic"](tables).query("to_mode == 'aiding'").groupby("case").first_s.min()
+    corrected = METRICS["mode_transitions"](tables).query("to_mode == 'aiding'").groupby("case").first_s.min()
     assert corrected["logic=corrects at once"] < corrected["base"] - 90.0
 
 

@@ -225,7 +225,7 @@ def test_tables_without_rows_are_not_written_and_each_other_one_has_its_feature(
     folder = page.parent
     written = {file.name for file in folder.glob("*.csv")}
     assert {"rms.csv", "requirements.csv", "references.csv", "sensitivity.csv"} <= written
-    assert not {"corridor.csv", "logic.csv", "protection.csv"} & written
+    assert not {"corridor.csv", "mode_transitions.csv", "protection.csv"} & written
     assert all(len(pd.read_csv(folder / name)) for name in written)
     listed = json.loads((folder / "contents.json").read_text())["tables"]
     assert {name for name in listed if name.endswith(".csv")} == written

@@ -47,7 +47,7 @@ def test_a_logic_has_its_section_and_linear_covariance_is_not_held_against_it(tm
     assert '<details id="logic">' in text
     assert "data loss persists" in text
     assert "logic of its own" in text
-    assert (folder / "logic.csv").read_text(encoding="utf-8").count("imu=fine") == 5
+    assert (folder / "mode_transitions.csv").read_text(encoding="utf-8").count("imu=fine") == 5
 
 
 def test_linear_covariance_alone_makes_a_report(tmp_path):

@@ -58,7 +58,7 @@ def test_the_matrix_has_all_cases_the_smallest_margin_first(page):
 def test_without_runs_margins_are_those_of_linear_covariance(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=0))
     frame = METRICS["margins"](tables)
-    alone = METRICS["expected"](tables).set_index(["requirement", "case"])
+    alone = METRICS["expected_verdicts"](tables).set_index(["requirement", "case"])
     assert set(frame.by) == {"LinCov"}
     for row in frame.itertuples():
         assert (row.verdict, row.estimate, row.unit) == tuple(

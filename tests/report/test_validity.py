@@ -107,7 +107,7 @@ def test_a_warning_says_how_many_designs_stay_below_the_limit_and_which_do_not(a
         "the event, 1 stays below the limit of 2 m/s and 1 exceeds it (95 % quantile by linear covariance): "
         "imu=coarse: 2.09 m/s 20.0 s after the event."
     )
-    both = of_two(alone, worst=3.0, changes=True)
+    both = of_two(alone, worst=3.0, verdict_changes=True)
     (warning,) = leads(short_lived(both), "Warning:")
     assert warning.startswith(
         "Velocity is met at stage1 cutoff only. All 2 designs that meet it exceed 2 m/s between 5 s before and 20 s"
@@ -153,7 +153,7 @@ def test_one_reason_is_said_once_for_several_requirements(alone):
 def test_what_the_extent_of_a_window_rests_on_is_said_case_by_case_where_it_differs(alone):
     found = alone.with_frames()
     found.__dict__["campaign"] = {**alone.campaign, "requirements": [{**BRIEF, "below": "2.0 m/s"}]}
-    frame = windows(found).assign(changes=True, by=["LinCov", "runs, extrapolated"])
+    frame = windows(found).assign(verdict_changes=True, by=["LinCov", "runs, extrapolated"])
     found.cache[windows.__module__, "windows"] = frame
     (warning,) = leads(short_lived(found), "Warning:")
     assert "(95 % quantile): imu=fine: 0.698 m/s 20.0 s after the event, by linear covariance; imu=coarse: " in warning

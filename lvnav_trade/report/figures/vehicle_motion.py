@@ -106,8 +106,8 @@ def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
 
     band : required reduction (%), shaded
     """
-    nozzle = METRICS["nozzle"](tables)
-    nozzle = nozzle[(nozzle.burn == "flight") & nozzle.less_percent.notna()]
+    nozzle = METRICS["nozzle_travel"](tables)
+    nozzle = nozzle[(nozzle.burn == "flight") & nozzle.reduction_percent.notna()]
     lines: dict[str, dict[str, float]] = {}
     for case, levels in tables.levels.items():
         other_levels = ", ".join(level for name, level in levels.items() if name != "rate_gain") or "all"
@@ -122,7 +122,7 @@ def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
             axes.vlines(rows.gain, rows.low_percent, rows.high_percent, color=style["color"], lw=1.0)
             # large open and small filled markers: equal curves remain distinguishable
             style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}
-            axes.plot(rows.gain, rows.less_percent, **style)
+            axes.plot(rows.gain, rows.reduction_percent, **style)
         if band is not None:
             axes.axhspan(*band, color=GREY, alpha=0.15, label=f"band: {band[0]:g} to {band[1]:g} %")
         axes.set(title=axis, xlabel="rate gain over that of the card (-)")

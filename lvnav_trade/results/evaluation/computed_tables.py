@@ -43,9 +43,17 @@ def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | st
 
 # Tables of each module whose names are those of their functions
 _NAMED: dict[Any, tuple[str, ...]] = {
-    rms: ("rms", "controlled", "ranking"),
+    rms: ("rms", "control_variates", "ranking"),
     coverage: ("coverage",),
-    covariances: ("agreement", "budget", "contributions", "sensitivity", "observability", "nonlinearity", "observed"),
+    covariances: (
+        "agreement",
+        "budget",
+        "contributions",
+        "sensitivity",
+        "observability",
+        "nonlinearity",
+        "observability_ranks",
+    ),
     filter_consistency: (
         "consistency",
         "filter_verdicts",
@@ -53,27 +61,27 @@ _NAMED: dict[Any, tuple[str, ...]] = {
         "nis",
         "whiteness",
         "autocorrelation",
-        "logic",
+        "mode_transitions",
         "modes",
         "stops",
     ),
-    integrity: ("integrity", "decisions", "tested_errors"),
+    integrity: ("integrity", "decisions", "fault_test_errors"),
     satellite_tracking: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
-    resources: ("totals", "pareto"),
+    resources: ("resource_totals", "pareto"),
     designs: ("designs",),
     design_space: ("effects", "regions"),
     tornado: ("swings",),
     assumed_numbers: ("assumptions", "configuration"),
     limit_crossings: ("curves", "crossings", "tornado"),
-    confirmation: ("expected", "spot_check", "improvements"),
+    confirmation: ("expected_verdicts", "spot_check", "improvements"),
     margins: ("margins",),
     windows: ("windows", "unevaluated"),
-    orbit: ("orbit", "correction", "normality"),
+    orbit: ("orbit", "orbit_correction", "normality"),
     impact: ("impact",),
-    injection_accuracy: ("injection", "injection_sources", "cutoff", "lost"),
+    injection_accuracy: ("injection", "injection_sources", "cutoff", "failed_injections"),
     inertial_units: ("allan", "exclusions"),
     protection_levels: ("protection",),
-    motion_estimates: ("motion", "nozzle", "turning", "worth"),
+    motion_estimates: ("rate_and_acceleration", "nozzle_travel", "motion_statistics", "rate_filter_benefit"),
     published: ("references",),
 }
 # Every computed table by name; each function takes a results folder, or its tables, and returns a tidy frame.
@@ -85,10 +93,10 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 
 # Tables written as CSV next to a report. Their columns are an interface for users and their automated checks.
 CSV = (
-    "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
-    "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
-    "tested_errors", "curves", "crossings", "tornado", "designs", "effects", "swings", "regions", "totals", "pareto",
-    "motion", "nozzle", "turning", "allan",
-    "protection", "exclusions", "assumptions", "configuration", "injection",
-    "injection_sources", "cutoff", "lost",
+    "rms", "agreement", "control_variates", "references", "requirements", "windows", "filter_verdicts", "budget",
+    "expected_verdicts", "spot_check", "sensitivity", "orbit", "orbit_correction", "impact", "corridor", "transitions",
+    "mode_transitions", "integrity", "fault_test_errors", "curves", "crossings", "tornado", "designs", "effects",
+    "swings", "regions", "resource_totals", "pareto", "rate_and_acceleration", "nozzle_travel", "motion_statistics",
+    "allan", "protection", "exclusions", "assumptions", "configuration", "injection", "injection_sources", "cutoff",
+    "failed_injections",
 )  # fmt: skip

@@ -323,7 +323,7 @@ def nonlinearity(tables: Tables) -> pd.DataFrame:
     return rows.assign(case=rows.case.map(tables.labels), remark=remark).reset_index(drop=True)
 
 
-def observed(tables: Tables) -> pd.DataFrame:
+def observability_ranks(tables: Tables) -> pd.DataFrame:
     """Return the smallest rank of the observability matrix over all phases, with its smallest singular values.
 
     least_rank: number of singular values above 1e-10 of the largest; least_rank_with_information: above the tolerance

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.evaluation.resources import totals
+from lvnav_trade.results.evaluation.resources import resource_totals
 from lvnav_trade.results.metric import NAVIGATION_UNITS
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.requirements import confirmation
@@ -236,7 +236,7 @@ def _in_si(unit: str, si: str) -> float:
 
 def _with_totals(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
     """Return the designs with cost, mass, power and volume of their devices, as far as these are given."""
-    by_case = totals(tables).set_index("case")
+    by_case = resource_totals(tables).set_index("case")
     for name in ("cost", "mass_kg", "power_w", "volume_l"):
         values = by_case[name].reindex(frame.label).to_numpy(dtype=float)
         if np.isfinite(values).any():

@@ -208,7 +208,7 @@ def whiteness(tables: Tables) -> pd.DataFrame:
     return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)
 
 
-def logic(tables: Tables) -> pd.DataFrame:
+def mode_transitions(tables: Tables) -> pd.DataFrame:
     """Return the changes of the filter's mode with their reasons: number of changes and of runs, and their times.
 
     change_count: number of changes. run_count, run_ratio: number and fraction of runs with at least one. first_s,

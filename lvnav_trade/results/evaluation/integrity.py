@@ -252,7 +252,7 @@ def _by_epoch(rows: pd.DataFrame) -> pd.DataFrame:
     return named.groupby(keys, sort=False).satellites.agg(lambda names: " ".join(filter(None, names))).reset_index()
 
 
-def tested_errors(tables: Tables) -> pd.DataFrame:
+def fault_test_errors(tables: Tables) -> pd.DataFrame:
     """Return the benefit of the tests for faults: RMS errors at the last event with the tests and without.
 
     The case without tests differs in one axis only. The errors are those of the runs, or of linear covariance without

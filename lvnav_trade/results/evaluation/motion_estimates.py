@@ -23,12 +23,12 @@ COLUMNS = [
     "filtered",
     "filter_sigma",
     "lincov_true",
-    "better_percent",
-    "formal_better_percent",
+    "reduction_percent",
+    "formal_reduction_percent",
     "over_sigma_ratio",
     "low",
     "high",
-    "as_modelled",
+    "verdict",
 ]
 NOZZLE = [
     "case",
@@ -38,7 +38,7 @@ NOZZLE = [
     "raw_deg",
     "filtered_deg",
     "true_deg",
-    "less_percent",
+    "reduction_percent",
     "low_percent",
     "high_percent",
 ]
@@ -46,7 +46,7 @@ _DEG_H = 206264.80624709636
 _SHORTEST = 5.0  # s; shorter phases are omitted
 
 
-def motion(tables: Tables) -> pd.DataFrame:
+def rate_and_acceleration(tables: Tables) -> pd.DataFrame:
     """Return errors of rate and acceleration by phase, of the raw sample and of the estimate.
 
     Parameters
@@ -58,9 +58,9 @@ def motion(tables: Tables) -> pd.DataFrame:
     -------
     pandas.DataFrame
         raw, filtered: RMS error of sample and estimate, of the runs or of linear covariance; filter_sigma: formal
-        sigma; better_percent, formal_better_percent: reduction of the error by the filter, true and formal.
+        sigma; reduction_percent, formal_reduction_percent: reduction of the error by the filter, true and formal.
         over_sigma_ratio: RMS error of the estimate over the formal sigma; low, high: its 95 % interval for the runs at
-        one time. as_modelled: "as modelled" if the interval includes 1, otherwise "smaller" or "larger".
+        one time. verdict: "as modelled" if the interval includes 1, otherwise "smaller" or "larger".
     """
     rows = []
     for case, label in tables.labels.items():
@@ -150,7 +150,7 @@ def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats,
     return 1.0 - np.exp(mean), 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach)
 
 
-def nozzle(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
+def nozzle_travel(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     """Return the mean movement of the nozzle (deg) for each rate that feeds the controller, and its reduction (%).
 
     The reduction compares the filtered with the raw rate in paired runs, with its interval, for each burn and for the
@@ -170,13 +170,13 @@ def nozzle(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=NOZZLE)
 
 
-def worth(tables: Tables) -> pd.DataFrame:
+def rate_filter_benefit(tables: Tables) -> pd.DataFrame:
     """Return the benefit of the filtered rate for a controller over the flight, by case and axis.
 
-    Movement of the nozzle and less_percent as in `nozzle`. possible_percent: reduction with the true rate, the largest
-    that any filter can achieve. *_error_mrad: RMS attitude error of the controlled vehicle in burns.
+    Movement of the nozzle and reduction_percent as in `nozzle_travel`. possible_percent: reduction with the true rate,
+    the largest that any filter can achieve. *_error_mrad: RMS attitude error of the controlled vehicle in burns.
     """
-    moved, errors = pick(nozzle(tables), burn="flight"), pick(turning(tables), phase="burn")
+    moved, errors = pick(nozzle_travel(tables), burn="flight"), pick(motion_statistics(tables), phase="burn")
     moved = moved.drop(columns=["burn", "runs"]).reset_index(drop=True)
     moved["possible_percent"] = 100.0 * (1.0 - moved.true_deg / moved.raw_deg.where(moved.raw_deg > 0.0))
     wide = errors.pivot_table(index=["case", "axis"], columns="controller_rate", values="attitude_error_mrad")
@@ -184,19 +184,19 @@ def worth(tables: Tables) -> pd.DataFrame:
     return moved.join(wide, on=["case", "axis"])
 
 
-def turning(tables: Tables) -> pd.DataFrame:
+def motion_statistics(tables: Tables) -> pd.DataFrame:
     """Return how long angular acceleration and jerk stay in their envelopes, and the attitude and rate errors.
 
     The rows are by case, axis, phase and rate that feeds the controller. *_inside_percent: percentage of the time steps
-    inside the envelope; *_furthest_times: largest value as a multiple of the envelope.
+    inside the envelope; *_peak_ratio: largest value over the envelope.
     """
     rows = tables.motion_statistics
     return rows[["case", "controller_rate", "axis", "phase"]].assign(
         case=rows.case.map(tables.labels),
-        turning_inside_percent=100.0 * rows.angular_acceleration_inside_ratio,
-        turning_furthest_times=rows.angular_acceleration_peak_ratio,
+        angular_acceleration_inside_percent=100.0 * rows.angular_acceleration_inside_ratio,
+        angular_acceleration_peak_ratio=rows.angular_acceleration_peak_ratio,
         jerk_inside_percent=100.0 * rows.jerk_inside_ratio,
-        jerk_furthest_times=rows.jerk_peak_ratio,
+        jerk_peak_ratio=rows.jerk_peak_ratio,
         attitude_error_mrad=1e3 * rows.attitude_error_rad,
         rate_error_deg_per_h=_DEG_H * rows.rate_error_rad_per_s,
         rate_sigma_deg_per_h=_DEG_H * rows.rate_sigma_rad_per_s,

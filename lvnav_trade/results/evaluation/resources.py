@@ -33,7 +33,7 @@ TOTALLED = ["cost", "mass_kg", "power_w", "volume_l", "mtbf_h", "devices", "unkn
 _HOUR = 3600.0
 
 
-def totals(tables: Tables) -> pd.DataFrame:
+def resource_totals(tables: Tables) -> pd.DataFrame:
     """Return the total cost, mass, power and volume of the devices (IMUs, receiver, sensors) of each case.
 
     mtbf_h: mean time between failures of all devices in series; failure rates add. devices: number of devices with
@@ -113,7 +113,7 @@ def pareto(tables: Tables) -> pd.DataFrame:
     such case. Criteria are the error ratio and the totals known for every case, without the time between failures. The
     table is empty without totals or requirements.
     """
-    found = totals(tables)
+    found = resource_totals(tables)
     stated = tables.campaign.get("requirements") or ()
     if found.empty or not stated:
         return pd.DataFrame(columns=["case"])
@@ -132,7 +132,7 @@ def pareto(tables: Tables) -> pd.DataFrame:
 def _ratios(tables: Tables) -> pd.DataFrame:
     """Return for each case the largest ratio of an error to its limit, the limiting requirement, the worst verdict."""
     verdict = margins(tables).groupby("case").verdict.agg(worst)
-    expected = confirmation.expected(tables).set_index(["requirement", "case"])
+    expected = confirmation.expected_verdicts(tables).set_index(["requirement", "case"])
     runs = requirements.verdicts(tables).set_index(["requirement", "case"])
     rows = []
     for label in tables.labels.values():

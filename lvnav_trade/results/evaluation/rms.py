@@ -237,7 +237,7 @@ def _slope(error: Floats, draws: Floats) -> Floats:
     return np.asarray(np.linalg.solve(draws.T @ draws + draws.shape[1] * np.eye(draws.shape[1]), draws.T @ centred))
 
 
-def controlled(tables: Tables) -> pd.DataFrame:
+def control_variates(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors at injection (or the last event), plain and controlled, in display units.
 
     rms, low, high: as everywhere, 95 % by chi-square. controlled_*: with control variates, 95 %. effective_runs: how

@@ -24,10 +24,10 @@ class Rank(Metric):
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the rank, and the threshold above which a singular value counts."""
-        from lvnav_trade.results.evaluation.covariances import NUMERICAL, observed
+        from lvnav_trade.results.evaluation.covariances import NUMERICAL, observability_ranks
         from lvnav_trade.results.statistics.select import pick
 
-        for row in pick(observed(tables), case=tables.labels[case]).itertuples():
+        for row in pick(observability_ranks(tables), case=tables.labels[case]).itertuples():
             if not self.with_information:
                 above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
                 return MetricValue(true=float(row.least_rank), remark=above)

@@ -29,27 +29,27 @@ INJECTION = [
     "lincov_execution_sigma",
     "reason",
 ]
-SOURCES = ["case", "quantity", "unit", "source", "part", "sigma", "share_ratio"]
+SOURCES = ["case", "quantity", "unit", "source", "source_group", "sigma", "share_ratio"]
 TOGETHER, FLOWN = "all sources together", "spread of the runs"
 CUTOFF = [
     "case",
     "runs",
     "injected_count",
     "depleted_count",
-    "lost_count",
+    "failed_count",
     "depleted_ratio",
     "low_ratio",
     "high_ratio",
     "cutoff_s",
     "cutoff_sigma_s",
-    "left_kg",
-    "left_sigma_kg",
-    "left_least_kg",
+    "propellant_left_kg",
+    "propellant_left_sigma_kg",
+    "propellant_left_minimum_kg",
     "lincov_depleted_ratio",
     "lincov_cutoff_s",
     "lincov_cutoff_sigma_s",
-    "lincov_left_kg",
-    "lincov_left_sigma_kg",
+    "lincov_propellant_left_kg",
+    "lincov_propellant_left_sigma_kg",
 ]
 LOST = ["case", "run_number", "outcome", "t_s", "draws"]
 _SHOWN_DRAWS = 4
@@ -122,7 +122,7 @@ def _split(error: Floats, knowledge: Floats) -> tuple[float, ...]:
 def injection_sources(tables: Tables) -> pd.DataFrame:
     """Return the composition of one sigma of each injection error by linear covariance, largest source first.
 
-    part : navigation or vehicle
+    source_group : navigation or vehicle
     share_ratio : share of the sum of squares; all sources are independent, so their squares add
 
     For comparison, the table has the standard deviation over the runs, in which all sources act together.
@@ -164,7 +164,7 @@ def cutoff(tables: Tables) -> pd.DataFrame:
     """Return how guided ascents end: how many reach their cut-off, share of depletion with its exact 95 % interval,
     time of cut-off and residual propellant of the runs that reach it.
 
-    lost : runs with diverged guidance or failed navigation
+    failed_count : runs with diverged guidance or failed navigation
     """
     rows = []
     for case, label in tables.labels.items():
@@ -200,7 +200,7 @@ def _expected_end(law: InjectionLaw | None) -> tuple[float, ...]:
     return share_depleted(law), *ends
 
 
-def lost(tables: Tables) -> pd.DataFrame:
+def failed_injections(tables: Tables) -> pd.DataFrame:
     """Return the runs of guided ascents that do not reach their cut-off: how and when they end, and the largest draws
     of their vehicle dispersions in sigmas, by source and number.
     """

@@ -209,7 +209,7 @@ def _quantile(error: Floats) -> float:
 
 
 @once
-def correction(tables: Tables) -> pd.DataFrame:
+def orbit_correction(tables: Tables) -> pd.DataFrame:
     """Return the least delta-v that brings the estimated orbit to the true one, at the last event of `orbit`.
 
     It is the least sum of impulses, anywhere in one revolution and linear in the error, that nulls the errors of

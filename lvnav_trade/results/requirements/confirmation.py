@@ -125,11 +125,11 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict on every requirement in every case, with its method in the column `by`.
 
     by "runs": the verdict of `requirements.verdicts`, or "not confirmed" if the runs are undecided and the spot check
-    disagrees with linear covariance. by "LinCov": verdict, estimate, limit and unit of `expected`, for cases without
-    runs, and for cases that are not selected for a demonstration (``monte_carlo.selected``) and undecided by their
-    runs.
+    disagrees with linear covariance. by "LinCov": verdict, estimate, limit and unit of `expected_verdicts`, for cases
+    without runs, and for cases that are not selected for a demonstration (``monte_carlo.selected``) and undecided by
+    their runs.
     """
-    frame, alone, why = by_runs.verdicts(tables), expected(tables), unconfirmed(tables)
+    frame, alone, why = by_runs.verdicts(tables), expected_verdicts(tables), unconfirmed(tables)
     not_confirmed = (frame.verdict == "undecided") & frame.case.isin(why)
     frame = frame.assign(verdict=frame.verdict.mask(not_confirmed, NOT_CONFIRMED), by="runs")
     both = frame[["requirement", "case"]].merge(alone, on=["requirement", "case"], how="left").set_index(frame.index)
@@ -140,7 +140,7 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     return frame.assign(unit=frame.unit.fillna(""), by=frame.by.mask(taken, "LinCov"))
 
 
-def expected(tables: Tables) -> pd.DataFrame:
+def expected_verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdicts by linear covariance, "not confirmed" with the reason if the spot check disagrees.
 
     Otherwise they are those of `improvements.expected`.

@@ -39,7 +39,7 @@ COLUMNS = [
     "unit",
     "probability",
     "by",
-    "changes",
+    "verdict_changes",
 ]
 UNEVALUATED = ["requirement", "case", "event", "reason"]
 BEFORE, AFTER = 5.0, 20.0  # s, default window
@@ -77,7 +77,8 @@ def windows(tables: Tables) -> pd.DataFrame:
 
     t_s: time of the event; first_s, last_s: ends of the window within the history. estimate, worst: P-quantile of the
     error with the required probability P, at the event and its largest value in the window, in `unit`; worst_s: time of
-    the latter. by: method. changes: whether the error is below the limit at the event and reaches it in the window.
+    the latter. by: method. verdict_changes: whether the error is below the limit at the event and reaches it in the
+    window.
 
     by "runs": the verdict is by runs, and on average at least one run is beyond the quantile. Their quantiles of 50, 95
     and 99.7 % are interpolated, and extrapolated, like those of the norm of a standard normal vector. by "LinCov":

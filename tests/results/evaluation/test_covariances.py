@@ -17,7 +17,7 @@ from lvnav_trade.results.evaluation.covariances import (
     is_position_bias,
     nonlinearity,
     observability,
-    observed,
+    observability_ranks,
     sensitivity,
     why_not_applicable,
 )
@@ -143,7 +143,7 @@ def test_a_source_of_a_billionth_is_zero_and_the_rest_is_unchanged(good):
 
 
 def test_ranks_are_counted_over_all_stretches():
-    row = observed(tables()).iloc[0]
+    row = observability_ranks(tables()).iloc[0]
     assert (row.stretches, row.states, row.least_rank, row.least_rank_with_information) == (2, 3, 3, 2)
     assert row.smallest_ratio == 2e-3
     assert row.position_against_bias_ratio == 0.5

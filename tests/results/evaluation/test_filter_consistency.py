@@ -83,7 +83,7 @@ def watched(tmp_path_factory):
 
 
 def test_every_kind_of_change_is_counted_with_its_reason(watched):
-    found = METRICS["logic"](watched)
+    found = METRICS["mode_transitions"](watched)
     mine = found[found.case == "imu=fine"].set_index(["from_mode", "to_mode", "reason"])
     start, lost = (
         mine.loc["waiting", "converging", "good samples in a row"],
@@ -113,7 +113,7 @@ def test_stops_and_restarts_are_counted_and_who_corrects_at_the_end(watched):
 
 
 def test_filters_without_a_logic_have_none_of_it(good):
-    assert METRICS["logic"](good).empty
+    assert METRICS["mode_transitions"](good).empty
     assert METRICS["modes"](good).empty
     assert METRICS["stops"](good).empty
 

@@ -149,7 +149,7 @@ def test_decisions_reach_the_tables_with_the_name_of_the_channel(tmp_path):
     satellite = synthetic.prepared().channel_names[1].split()[0]
     found = METRICS["decisions"](written)
     assert found[["t_s", "satellites", "run_count", "run_ratio"]].values.tolist() == [[40.0, satellite, 8, 1.0]] * 2
-    assert METRICS["tested_errors"](written).empty  # both cases are tested
+    assert METRICS["fault_test_errors"](written).empty  # both cases are tested
     assert without_fault(written, "aaaaaaaaaaaa") == ""  # and both have the fault
 
 

@@ -37,13 +37,13 @@ def stated(tmp_path_factory):
 
 
 def test_totals_are_those_of_inertial_units_receiver_and_sensors(stated) -> None:
-    found = METRICS["totals"](stated).set_index("case")
+    found = METRICS["resource_totals"](stated).set_index("case")
     fine, coarse = found.loc["imu=fine"], found.loc["imu=coarse"]
     assert (fine.cost, fine.mass_kg, fine.power_w, fine.volume_l) == pytest.approx((106.0, 1.5, 3.0, 0.1))
     assert (coarse.cost, coarse.mass_kg, coarse.unknown) == pytest.approx((6.0, 9.5, 1))
     assert fine.mtbf_h == pytest.approx(500.0)
     base = stated.with_frames(cases=stated.cases.assign(axes=json.dumps({"imu": "base"})))
-    both = METRICS["totals"](base).iloc[0]
+    both = METRICS["resource_totals"](base).iloc[0]
     assert (both.cost, both.mass_kg) == pytest.approx((26.0, 4.5))
     assert both.mtbf_h == pytest.approx(1.0 / (1 / 1000 + 1 / 1000 + 1 / 500))
 
@@ -83,7 +83,7 @@ def test_a_case_that_is_worse_in_everything_is_dominated(tmp_path) -> None:
 
 def test_without_resources_there_is_nothing_to_total(tmp_path) -> None:
     tables = load(synthetic.results(tmp_path, n_run=0))
-    assert METRICS["totals"](tables).empty
+    assert METRICS["resource_totals"](tables).empty
     assert METRICS["pareto"](tables).empty
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.rms import controlled, controlled_rms, paired_levels
+from lvnav_trade.results.evaluation.rms import control_variates, controlled_rms, paired_levels
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.synthetic import covariance
@@ -146,7 +146,7 @@ def test_draws_that_explain_nothing_cost_little():
 
 
 def test_results_give_the_plain_and_the_controlled_error_side_by_side(good):
-    found = controlled(good).set_index(["case", "metric"])
+    found = control_variates(good).set_index(["case", "metric"])
     row = found.loc[("imu=fine", "velocity_error_3d")]
     assert (row.runs, row.unit, row.event) == (199, "m/s", "injection")
     assert row.controlled_low < row.controlled_rms < row.controlled_high
@@ -157,4 +157,4 @@ def test_results_give_the_plain_and_the_controlled_error_side_by_side(good):
 
 
 def test_without_runs_there_is_nothing_to_control(alone):
-    assert controlled(alone).empty
+    assert control_variates(alone).empty

@@ -9,7 +9,7 @@ from scipy import stats
 from lvnav_trade.campaign.definition.schema import Requirement
 from lvnav_trade.results.metric import NO_LAW
 from lvnav_trade.results.registry import find
-from lvnav_trade.results.requirements.confirmation import expected, verdicts
+from lvnav_trade.results.requirements.confirmation import expected_verdicts, verdicts
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import errors_by_axis
 from lvnav_trade.results.tables.read import Tables
@@ -43,7 +43,7 @@ def test_the_normalised_error_of_a_run_is_the_root_of_its_nees_per_axis(good):
 @pytest.mark.parametrize("bound", [1.2, 1.62, 2.2])
 def test_linear_covariance_expects_the_chi_square_of_a_consistent_filter(good, bound):
     """Attitude has no mean and the filter's covariance is the true one: three times the square is chi-square, 3."""
-    row = expected(asking(good, "normalised_attitude_error", f"{bound} sigma")).iloc[0]
+    row = expected_verdicts(asking(good, "normalised_attitude_error", f"{bound} sigma")).iloc[0]
     assert row.expected_probability == pytest.approx(stats.chi2.cdf(3.0 * bound**2, 3), abs=1e-8)
     assert row.estimate == pytest.approx(np.sqrt(stats.chi2.ppf(0.95, 3) / 3.0), rel=1e-6)
 

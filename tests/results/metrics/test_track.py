@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.schema import Requirement
 from lvnav_trade.results.evaluate import evaluate, evaluate_single
 from lvnav_trade.results.mechanics.mission_errors import State, run_errors, state_at
 from lvnav_trade.results.registry import find
-from lvnav_trade.results.requirements.confirmation import expected, verdicts
+from lvnav_trade.results.requirements.confirmation import expected_verdicts, verdicts
 from lvnav_trade.results.requirements.windows import unevaluated
 from lvnav_trade.results.statistics.case_results import CaseResults, Gaussian
 from lvnav_trade.results.statistics.case_tables import CaseTables
@@ -93,7 +93,7 @@ def test_a_requirement_on_it_has_a_verdict_by_runs_and_by_linear_covariance(orbi
     requirement = Requirement.model_validate(stated).model_dump(mode="json")
     found.__dict__["campaign"] = {**orbit.campaign, "requirements": [requirement]}
     law = find("velocity_along_track_error").law(CaseTables(orbit, flights.CASE), ALONG)
-    assert expected(found).estimate[0] == pytest.approx(1.65 * np.sqrt(law.law.covariance[0, 0]), rel=0.05)
+    assert expected_verdicts(found).estimate[0] == pytest.approx(1.65 * np.sqrt(law.law.covariance[0, 0]), rel=0.05)
     assert set(verdicts(found).verdict) == {"met"}
     assert unevaluated(found).reason.tolist() == ["the metric is known at events only"]
 

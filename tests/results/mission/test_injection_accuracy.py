@@ -53,7 +53,7 @@ def test_the_budget_holds_every_source_beside_the_runs(guided):
     for source, share in SOURCES.items():
         assert mine.loc[source, "sigma"] == pytest.approx(share * SIZES[k] * degrees)
         assert mine.loc[source, "share_ratio"] == pytest.approx((share / total) ** 2)
-        assert mine.loc[source, "part"] == ("vehicle" if source in ("thrust", "dry mass") else "navigation")
+        assert mine.loc[source, "source_group"] == ("vehicle" if source in ("thrust", "dry mass") else "navigation")
     assert mine.loc[TOGETHER, "sigma"] == pytest.approx(total * SIZES[k] * degrees)
     assert mine.loc[FLOWN, "sigma"] == pytest.approx(rows()[:6, 3 + k].std(ddof=1) * degrees)
     assert mine.sigma.iloc[:4].is_monotonic_decreasing
@@ -63,20 +63,20 @@ def test_the_budget_holds_every_source_beside_the_runs(guided):
 
 def test_how_runs_end_with_the_exact_interval(guided):
     (row,) = METRICS["cutoff"](guided).itertuples()
-    assert (row.runs, row.injected_count, row.depleted_count, row.lost_count) == (8, 6, 1, 1)
+    assert (row.runs, row.injected_count, row.depleted_count, row.failed_count) == (8, 6, 1, 1)
     assert row.depleted_ratio == 0.125
     # Clopper and Pearson, one of eight
     assert (row.low_ratio, row.high_ratio) == (pytest.approx(0.00316, abs=1e-5), pytest.approx(0.52651, abs=1e-5))
     assert row.cutoff_s == pytest.approx(np.mean(500.0 + np.arange(6)))
-    assert row.left_least_kg == 0.0
+    assert row.propellant_left_minimum_kg == 0.0
     share = np.linalg.norm(list(SOURCES.values()))
-    assert (row.lincov_cutoff_s, row.lincov_left_kg) == (503.0, 60.0)
+    assert (row.lincov_cutoff_s, row.lincov_propellant_left_kg) == (503.0, 60.0)
     assert row.lincov_cutoff_sigma_s == pytest.approx(0.2 * share)
     assert row.lincov_depleted_ratio == pytest.approx(norm.sf(60.0 / (5.0 * share)))
 
 
 def test_lost_runs_are_listed_with_their_largest_draws(guided):
-    empty, adrift = METRICS["lost"](guided).itertuples()
+    empty, adrift = METRICS["failed_injections"](guided).itertuples()
     assert (empty.run_number, empty.outcome, empty.t_s) == (6, "depleted", 506.0)
     assert empty.draws == "specific impulse 2: -3.1, thrust 2: -2.5, specific impulse 1: +0.3"
     assert (adrift.run_number, adrift.draws) == (7, "thrust 1: +0.1")

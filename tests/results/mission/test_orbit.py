@@ -73,7 +73,7 @@ def test_a_flight_that_falls_back_has_no_row(good):
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory):
     tables = load(flights.results(tmp_path_factory.mktemp("cost"), failing=(3,)))
-    return tables, METRICS["correction"](tables).set_index("by")
+    return tables, METRICS["orbit_correction"](tables).set_index("by")
 
 
 def test_runs_and_linear_covariance_agree_on_the_quantiles(reported):
@@ -99,7 +99,7 @@ def test_the_parts_stand_beside_the_whole(reported):
 
 
 def test_a_flight_that_falls_back_has_no_correction(good):
-    assert METRICS["correction"](good).empty
+    assert METRICS["orbit_correction"](good).empty
 
 
 ROUND = """\
@@ -114,7 +114,7 @@ def test_the_perigee_of_a_circular_orbit_gets_a_verdict_by_draws_and_runs_agree(
     campaign = head + ROUND.format(p=0.9, below=1.0)
     tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=400, factor=40.0, campaign=campaign))
     assert at_injection(tables).loc["perigee height", "remark"] != ""
-    row = METRICS["expected"](tables).iloc[0]
+    row = METRICS["expected_verdicts"](tables).iloc[0]
     assert row.verdict in ("met", "violated")
     runs = METRICS["requirements"](tables).iloc[0]
     assert row.estimate == pytest.approx(runs.estimate, rel=0.1)

@@ -45,7 +45,7 @@ def late(tmp_path_factory):
 
 
 def test_a_late_first_fix_with_a_large_heading_error_is_not_confirmed(late):
-    found = METRICS["expected"](late.tables).set_index("case")
+    found = METRICS["expected_verdicts"](late.tables).set_index("case")
     assert found.verdict.to_dict() == {"heading=small": "met", "heading=large": NOT_CONFIRMED}
     assert "spot check of 32 runs" in found.reason["heading=large"]
     assert late.requirements.set_index("case").verdict["heading=large"] == NOT_CONFIRMED
@@ -73,11 +73,11 @@ def test_the_chances_of_a_case_in_which_linear_covariance_holds_are_those_of_equ
 
 def test_a_tight_open_loop_far_from_where_it_is_linearised_is_not_confirmed(tmp_path):
     results = run(tmp_path, imu="tactical_fog_matched", filter="{card: filters/tight, feedback: open}")
-    assert METRICS["expected"](results.tables).verdict.tolist() == [NOT_CONFIRMED]
+    assert METRICS["expected_verdicts"](results.tables).verdict.tolist() == [NOT_CONFIRMED]
     assert METRICS["spot_check"](results.tables).ratio.max() > 2.0
 
 
 def test_without_a_spot_check_there_are_no_rows_and_linear_covariance_stands(tmp_path):
     results = run(tmp_path, faults=LATE, runs=0)
     assert METRICS["spot_check"](results.tables).empty
-    assert METRICS["expected"](results.tables).verdict.tolist() == ["met"]
+    assert METRICS["expected_verdicts"](results.tables).verdict.tolist() == ["met"]

@@ -76,7 +76,7 @@ def test_a_curve_that_comes_back_has_two_crossings_and_what_is_not_finite_none()
 
 
 def test_numbers_are_numbers_in_every_csv_table(numeric):
-    for name in ("requirements", "expected", "curves", "crossings"):
+    for name in ("requirements", "expected_verdicts", "curves", "crossings"):
         frame = METRICS[name](numeric)
         texts = [value for column in frame for value in frame[column] if isinstance(value, str)]
         assert not [text for text in texts if text[:1].isdigit() and " " in text], name
@@ -88,7 +88,7 @@ def test_a_tornado_has_a_bar_for_every_axis_from_the_smallest_to_the_largest_err
         tmp_path, [f"{factor} deg" for factor in FACTORS], design="one_at_a_time",
         levels=[{"heading": "base", "imu": "base"}, {"heading": "3 deg", "imu": "base"}],
     )  # fmt: skip
-    error = METRICS["expected"](found).set_index(["requirement", "case"]).estimate["north"]
+    error = METRICS["expected_verdicts"](found).set_index(["requirement", "case"]).estimate["north"]
     bars = METRICS["tornado"](found).query("requirement == 'north'").set_index("axis")
     assert list(bars.index) == ["heading", "imu"]
     heading = bars.loc["heading"]

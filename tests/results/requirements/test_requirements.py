@@ -56,7 +56,7 @@ def test_requirements_are_checked_on_the_runs_and_failed_runs_fail(good):
 
 def test_without_runs_the_verdict_is_that_of_linear_covariance_and_says_so(alone):
     found = METRICS["requirements"](alone).set_index(["requirement", "case"])
-    expected = METRICS["expected"](alone).set_index(["requirement", "case"])
+    expected = METRICS["expected_verdicts"](alone).set_index(["requirement", "case"])
     assert set(found.by) == {"LinCov"}
     assert {"met", "violated"} == set(found.verdict)
     assert found[["verdict", "estimate", "limit", "unit"]].equals(expected[["verdict", "estimate", "limit", "unit"]])

@@ -62,7 +62,7 @@ def test_the_runs_decide_where_there_are_any(good):
 def test_a_verdict_changes_where_the_limit_lies_between_event_and_worst(alone, below, after, changes):
     """The 95 % quantile of the fine case is 0.61 m/s at the event and 0.70 m/s 20 s after it."""
     found = windows(asking(alone, below=below, window={"after": after})).set_index("case")
-    assert bool(found.loc["imu=fine"].changes) is changes
+    assert bool(found.loc["imu=fine"].verdict_changes) is changes
 
 
 def test_a_window_ends_with_the_history_and_starts_before_the_event_as_stated(alone):
