@@ -350,7 +350,12 @@ def tables() -> str:
     features = [[f"[{name}](#{name})", feature] for name, feature in stored["features"].items()]
     lines += [_table(["table", "feature"], features), ""]
     reported = [[f"`{name}.csv`", feature] for name, feature in stored["reported"].items()]
-    lines += ["Beside a report, where they have rows:", "", _table(["table", "feature"], reported), ""]
+    lines += [
+        "CSV files next to a report; a table without rows is not written:",
+        "",
+        _table(["table", "feature"], reported),
+        "",
+    ]
     lines += [_table(["end of a name", "unit"], [[f"`_{end}`", unit] for end, unit in stored["units"].items()])]
     for name, columns in stored["tables"].items():
         rows = [[f"`{column}`", meaning or stored["shared"].get(column, "")] for column, meaning in columns.items()]

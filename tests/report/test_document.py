@@ -159,5 +159,5 @@ def test_the_verdict_tables_are_there_without_a_report(page, tmp_path):
     assert not (folder / "report.html").exists()
     shown = pd.read_csv(folder / "requirements.csv")
     assert list(shown.verdict) == list(METRICS["requirements"](load(folder)).verdict)
-    for name in ("expected", "windows", "filter_verdicts"):
+    for name in ("expected_verdicts", "windows", "filter_verdicts"):
         assert (folder / f"{name}.csv").exists()

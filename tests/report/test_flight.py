@@ -28,7 +28,7 @@ def test_the_page_has_orbit_correction_and_their_tables_beside_it(orbit_page):
     assert 'id="orbit"' in text
     assert "Delta-v of the correction" in text
     assert "No stored state of any case has a point of impact." in text
-    for name, has_rows in (("orbit", True), ("correction", True), ("impact", False), ("corridor", False)):
+    for name, has_rows in (("orbit", True), ("orbit_correction", True), ("impact", False), ("corridor", False)):
         assert (orbit_page.parent / f"{name}.csv").exists() == has_rows
     frame = pd.read_csv(orbit_page.parent / "orbit.csv")
     assert {"perigee height", "lowest height"} <= set(frame.quantity)

@@ -18,7 +18,7 @@ def test_numbers_ends_and_a_picture_of_the_guided_case(tmp_path):
     assert budget.rows[-1][4] == "spread of the runs"
     assert {row[3] for row in budget.rows} == {"navigation", "vehicle", ""}
     row = dict(zip(ends.head, ends.rows[0], strict=True))
-    assert (row["injected"], row["depleted"], row["lost"]) == ("6", "1", "1")
+    assert (row["injected"], row["depleted"], row["failed"]) == ("6", "1", "1")
     assert [one[2] for one in lost.rows] == ["depleted", "navigation failed"]
     assert row["95 %"] == "0.00316 to 0.527"
     assert [block.name for block in blocks if isinstance(block, Picture)] == ["injection-1"]

@@ -24,10 +24,10 @@ AXIS = "axis_"
 # Columns of every design, with their meaning
 MEANINGS = {
     "case": "digest of the resolved scenario and the seed, 12 hexadecimal digits",
-    "design_number": "number of the design, from 0; of results that hold one row for each of many",
-    "label": "levels of the axes, for people",
-    "run_count": "Monte-Carlo runs, failed ones among them",
-    "failed_count": "runs that failed",
+    "design_number": "number of the design, from 0, if results have one row for each of many designs",
+    "label": "levels of the axes as text",
+    "run_count": "Monte Carlo runs, including failed ones",
+    "failed_count": "failed runs",
     **{
         f"{name}_{unit_suffix(unit)}": f"true {name} error at injection (else the last event), 3-D, root mean square "
         "by linear covariance"
@@ -41,7 +41,7 @@ MEANINGS = {
     "error_ratio": "largest error of a requirement over its limit: at most 1 where all are met",
     "limiting_requirement": "requirement with the largest error over its limit",
     "verdict": "worst verdict on the requirements",
-    "reason": "why there are no numbers, or why linear covariance does not describe the case",
+    "reason": "reason why there are no numbers, or why linear covariance does not apply",
     "cost": "cost of the devices",
     "mass_kg": "mass of the devices",
     "power_w": "power of the devices",

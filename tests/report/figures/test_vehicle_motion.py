@@ -69,7 +69,7 @@ class _Tables:
     """The one table that the figure reads."""
 
     def __init__(self, motion: pd.DataFrame) -> None:
-        self.motion = motion
+        self.motion_history = motion
 
 
 def test_the_envelope_is_drawn_on_both_sides(monkeypatch):
