@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.ascent_runs import Injection, inject
 from lvnav_trade.trajectory.guided.draws import draw
 from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
 from lvnav_trade.trajectory.guided.orbit_numbers import orbit_of
 from lvnav_trade.trajectory.guided.pilots import INJECTED
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
@@ -115,3 +117,18 @@ def test_lost_runs_keep_what_their_vehicles_drew():
     drawn = draw(card, 5, int(depleted[0]))
     for name, values in drawn.items():
         np.testing.assert_array_equal(mine[mine[:, 1] == SOURCES.index(name), 3], values)
+
+
+def test_the_memory_does_not_grow_with_the_runs():
+    known = plan()
+    navigated = NavigationErrors(np.array([0.0, 1.0, 2.0]), np.full((3, 9), 1e-3))
+    inject(known, {}, navigated)
+    tracemalloc.start()
+    try:
+        inject(known, {}, navigated)
+        before, _ = tracemalloc.get_traced_memory()
+        for _ in range(4):
+            inject(known, {}, navigated)
+        assert tracemalloc.get_traced_memory()[0] - before < 100_000  # bytes; a run without arrays given back: 1.6 MB
+    finally:
+        tracemalloc.stop()

@@ -122,14 +122,26 @@ class AscentInputs(NamedTuple):
     lag: float = 0.0
 
 
+@jit
+def _entry_at(t: float, navigation: NavigationErrors) -> int:
+    """Return the number of the entry whose errors hold at a time (s)."""
+    return max(0, int(np.searchsorted(navigation.t, t, side="right")) - 1)
+
+
+@jit
+def attitude_error_at(t: float, navigation: NavigationErrors) -> Vector:
+    """Return the attitude error (rad, frame i) at a time (s)."""
+    error = navigation.error[_entry_at(t, navigation)]
+    return error[0], error[1], error[2]
+
+
 @making_arrays
 def error_at(t: float, navigation: NavigationErrors) -> Floats:
     """Return the navigation errors (9,) at a time (s)."""
-    times = navigation.t
-    k = max(0, int(np.searchsorted(times, t, side="right")) - 1)
+    k = _entry_at(t, navigation)
     out = navigation.error[k].copy()
     for i in range(3):
-        out[6 + i] += max(0.0, t - times[k]) * out[3 + i]
+        out[6 + i] += max(0.0, t - navigation.t[k]) * out[3 + i]
     return out
 
 
@@ -164,7 +176,7 @@ def held_direction(t: float, around: AscentInputs) -> Vector:
 
     C_true = (1 + [error x]) C_estimated.
     """
-    u, e = commanded(t, around), error_at(t, around.navigation)
+    u, e = commanded(t, around), attitude_error_at(t, around.navigation)
     return _unit(
         u[0] + e[1] * u[2] - e[2] * u[1],
         u[1] + e[2] * u[0] - e[0] * u[2],
