@@ -104,8 +104,7 @@ def search(
         ratios = list(at(value).values())
         return math.log(max(ratios)) if ratios and not np.isnan(ratios).any() and max(ratios) > 0.0 else math.nan
 
-    marks = [(float(x), excess(float(x))) for x in grid]
-    marks = [(x, y) for x, y in marks if not math.isnan(y)]
+    marks = [(x, y) for x in map(float, grid) if not math.isnan(y := excess(x))]
     intervals: list[tuple[float, float]] = []
     begin = marks[0][0] if marks and marks[0][1] <= 0.0 else None
     beyond = math.nan
