@@ -28,8 +28,8 @@ Shown = Literal["requirements", "logic", "coverage", "paired", "error_bound", "i
 
 FIGURES = (
     "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
-    "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic", "motion", "singular", "movement",
-    "sweep", "turning", "allan", "decisions",
+    "satellites", "sky", "timeline", "delays", "latency", "orbit", "injection", "impact", "logic", "motion", "singular",
+    "movement", "sweep", "turning", "allan", "decisions",
 )  # fmt: skip
 """Figures that every study can show; a script may add others."""
 
