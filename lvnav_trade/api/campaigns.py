@@ -210,7 +210,7 @@ def run(
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign, sets)
     elif sets:
-        raise InputError("a loaded campaign takes no assignments; give the file, or change the campaign")
+        raise InputError("assignments apply to campaign files; give the file, or change the loaded campaign")
     return carry_out(campaign, folder, Task(jobs, fresh, fail_fast, report, copy_to))
 
 

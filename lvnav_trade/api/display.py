@@ -106,7 +106,7 @@ class ExportedTrajectory(exporting.WrittenTrajectory, Displayed):
         events = pd.DataFrame(list(self.events.items()), columns=["event", "t_s"])
         difference = pd.DataFrame(list(self.difference.items()), columns=["quantity", "difference_si"])
         lines = (f"rows: {self.file}", f"card: {self.card}")
-        return DisplayContent("Exported flight", lines, {"Events": events, "Largest difference when flown": difference})
+        return DisplayContent("Exported flight", lines, {"Events": events, "Largest difference": difference})
 
 
 class StartedCampaign(starting.FirstCampaign, Displayed):

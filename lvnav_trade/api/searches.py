@@ -168,7 +168,7 @@ def indices(
 
     loaded, place = _campaign_and_folder(campaign, sets, folder, "indices")
     if loaded.indices is None:
-        raise InputError(f"{campaign}: asks for no sensitivity indices; give a block indices")
+        raise InputError(f"{campaign}: has no block indices; add one to compute sensitivity indices")
     result = sensitivity.indices(loaded, loaded.indices, _jobs(jobs))
     blocks = page.indexed(
         result.indices, result.case, result.error, result.covered, result.predicted, result.samples, result.remark

@@ -173,7 +173,7 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
     updated[tape.epoch[:used]] = True
     taken = np.unique(tape.channel[:used])
     if not np.any(updated):
-        raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
+        raise InputError(f"case {case.label}: the filter uses no measurement on this trajectory")
     label = f", {case.label}" if case.axes else ""
     nominal = GainHistory(
         states=state_names(prepared.layout),

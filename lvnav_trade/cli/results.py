@@ -178,7 +178,7 @@ def export_trajectory(
     from lvnav_trade import api
 
     exported = api.export_trajectory(source, out, sets or (), case, rate)
-    apart = table(["largest difference when flown", "SI"], [[k, f"{v:.1e}"] for k, v in exported.difference.items()])
+    apart = table(["largest difference", "SI"], [[k, f"{v:.1e}"] for k, v in exported.difference.items()])
     text = f"{apart}\nevents: {', '.join(exported.events)}\nrows: {exported.file}\ncard: {exported.card}"
     content = {"file": str(exported.file), "card": str(exported.card), "events": exported.events}
     return VerbResult(text, content | {"difference": exported.difference})

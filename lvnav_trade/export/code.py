@@ -118,7 +118,7 @@ def exported(prepared: Prepared, title: str) -> FilterProgram:
         except RingTooShort:
             continue
         return _assembled(program, storage, made, title, prepared, depth)
-    raise InputError("the filter reaches back by more than one epoch")
+    raise InputError("the filter uses states more than one epoch old")
 
 
 def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[str]:

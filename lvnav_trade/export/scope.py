@@ -8,4 +8,4 @@ def refuse_redundant_imus(prepared: Prepared) -> None:
     """Raise an InputError if redundant IMUs are tested ahead of the filter, which then receives the exclusions."""
     units = prepared.options.units
     if units is not None and units.redundant is not None:
-        raise InputError("redundant inertial units are tested before the filter: what decides of them is not exported")
+        raise InputError("redundant IMUs are tested before the filter, and this test is not exported")

@@ -254,17 +254,17 @@ class FilterCard(units.NamedCard):
             yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
         yield from self._after_stop()
         if self.clock == "one_state" and "range_rate" in self.measurements:
-            yield "clock: one_state takes the drift for white noise, and every range_rate measures the drift"
+            yield "clock: one_state models the drift as white noise, but every range_rate measures the drift"
         if self.strapdown.ratio > 1 and self.models_vehicle:
-            yield "strapdown.ratio: a filter with imu among its measurements takes every sample"
+            yield "strapdown.ratio: a filter with imu among its measurements uses every sample"
         if self.transition_rate is not None and self.models_vehicle:
             yield "transition_rate: a filter with imu among its measurements propagates by every sample"
         if self.backup and self.models_vehicle:
-            yield "backup: a filter with imu among its measurements has no strapdown of increments to run beside"
+            yield "backup: a filter with imu among its measurements has no strapdown of increments"
         if self.algorithm == "iterated" and self.feedback == "direct":
             yield "feedback: a direct filter linearises after every scalar, which an iterated update would repeat"
         if self.algorithm == "unscented" and self.models_vehicle:
-            yield "algorithm: points are flown by the strapdown; a filter with imu among its measurements has none"
+            yield "algorithm: the strapdown propagates sigma points; a filter with imu among its measurements has none"
         if self.algorithm == "unscented" and (self.transition_rate is not None or self.transition_order != 2):
             yield "algorithm: an unscented filter has no transition, whose rate or order could be chosen"
         if self.transition_rate is not None and self.transition_rate > self.covariance_rate:
@@ -279,7 +279,7 @@ class FilterCard(units.NamedCard):
         if self.delayed_state == "back_propagated" and self.models_vehicle:
             yield "delayed_state: samples of the IMU are updates between epochs, which no transition leads back through"
         if self.delayed_state == "back_propagated" and self.as_noise:
-            yield "delayed_state: what a filter forgets between epochs, no transition leads back through"
+            yield "delayed_state: a state that is reset between epochs cannot be propagated back by a transition"
 
     def _after_stop(self) -> Iterator[str]:
         """Yield why outputs after a stop cannot be what the logic states."""
@@ -326,7 +326,7 @@ def _against_h_infinity(card: FilterCard) -> Iterator[str]:
     if card.h_infinity is None:
         return
     if not card.aided:
-        yield "h_infinity: bounds what measurements leave, and the filter has none"
+        yield "h_infinity: bounds errors by measurements, and the filter has none"
     if card.models_vehicle:
         yield "h_infinity: a filter with imu among its measurements has another covariance between epochs"
     if card.gains is not None:
@@ -336,4 +336,4 @@ def _against_h_infinity(card: FilterCard) -> Iterator[str]:
     if card.backup:
         yield "h_infinity: the backup is measured by nothing, and its covariance would grow beyond all bounds"
     if card.delayed_state == "back_propagated" and card.differences:
-        yield "h_infinity: no transition leads back through what it adds; take delayed_state: augmented"
+        yield "h_infinity: its covariance cannot be propagated back by a transition; use delayed_state: augmented"

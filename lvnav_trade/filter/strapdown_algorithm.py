@@ -43,7 +43,7 @@ class StrapdownCard(units.Card):
 
     def _faults(self) -> Iterator[str]:
         if self.algorithm in {"optimised_present", "polynomial"} and self.ratio == 1:
-            yield f"{self.algorithm}: a step of one increment has no other to compensate by; take a ratio of 2 or more"
+            yield f"{self.algorithm}: a step of one increment has nothing to compensate with; use a ratio of 2 or more"
 
 
 def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, float]:

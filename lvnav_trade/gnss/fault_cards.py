@@ -178,7 +178,7 @@ class Spoofing(TimedFault):
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
         if not any(self.velocity):
-            yield "velocity: is zero, so the false position is the true one; give a velocity, or leave the fault out"
+            yield "velocity: is zero, so the false position is the true one; give a velocity, or omit the fault"
 
 
 class Jamming(TimedFault):

@@ -182,7 +182,7 @@ def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float
     t, kept = np.unique(t, return_index=True)
     steps = np.diff(t)
     if np.ptp(steps) > 1e-6:
-        raise InputError("the files do not follow one another evenly")
+        raise InputError("the files are not consecutive with equal steps")
     at = (reference - t[0]) / steps[0]
     if not _MARGIN - 1 <= at <= t.size - _MARGIN:
         raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it is at epoch {at:.1f}")

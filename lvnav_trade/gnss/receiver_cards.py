@@ -290,7 +290,7 @@ class ReceiverCard(units.NamedCard):
             yield "loops need a link: their noise follows from its C/N0"
         smoothing = getattr(self.solution, "smoothing", None)
         if smoothing is not None and smoothing.time * self.rate < _LEAST_WINDOW:
-            yield "solution.smoothing.time: a window of one epoch smooths nothing"
+            yield "solution.smoothing.time: a window of one epoch has no smoothing effect"
         if smoothing is not None and smoothing.velocity != "doppler" and smoothing.rate_interval * self.rate > _HALF:
             yield "solution.smoothing.rate_interval: at most half of the interval between epochs"
         if self.doppler_interval * self.rate > 1.0:

@@ -61,7 +61,7 @@ class TrackingCard(Card):
 
     def _faults(self) -> Iterator[str]:
         if self.acquire_above < self.track_above:
-            yield "acquire_above lies below track_above: what is found would be lost at once"
+            yield "acquire_above is below track_above: an acquired satellite would be lost at once"
 
 
 class ChannelSignals(NamedTuple):

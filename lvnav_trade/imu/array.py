@@ -129,11 +129,11 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
         if min(spans, default=3) < 3:
             yield f"selection: mid_value: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
         if card.weights != "random_walk":
-            yield f"weights: {card.weights}: the middle one of several readings has none"
+            yield f"weights: {card.weights}: mid-value selection has no weights"
         if len(card.units) < 3:
             yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
         if any(triad.quantisation > 0.0 for unit in card.units for triad in (unit.gyro, unit.accel)):
-            yield "selection: mid_value: what quantisation holds back of a unit is lost where another one is selected"
+            yield "selection: mid_value: the rounding residual of a unit is lost when another unit is selected"
     yield from _unfit_for_hand_over(card, spans)
     if card.parity is not None:
         yield from _untestable(card, card.parity)
@@ -151,16 +151,16 @@ def _unfit_for_hand_over(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
     if card.selection != "prime":
         if by_parity or card.hand_over is not None:
             field = "parity.after_detection" if by_parity else "hand_over"
-            yield f"{field}: a hand-over is from a prime unit to the next one: it needs selection: prime"
+            yield f"{field}: a hand-over from a prime unit to the next one needs selection: prime"
         return
     if len(card.units) < 2:
         yield "selection: prime: there is no unit to hand over to; give two or more"
     if min(spans, default=3) < 3:
         yield f"selection: prime: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
     if card.weights != "random_walk":
-        yield f"weights: {card.weights}: one unit is used at a time, and nothing is weighted"
+        yield f"weights: {card.weights}: one unit is used at a time, so there are no weights"
     if (card.hand_over is None) == (card.parity is None):
-        yield "selection: prime: units are handed over at a time or by parity; state one of hand_over and parity"
+        yield "selection: prime: a hand-over is at a time or by parity; state either hand_over or parity"
 
 
 def excludes_units(card: ImuCard | ImuSet) -> bool:

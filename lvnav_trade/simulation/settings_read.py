@@ -136,7 +136,7 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
         yield "filter.delay_compensation", "nothing arrives late: no latency of the receiver or of a sensor"
     elif card.kind == "buffered":
         for field in ("delay_sigma", "acceleration_sigma", "base"):
-            yield f"filter.delay_compensation.{field}", "only an extrapolated solution has it; this one is buffered"
+            yield f"filter.delay_compensation.{field}", "applies to extrapolated solutions only; this one is buffered"
 
 
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
@@ -214,7 +214,7 @@ def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
 def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield settings of fault tests for measurements that the filter does not process."""
     if not (scenario.filter.tight or scenario.filter.loose):
-        yield "filter.integrity", "no effect: what the receiver measures is tested, and the filter takes nothing of it"
+        yield "filter.integrity", "no effect: it tests measurements of the receiver, and the filter uses none"
     elif scenario.filter.loose:
         for field in ("isolation", "exclusions"):
             yield f"filter.integrity.{field}", "no effect: a solution has no redundancy, only ranges are compared"

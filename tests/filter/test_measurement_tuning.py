@@ -21,12 +21,12 @@ BOUNDED = {"time": "60 s", "velocity": "0.1 m/s"}
         ({"fading_memory": "0 s"}, "fading_memory"),
         ({"h_infinity": {"time": "60 s"}}, "time: of no error; give one of attitude, velocity, position"),
         ({"h_infinity": {"time": "60 s", "velocity": "0 m/s"}}, "h_infinity.velocity"),
-        ({"h_infinity": BOUNDED, "measurements": []}, "h_infinity: bounds what measurements leave"),
+        ({"h_infinity": BOUNDED, "measurements": []}, "h_infinity: bounds errors by measurements"),
         ({"h_infinity": BOUNDED, "consider": ["accel_bias"]}, "h_infinity: would change the covariance of accel_bias"),
         ({"h_infinity": BOUNDED, "backup": True}, "h_infinity: the backup is measured by nothing"),
         (
             {"h_infinity": BOUNDED, "measurements": ["pseudorange", "tdcp"], "delayed_state": "back_propagated"},
-            "h_infinity: no transition leads back",
+            "h_infinity: its covariance cannot be propagated back",
         ),
     ],
 )

@@ -216,5 +216,5 @@ def test_every_change_of_state_is_recorded_and_follows_from_the_one_before():
 
 
 def test_a_signal_that_is_found_should_not_be_lost_at_once():
-    with pytest.raises(ValidationError, match="acquire_above lies below track_above"):
+    with pytest.raises(ValidationError, match="acquire_above is below track_above"):
         card(acquire_above="20 dB-Hz", track_above="25 dB-Hz")

@@ -172,7 +172,7 @@ class MeasuredMetric(Pooled):
             counted = registry.names(lambda each: each.has_least)
             yield f"statistic least needs a metric that is counted ({', '.join(counted)})"
         if self.statistic == "mean" and not metric.is_signed:
-            yield "statistic mean needs a metric with a sign, such as the error of one axis"
+            yield "statistic: mean needs a signed metric, such as the error of one axis"
         if (self.elevation or self.altitude) and not metric.is_of_signals:
             chosen = registry.names(lambda each: each.is_of_signals)
             yield f"elevation and altitude select signals: they need a metric of signals ({', '.join(chosen)})"
@@ -252,6 +252,6 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
             name = "than" if self.against is None else "against"
             yield f"{name} makes the number a part of another; its unit is %, not {self.unit!r}"
         if self.than is not None and self.against is not None:
-            yield "than compares within the case, against with another case; choose one"
+            yield "`than` compares within the case, `against` with another case; choose one"
         if self.than is not None and unit_of(self.than) != unit_of(self.metric):
             yield f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}"

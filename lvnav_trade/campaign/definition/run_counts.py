@@ -65,11 +65,11 @@ class MonteCarlo(units.Card):
 
     def _faults(self) -> Iterator[str]:
         if self.stop and self.selected:
-            yield "stop and selected both say which cases have fewer runs, choose one"
+            yield "stop and selected both determine the number of runs; choose one"
         if self.other_runs is not None and not self.selected:
             yield "other_runs has no effect: no cases are selected"
         if (self.other_runs or 0) > self.runs:
             yield f"other_runs: {self.other_runs} are more than the {self.runs} of the selected cases"
         if self.stop and self.runs % self.block:
             more = self.runs + self.block - self.runs % self.block
-            yield f"stop looks after every block of {self.block} runs; {more} runs are whole blocks"
+            yield f"stop tests after every block of {self.block} runs; {more} runs are a multiple of it"

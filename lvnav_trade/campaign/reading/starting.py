@@ -52,7 +52,7 @@ def write_flight(card: TrajectoryCard, file: Path, rate: float) -> WrittenTrajec
     card_file = file.with_suffix(".yaml")
     if file.suffix.lower() in (".yaml", ".yml", ".parquet", ".pq"):
         raise InputError(
-            f"{file}: the rows are written as CSV, the card beside them as {card_file.name}; end it in .csv"
+            f"{file}: the rows are written as CSV, and the card next to them as {card_file.name}; end it in .csv"
         )
     refuse_existing(file, card_file)
     export = exported(card, file.name, file.stem, rate)

@@ -348,9 +348,9 @@ def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str
             )
         ranges.append(Vary(path=path.strip(), between=(low.strip(), high.strip()), log=log))
     if len(ranges) > 2:
-        raise InputError("--vary: one or two fields")
+        raise InputError("--vary: give one or two fields")
     if least not in ("", *get_args(Total)):
         raise InputError(f"--least {quoted(least)}: should be one of {', '.join(get_args(Total))}")
     if bool(ranges) == bool(least) or (least and log):
-        raise InputError("--vary or --least: one of them, and --log with --vary")
+        raise InputError("give either --vary or --least; --log belongs to --vary")
     return Solve(vary=tuple(ranges), meet=tuple(meet), least=least or None)

@@ -106,7 +106,7 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
     true, model, n = components(prepared), prepared.model, prepared.layout.n_state
     updates = int(np.count_nonzero(np.diff(tape.first) > 0))
     if not updates:
-        raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
+        raise InputError("covariance.error_bound: the filter uses no measurement on this trajectory")
     noise = np.zeros((updates, n, n))
     _gather(
         noise,

@@ -142,11 +142,11 @@ def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
         what = ", ".join(others) or "no measurement"
         raise InputError(f"the filter takes {what}; the log has {', '.join(sorted(has))}")
     if not isinstance(scenario.imu, ImuCard):
-        raise InputError("imu: several units; a log is of one")
+        raise InputError("imu: the log is of one IMU, but the campaign has several")
     if solves(scenario):
         raise InputError("receiver.solution: solved from simulated ranges; a log has the solution (kind: direct)")
     if scenario.receiver.antennas and len(scenario.receiver.antennas) > 1:
-        raise InputError("receiver: several antennas; a log is of one")
+        raise InputError("receiver: the log is of one antenna, but the campaign has several")
 
 
 class LogReplay(NamedTuple):

@@ -88,7 +88,7 @@ class Dispersion(units.Card):
             )
         for name in self.sigmas:
             if abs(self.sigmas[name]) > 6.0:
-                yield f"sigmas.{name}: beyond six sigma the vehicle is another one"
+                yield f"sigmas.{name}: a dispersion beyond six sigma is another vehicle"
 
     @property
     def is_common(self) -> bool:
@@ -106,7 +106,7 @@ class Dispersion(units.Card):
         """Yield the input errors of settings that need a spread of the vehicle that is missing."""
         named = {*self.sigmas, *(self.draw if isinstance(self.draw, tuple) else ())}
         if spreads is None and (named or self.drawn):
-            yield "dispersion asks for spreads, and the vehicle has none; give vehicle.dispersions"
+            yield "dispersion draws from vehicle.dispersions, which the vehicle does not have; give them"
             return
         for name in SOURCES:
             if name in named and getattr(spreads, name) == 0.0:

@@ -246,7 +246,7 @@ class Roll(Card):
     def _faults(self) -> Iterator[str]:
         idle = [name for name in ("start", "rate") if getattr(self, name) != type(self).model_fields[name].default]
         if self.pad == self.flight and idle:
-            yield f"{' and '.join(idle)}: no effect: pad and flight have the same roll angle; change one, or leave out"
+            yield f"{' and '.join(idle)}: no effect: pad and flight have the same roll angle; change or omit one"
 
 
 class FlightCard(units.NamedCard):
@@ -335,7 +335,7 @@ class VehicleAscent(FlightCard):
         if self.target.anomaly != 0.0 and self.target.perigee == self.target.apogee:
             yield "anomaly has no effect: a circular target has no perigee to count it from; leave it out"
         if self.parking is not None and last.profile is not None:
-            yield f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile"
+            yield f"stage {last.name!r} burns as long as guidance requires, so it cannot have a thrust profile"
         yield from self._unguided() if self.guidance == "nominal" else self._misguided()
 
     def _unguided(self) -> Iterator[str]:
@@ -357,7 +357,7 @@ class VehicleAscent(FlightCard):
         if self.control is not None:
             yield from self.control.misguided(self.guidance)
             if self.attitude_lag is not None:
-                yield "attitude_lag: control also states how the body follows its command; leave one of them out"
+                yield "attitude_lag: control also states the response of the attitude; omit one of them"
         if self.dispersion is not None:
             yield from self.dispersion.misfits(self.vehicle.dispersions)
             if self.dispersion.pitch_program != 0.0:

@@ -25,7 +25,7 @@ def test_of_many_designs_ten_have_runs_unless_another_number_is_said() -> None:
         ({"runs": 0}, "give at least 1"),
         ({"runs": 2_000_000}, "at most"),
         ({"runs": 80, "other_runs": 8}, "no cases are selected"),
-        ({"runs": 100, "stop": "decided"}, "120 runs are whole blocks"),
+        ({"runs": 100, "stop": "decided"}, "120 runs are a multiple of it"),
         ({"runs": 80, "most_cases": 0}, "greater than or equal to 1"),
     ],
 )

@@ -68,7 +68,7 @@ AXES = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\n"
             "{runs: 80, selected: {imu: good}, other_runs: 81}",
             "other_runs: 81 are more than the 80 of the selected cases",
         ),
-        ("{runs: 80, selected: {imu: good}, stop: decided}", "stop and selected both say which cases have fewer runs"),
+        ("{runs: 80, selected: {imu: good}, stop: decided}", "stop and selected both determine the number of runs"),
     ],
 )
 def test_a_selection_of_cases_names_some_of_them(study, card, message) -> None:

@@ -130,7 +130,7 @@ def refused(*sets: str) -> list[str]:
         ),
         (
             ("filter.delay_compensation={kind: buffered, acceleration_sigma: 1 g}", "receiver.latency=0.2 s"),
-            "filter.delay_compensation.acceleration_sigma: only an extrapolated solution has it",
+            "filter.delay_compensation.acceleration_sigma: applies to extrapolated solutions only",
         ),
         (("faults=[{kind: clock_jump, start: 9 s, size: 3 m}]", SOLUTION), f"faults.0: no effect: {SIMULATED}"),
         (

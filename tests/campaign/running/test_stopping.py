@@ -124,7 +124,7 @@ def test_without_the_word_every_run_is_flown(study, fakes, tmp_path):
         (
             "runs: 2000",
             "runs: 2010",
-            "monte_carlo: stop looks after every block of 40 runs; 2040 runs are whole blocks",
+            "monte_carlo: stop tests after every block of 40 runs; 2040 runs are a multiple of it",
         ),
         ("stop: decided", "stop: soon", "monte_carlo.stop: 'soon' is not one of decided"),
         (ASKED[ASKED.index("requirements") :], "", "monte_carlo.stop: there is no requirement that could be decided"),

@@ -75,5 +75,5 @@ def test_rows_have_the_noise_of_the_receiver():
 
 def test_without_a_measurement_there_is_nothing_to_tell():
     faults = [{"kind": "satellite_outage", "start": "-1 s", "duration": "100 s"}]
-    with pytest.raises(InputError, match="takes no measurement on this flight"):
+    with pytest.raises(InputError, match="uses no measurement on this trajectory"):
         bound(prepare_hop(with_fields(loaded(LOOSE), faults=faults)))

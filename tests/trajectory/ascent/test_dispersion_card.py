@@ -45,7 +45,7 @@ def test_what_has_no_meaning_is_refused(changes, message):
 def test_spreads_that_the_vehicle_lacks_are_refused():
     settings = ascent_settings()
     settings["vehicle"] = {name: one for name, one in settings["vehicle"].items() if name != "dispersions"}
-    with pytest.raises(ValidationError, match="the vehicle has none"):
+    with pytest.raises(ValidationError, match="which the vehicle does not have"):
         ascent_card(vehicle=settings["vehicle"], guidance="explicit", dispersion={"draw": "all"})
     bare = {**settings["vehicle"], "dispersions": {"name": "bare", "source": "test", "thrust": "1 %"}}
     with pytest.raises(ValidationError, match="names wind, whose spread"):

@@ -174,7 +174,7 @@ def test_one_state_stands_before_the_clones_and_its_drift_stays_zero():
 
 
 def test_what_makes_no_sense_is_refused():
-    with pytest.raises(ValidationError, match="one_state takes the drift for white noise"):
+    with pytest.raises(ValidationError, match="one_state models the drift as white noise"):
         with_fields(loaded(MATCHED).filter, clock="one_state")
     with pytest.raises(InputError, match="'G99' is not in the constellation"):
         prepared("differenced", ("filter.reference_satellite", "G99"))
