@@ -56,9 +56,9 @@ FOUND = numbers()
 
 def test_the_schema_has_the_fractions_that_are_known() -> None:
     known = {
-        "Requirement.probability", "Requirement.confidence", "Corridor.probability", "Compare.confidence",
+        "Requirement.probability", "Requirement.confidence", "CorridorCard.probability", "Compare.confidence",
         "ProtectionCard.integrity_risk", "ProtectionCard.false_alarm",
-        "IntegrityCard.false_alarm", "ParityCard.false_alarm", "Mode.damping", "Solve.margin",
+        "IntegrityCard.false_alarm", "ParityCard.false_alarm", "SwayMode.damping", "Solve.margin",
     }  # fmt: skip
     assert known <= set(FOUND)
 
