@@ -20,7 +20,7 @@ MADE_ONCE = {
     "model",
     "prepared",
 }
-RECORDS = ("Flight", "Times", "Schedule", "Filtering", "Received", "Signals", "Measurements", "Prepared")
+RECORDS = ("TrueFlight", "Times", "Schedule", "CaseFilter", "TrueSignals", "Signals", "Measurements", "Prepared")
 OF_A_STATION = "lvnav_trade.sensors.ground_station"  # azimuth and elevation at a station on the ground
 
 

@@ -13,6 +13,7 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.mechanics import mission_errors, orbits
+from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State
 from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.probability import success_verdict
 from lvnav_trade.results.statistics.select import once, pick
@@ -190,7 +191,7 @@ def _numbers(r_i: bytes, v_i: bytes, earth_angle: bytes) -> tuple[Floats, Floats
     return np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
 
 
-def _arrays(states: list[mission_errors.State]) -> tuple[Floats, Floats, Floats]:
+def _arrays(states: list[State]) -> tuple[Floats, Floats, Floats]:
     """Return positions and velocities (n, 3), frame i, and Earth angles (n,) of true states."""
     position, velocity = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
     return position, velocity, np.array([state.earth_angle for state in states])
@@ -248,7 +249,7 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
     return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
 
 
-def _outside(state: mission_errors.State, error: Floats, corridor: Corridor) -> Bools:
+def _outside(state: State, error: Floats, corridor: Corridor) -> Bools:
     """Return which estimated points are outside the corridor; none if the true state has no impact point."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
@@ -261,11 +262,7 @@ def _outside(state: mission_errors.State, error: Floats, corridor: Corridor) -> 
 
 
 def _row(
-    state: mission_errors.State,
-    law: mission_errors.ErrorGaussian,
-    point: orbits.Impact,
-    slope: Floats,
-    corridor: Corridor | None,
+    state: State, law: ErrorGaussian, point: orbits.Impact, slope: Floats, corridor: Corridor | None
 ) -> dict[str, Any]:
     """Return the impact point and its error by linear covariance at one time, in kilometres and degrees.
 
@@ -343,9 +340,7 @@ def _inside(corridor: Corridor, point: orbits.Impact, covariance: Floats, bias: 
     return probability((corridor.corners - here) * metres(float(point.latitude)) * 1e-3, -north_east @ bias, spread)
 
 
-def _runs(
-    tables: Tables, case: str, states: Sequence[mission_errors.State], corridor: Corridor | None
-) -> list[dict[str, Any]]:
+def _runs(tables: Tables, case: str, states: Sequence[State], corridor: Corridor | None) -> list[dict[str, Any]]:
     """Return the statistics of the runs at each state of an event; no runs are stored between events."""
     off = run_impacts(tables, case)
     return [
@@ -365,9 +360,7 @@ def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
     return {state.event: errors for state, errors in zip(states, off, strict=True)}
 
 
-def _of_runs(
-    tables: Tables, case: str, state: mission_errors.State, off: Floats, corridor: Corridor | None
-) -> dict[str, Any]:
+def _of_runs(tables: Tables, case: str, state: State, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
     """Return the statistics of the runs at an event.
 
     off : their errors (n, 2) at impact, m
