@@ -190,19 +190,12 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
     -------
     pandas.DataFrame
         The columns in the order of the entries.
-
-    Raises
-    ------
-    ValueError
-        Two columns have the same heading.
     """
-    formatted: dict[str, pd.Series] = {}
+    formatted = {}
     for entry in columns.split(" | "):
         heading, _, source = entry.rpartition(" = ")
         name, _, form = source.partition(": ")
         bounds = [_written(frame[bound], form) for bound in name.split(" to ") if bound in frame]
-        if bounds and (heading or words(name)) in formatted:
-            raise ValueError(f"two columns have the heading {heading or words(name)!r}")
         if bounds:
             formatted[heading or words(name)] = bounds[0] if len(bounds) == 1 else _interval_text(*bounds)
     return pd.DataFrame(formatted)

@@ -94,13 +94,6 @@ def test_a_metric_without_rows_is_a_text_or_nothing(tables, monkeypatch, nothing
     assert blocks.of("outages", nothing)(lambda tables, frame: [Text("rows")])(tables) == expected
 
 
-def test_two_columns_do_not_have_the_same_heading() -> None:
-    frame = pd.DataFrame({"a": [1], "b": [2]})
-    assert list(blocks.shown(frame, "x = a | y = b")) == ["x", "y"]
-    with pytest.raises(ValueError, match="two columns have the heading 'x'"):
-        blocks.shown(frame, "x = a | x = b")
-
-
 @pytest.mark.parametrize("layout", [name for name, entry in blocks.texts()["tables"].items() if "columns" in entry])
 def test_headings_of_a_table_of_the_report_are_distinct(layout: str) -> None:
     columns = " ".join(blocks.texts()["tables"][layout]["columns"].split()).split(" | ")

@@ -142,8 +142,8 @@ def _meaning(column: str, known: Mapping[str, str]) -> str:
 
 def unit_of(column: str) -> str:
     """Return the unit at the end of a column's name, in words; empty for text, counts and plain numbers."""
-    unit = SUFFIXES.get(name_and_end(column)[1].removeprefix("_")) or unit_at_end(column)[1]
-    return "" if unit.startswith(("how many", "a name")) else unit
+    end = name_and_end(column)[1].removeprefix("_")
+    return "" if end in ("count", "number") else SUFFIXES.get(end) or unit_at_end(column)[1]
 
 
 def _axes(tables: Tables) -> pd.DataFrame:
