@@ -25,7 +25,12 @@ def _seconds(jobs: int, folder: Path) -> float:
     case = cases(campaign)[0]
     results = open_results(folder, campaign.name, resolved(campaign), manifest(campaign, [case]), "fresh")
     job = work.Job(
-        work.ENGINE, results, campaign.seed, campaign.keep.history, work.asked_of(campaign), folder / ".scratch"
+        work.ENGINE,
+        results,
+        campaign.seed,
+        campaign.keep.history,
+        work.covariance_request(campaign),
+        folder / ".scratch",
     )
 
     def fly(numbers: range) -> None:

@@ -13,7 +13,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.conduct import whole
+from lvnav_trade.campaign.running.conduct import analyse_case
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.provenance import manifest
 from lvnav_trade.results.tables.write import open_results
@@ -55,8 +55,8 @@ def _sweep(folder: Path, *sets: str) -> float:
     """Return processor time of cases of linear covariance, tables and all, over that of their covariance."""
     job, found = _opened("sweep.yaml", sets, folder, 2 + 2 * CASES)
     for case in found[:2]:
-        whole(job, case)
-    flown = _seconds(lambda: [whole(job, case) for case in found[2 : 2 + CASES]])
+        analyse_case(job, case)
+    flown = _seconds(lambda: [analyse_case(job, case) for case in found[2 : 2 + CASES]])
     engine, history = job.engine, job.history
     alone = _seconds(lambda: [engine.covariance(engine.prepare(case.scenario, history)) for case in found[2 + CASES :]])
     done = [case.id for case in found[: 2 + CASES]]

@@ -33,12 +33,12 @@ def _tell(stage: str) -> None:
     prepared = engine.prepare(scenario, campaign.keep.history)
     spent = [time.process_time()]
     if stage == "flight":
-        engine.compile_kernels(prepared, work.asked_of(campaign))
+        engine.compile_kernels(prepared, work.covariance_request(campaign))
         spent.append(time.process_time())
     if stage == "covariance":
         found = engine.covariance(prepared)
         spent.append(time.process_time())
-        engine.explain(scenario, prepared, found, work.asked_of(campaign))
+        engine.explain(scenario, prepared, found, work.covariance_request(campaign))
         statistics.compile_kernels()
         spent.append(time.process_time())
     print(*(after - before for before, after in zip([start, *spent], spent, strict=False)))

@@ -155,7 +155,7 @@ def hop(boost: float = 20.0, coast: float = 10.0, push: float = 30.0) -> Traject
 def flying(trajectory: Trajectory) -> Iterator[None]:
     """Let every scenario that is prepared here fly this trajectory, whatever its card says."""
     with (
-        patch.object(room, "built", lambda *card: trajectory),
+        patch.object(room, "cached_trajectory", lambda *card: trajectory),
         patch.object(room, "sampled", lambda *card: reference(trajectory, card[-1])),
     ):
         yield

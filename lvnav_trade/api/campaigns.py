@@ -16,7 +16,7 @@ from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
 from lvnav_trade.campaign.running.checking import TrajectoryCheck, check_effect, check_flight
 from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
-from lvnav_trade.campaign.running.demonstrable import undemonstrable
+from lvnav_trade.campaign.running.demonstrable import requirements_beyond_run_count
 from lvnav_trade.campaign.running.plan import estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
 from lvnav_trade.campaign.space.design_plan import planned, refuse_too_large
@@ -55,7 +55,7 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
     loaded = load_campaign(campaign, sets)
     remarks = _checked(loaded).remarks
     check_effect(loaded.probe, probes(loaded), work.ENGINE)
-    not_demonstrable = undemonstrable(loaded)
+    not_demonstrable = requirements_beyond_run_count(loaded)
     if strict:
         refuse_all(list(not_demonstrable))
     remarks = remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, not_demonstrable)]}
@@ -93,7 +93,7 @@ def plan(
     loaded = load_campaign(campaign, sets)
     flights = _checked(loaded).events
     duration = {case: max(times.values()) - min(times.values()) for case, times in flights.items()}
-    not_demonstrable, place = undemonstrable(loaded), place_of(loaded, folder)
+    not_demonstrable, place = requirements_beyond_run_count(loaded), place_of(loaded, folder)
     if strict:
         refuse_all(list(not_demonstrable))
     import pandas as pd

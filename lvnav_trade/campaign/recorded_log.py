@@ -56,7 +56,7 @@ def read_card(file: Path) -> NavigationLog:
         raise InputError(records=explain(error, root, NavigationLog, "")) from None
 
 
-def process(campaign: Campaign, file: Path, asked: OutagePlan) -> FilteredLog:
+def process(campaign: Campaign, file: Path, plan: OutagePlan) -> FilteredLog:
     """Process a log with the filter of every case of a campaign.
 
     The log replaces trajectory, IMU and receiver. The runs, requirements, faults and true errors of the campaign have
@@ -68,7 +68,7 @@ def process(campaign: Campaign, file: Path, asked: OutagePlan) -> FilteredLog:
         Campaign with the filters.
     file : Path
         Card of the log.
-    asked : OutagePlan
+    plan : OutagePlan
         Outages to simulate.
 
     Returns
@@ -96,12 +96,12 @@ def process(campaign: Campaign, file: Path, asked: OutagePlan) -> FilteredLog:
         track, failure = _track(case, prepared)
         tracks.append(track)
         notes += [f"{case.label}: {note}" for note in (*remarks, *failure)]
-        outages += [_row(case, length, result) for length, result in _outages(prepared, asked)]
+        outages += [_row(case, length, result) for length, result in _outages(prepared, plan)]
     rows = pd.DataFrame(outages, columns=list(_COLUMNS))
     if rows.empty:
         raise InputError(
-            f"{file}: no outage of {' or '.join(f'{length:g}' for length in asked.lengths)} s fits between "
-            f"{asked.first:g} s after the rest and the end of the log"
+            f"{file}: no outage of {' or '.join(f'{length:g}' for length in plan.lengths)} s fits between "
+            f"{plan.first:g} s after the rest and the end of the log"
         )
     summary = summarised(rows)
     notes += failures(summary)
@@ -128,11 +128,11 @@ def _of(case: Case) -> Iterator[None]:
         raise InputError(f"{case.label}: {error}") from None
 
 
-def _outages(prepared: Prepared, asked: OutagePlan) -> list[tuple[float, Outage]]:
+def _outages(prepared: Prepared, plan: OutagePlan) -> list[tuple[float, Outage]]:
     """Return the outages of a replayed case, each with its nominal duration (s)."""
     results = []
-    for length in asked.lengths:
-        for begin in np.arange(asked.first, prepared.t_epoch[-1] - length, asked.every).tolist():
+    for length in plan.lengths:
+        for begin in np.arange(plan.first, prepared.t_epoch[-1] - length, plan.every).tolist():
             result = outage(prepared, begin, length)
             if result is not None:
                 results.append((length, result))

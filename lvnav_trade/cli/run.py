@@ -135,9 +135,9 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     return VerbResult("\n".join(lines), content)
 
 
-def _planned(found: Plan) -> str:
+def _planned(plan: Plan) -> str:
     """Return the planned cases as a table, or in one line if they are too many for a table."""
-    cases, space = found.cases, found.designs
+    cases, space = plan.cases, plan.designs
     if space is not None:
         runs = f", {space.runs} runs of these at most" if space.runs else ""
         return f"{space.designs} designs: a row for each (store: {space.store}), {space.whole} whole at most{runs}"

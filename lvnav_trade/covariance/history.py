@@ -7,7 +7,7 @@ from lvnav_trade.covariance.components import components
 from lvnav_trade.covariance.forward import expected_nees, false_rejection
 from lvnav_trade.covariance.forward_pass import linear_case, run_pass
 from lvnav_trade.covariance.injection_covariance import injection_law, injection_rows
-from lvnav_trade.covariance.outputs import behind, sample_outputs, solution_outputs_of
+from lvnav_trade.covariance.outputs import append_outputs, sample_outputs, solution_outputs_of
 from lvnav_trade.covariance.segments import case_at, has_uncorrected_outputs, with_outputs
 from lvnav_trade.covariance.sources import n_joint, source_labels
 from lvnav_trade.covariance.workspace import (
@@ -73,7 +73,7 @@ def covariance(prepared: Prepared) -> CovHistory:
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
-    return behind(history, alone.budget[:, :, motion], mean, formal, total)
+    return append_outputs(history, alone.budget[:, :, motion], mean, formal, total)
 
 
 def _refuse_unbounded(prepared: Prepared, formal: Floats) -> None:

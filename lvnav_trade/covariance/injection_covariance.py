@@ -19,27 +19,27 @@ _BASE = [k for k, name in enumerate(INJECTION) if name not in ("perigee", "apoge
 _PAIRS = list(combinations(range(len(_BASE)), 2))
 
 
-def injection_rows(found: InjectionSensitivity) -> Floats:
+def injection_rows(derivatives: InjectionSensitivity) -> Floats:
     """Return the weights (n_t, n_row, 9) of the navigation errors at each time in the sums that `injection_law` needs.
 
     The sums are the parameters of `_BASE`, the sum of each pair of them, and the orbit errors of knowledge and of
     execution. The parameters of `_BASE` are scaled to similar magnitudes first, because covariances follow from
     differences of variances.
     """
-    total = found.navigation[:, _BASE] / _sizes(found.target)[:, None]
+    total = derivatives.navigation[:, _BASE] / _sizes(derivatives.target)[:, None]
     sums = np.stack([total[:, i] + total[:, j] for i, j in _PAIRS], axis=1)
-    execution = found.navigation[:, : len(ORBIT)] - found.knowledge
-    return np.concatenate([total, sums, found.knowledge, execution], axis=1)
+    execution = derivatives.navigation[:, : len(ORBIT)] - derivatives.knowledge
+    return np.concatenate([total, sums, derivatives.knowledge, execution], axis=1)
 
 
 def injection_law(
-    found: InjectionSensitivity, sources: tuple[str, ...], variance: Floats, mean: Floats
+    derivatives: InjectionSensitivity, sources: tuple[str, ...], variance: Floats, mean: Floats
 ) -> InjectionLaw:
     """Return the linear covariance of an injection.
 
     Parameters
     ----------
-    found
+    derivatives
         Sensitivities of the injection to navigation errors and vehicle dispersions.
     sources
         (n_source,). Names of the navigation error sources.
@@ -58,20 +58,20 @@ def injection_law(
     base[:, range(n), range(n)] = variance[:n].T
     for row, (i, j) in enumerate(_PAIRS, start=n):
         base[:, i, j] = base[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
-    sizes = _sizes(found.target)
-    from_base = with_apsides(np.eye(len(INJECTION))[_BASE], found.target).T  # (n_parameter, n), all from `_BASE`
+    sizes = _sizes(derivatives.target)
+    from_base = with_apsides(np.eye(len(INJECTION))[_BASE], derivatives.target).T  # (n_parameter, n), all from `_BASE`
     navigation = from_base @ (base * np.outer(sizes, sizes)) @ from_base.T
-    vehicle = np.array([slopes.T @ slopes for _, slopes in found.vehicle]).reshape(-1, *navigation.shape[1:])
+    vehicle = np.array([slopes.T @ slopes for _, slopes in derivatives.vehicle]).reshape(-1, *navigation.shape[1:])
     knowledge, execution = (part.T for part in np.split(variance[n + n_pair :], 2))
     diagonal = np.diagonal(vehicle, axis1=1, axis2=2)[:, : len(ORBIT)]
-    offset = found.reference.copy()
-    offset[: len(ORBIT)] = orbit_difference(found.reference[None, : len(ORBIT)], found.target[None])[0]
+    offset = derivatives.reference.copy()
+    offset[: len(ORBIT)] = orbit_difference(derivatives.reference[None, : len(ORBIT)], derivatives.target[None])[0]
     return InjectionLaw(
-        reference=found.reference,
-        target=found.target,
-        mean=offset + np.einsum("kne,ke->n", found.navigation, mean) + found.curvature.sum(axis=0),
-        second_order=np.sqrt(2.0 * np.sum(found.curvature**2, axis=0)),
-        sources=(*sources, *(name.replace("_", " ") for name, _ in found.vehicle)),
+        reference=derivatives.reference,
+        target=derivatives.target,
+        mean=offset + np.einsum("kne,ke->n", derivatives.navigation, mean) + derivatives.curvature.sum(axis=0),
+        second_order=np.sqrt(2.0 * np.sum(derivatives.curvature**2, axis=0)),
+        sources=(*sources, *(name.replace("_", " ") for name, _ in derivatives.vehicle)),
         n_navigation=len(sources),
         covariance=np.concatenate([navigation, vehicle]),
         knowledge=np.concatenate([knowledge, np.zeros_like(diagonal)]),

@@ -41,7 +41,7 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
         if state >= 0:
             mean[:, N_SAMPLE + i] = -out.mean[:, state]
             formal[:, N_SAMPLE + i] = out.formal[:, state, state] + samples.variance[i]
-    return behind(history, variance, mean, _diagonal(formal), _diagonal(variance.sum(axis=1)))
+    return append_outputs(history, variance, mean, _diagonal(formal), _diagonal(variance.sum(axis=1)))
 
 
 def _profiles(prepared: Prepared) -> Floats:
@@ -82,7 +82,7 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
     by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
     diagonal = range(N_SOLUTION)
     mean = np.einsum("hij,hj->hi", turn, out.receiver_mean)
-    return behind(history, by_source[:, :, diagonal, diagonal], mean, formal, by_source.sum(axis=1))
+    return append_outputs(history, by_source[:, :, diagonal, diagonal], mean, formal, by_source.sum(axis=1))
 
 
 def last_epoch(prepared: Prepared) -> np.ndarray:
@@ -108,7 +108,7 @@ def _diagonal(variance: Floats) -> Floats:
     return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
 
 
-def behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
+def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
     """Append k outputs to a history, uncorrelated with the present outputs.
 
     Parameters

@@ -87,9 +87,9 @@ def _added_injection(base: InjectionLaw | None, raised: InjectionLaw | None) -> 
     return tuple(getattr(raised, name) - getattr(base, name) for name in _OF_INJECTION)
 
 
-def is_same_filter(one: CovHistory, other: CovHistory) -> bool:
+def is_same_filter(first: CovHistory, other: CovHistory) -> bool:
     """Return whether two passes have the same filter, mean and times, bit for bit."""
-    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in _SAME)
+    return all(np.array_equal(getattr(first, name), getattr(other, name), equal_nan=True) for name in _SAME)
 
 
 def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:

@@ -30,22 +30,22 @@ _KEPT_EVERY = 20
 _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
 
 
-def answer(found: ResultComparison) -> str:
+def answer(comparison: ResultComparison) -> str:
     """Return the outcome of a comparison in one sentence."""
-    counts = Counter(found.frame.verdict)
+    counts = Counter(comparison.frame.verdict)
     return say(
         "compared_with",
-        verdict=found.verdict,
-        whole=len(found.frame),
+        verdict=comparison.verdict,
+        whole=len(comparison.frame),
         counts={word: counts[word] for word in ORDER if counts[word]},
-        confidence=found.confidence,
+        confidence=comparison.confidence,
     )
 
 
-def rows(found: ResultComparison) -> list[tuple[str, ...]]:
+def rows(comparison: ResultComparison) -> list[tuple[str, ...]]:
     """Return the cells of the comparison table below `HEAD`, deteriorations first."""
-    order = found.frame.verdict.map(ORDER.index)
-    return [_row(row) for row in found.frame.loc[order.sort_values(kind="stable").index].itertuples(index=False)]
+    order = comparison.frame.verdict.map(ORDER.index)
+    return [_row(row) for row in comparison.frame.loc[order.sort_values(kind="stable").index].itertuples(index=False)]
 
 
 def _row(row: Any) -> tuple[str, ...]:
@@ -76,40 +76,42 @@ def _change(value: float, scale: str, form: str = "") -> str:
     return f"{sign}{format(size, form) if form else number(size)} {unit}"
 
 
-def markdown(found: ResultComparison) -> str:
+def markdown(comparison: ResultComparison) -> str:
     """Return a comparison as a Markdown page."""
-    sides = {"base": found.base, "candidate": found.candidate, "notes": found.notes}
-    confidence = percent(found.confidence)
-    return render("compare.md.j2", **sides, answer=answer(found), head=HEAD, rows=rows(found), confidence=confidence)
+    sides = {"base": comparison.base, "candidate": comparison.candidate, "notes": comparison.notes}
+    confidence = percent(comparison.confidence)
+    return render(
+        "compare.md.j2", **sides, answer=answer(comparison), head=HEAD, rows=rows(comparison), confidence=confidence
+    )
 
 
-def content(found: ResultComparison) -> dict[str, Any]:
+def content(comparison: ResultComparison) -> dict[str, Any]:
     """Return a comparison as data for JSON; numbers that are not finite become null."""
     records = [
         {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
-        for row in found.frame.to_dict(orient="records")
+        for row in comparison.frame.to_dict(orient="records")
     ]
     return {
-        "base": str(found.base),
-        "candidate": str(found.candidate),
-        "verdict": found.verdict,
-        "answer": answer(found),
-        "confidence": found.confidence,
-        "notes": list(found.notes),
+        "base": str(comparison.base),
+        "candidate": str(comparison.candidate),
+        "verdict": comparison.verdict,
+        "answer": answer(comparison),
+        "confidence": comparison.confidence,
+        "notes": list(comparison.notes),
         "rows": records,
     }
 
 
-def junit(found: ResultComparison) -> str:
+def junit(comparison: ResultComparison) -> str:
     """Return a comparison as JUnit XML: "worse" is a failure, "undecided" is skipped."""
-    counts = Counter(found.frame.verdict)
-    numbers = {"tests": len(found.frame), "failures": counts["worse"], "skipped": counts["undecided"], "errors": 0}
+    counts = Counter(comparison.frame.verdict)
+    numbers = {"tests": len(comparison.frame), "failures": counts["worse"], "skipped": counts["undecided"], "errors": 0}
     attributes = {key: str(value) for key, value in numbers.items()}
     root = ElementTree.Element("testsuites", {"name": "lvnav-trade compare", **attributes})
     suite = ElementTree.SubElement(
-        root, "testsuite", {"name": xml_text(f"{found.base} against {found.candidate}"), **attributes}
+        root, "testsuite", {"name": xml_text(f"{comparison.base} against {comparison.candidate}"), **attributes}
     )
-    for row in found.frame.itertuples(index=False):
+    for row in comparison.frame.itertuples(index=False):
         cells = _row(row)
         case = ElementTree.SubElement(
             suite, "testcase", {"classname": xml_text(row.case), "name": xml_text(cells[2]), "time": "0"}
@@ -147,14 +149,14 @@ def parse_map(assignments: Sequence[str]) -> dict[str, str]:
     return mapping
 
 
-def write(found: ResultComparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
+def write(comparison: ResultComparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
     """Write the requested files and return their paths.
 
     In a CI job that offers a summary file, the page is appended to it.
 
     Parameters
     ----------
-    found : ResultComparison
+    comparison : ResultComparison
         The comparison.
     md, xml : Path, optional
         Markdown and JUnit files.
@@ -171,7 +173,7 @@ def write(found: ResultComparison, md: Path | None = None, xml: Path | None = No
             with writing(path, "cannot be written"):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with path.open(mode, encoding="utf-8") as file:
-                    file.write(text(found))
+                    file.write(text(comparison))
             written.append(path)
     return written
 

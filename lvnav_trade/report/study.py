@@ -117,11 +117,11 @@ def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def flight_of(one: StudyResult, case: Case) -> bytes:
+def flight_of(result: StudyResult, case: Case) -> bytes:
     """Return the trajectory of a case as KML."""
-    label = one.tables.labels[_cases(one, case)[0]]
-    drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
-    return kml(f"{one.part.campaign}: {label}", drawn)
+    label = result.tables.labels[_cases(result, case)[0]]
+    drawn = [flight for flight in flights(result.tables, True, 60.0) if flight.name == label]
+    return kml(f"{result.part.campaign}: {label}", drawn)
 
 
 def together(answered: Sequence[StudyResult], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -130,9 +130,9 @@ def together(answered: Sequence[StudyResult], frames: Sequence[pd.DataFrame]) ->
     return pd.concat([frame for frame in labelled if len(frame)] or labelled[:1], ignore_index=True)
 
 
-def named(one: StudyResult, frame: pd.DataFrame) -> pd.DataFrame:
+def named(result: StudyResult, frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with the campaign's name before each case."""
-    return frame.assign(case=[f"{one.part.campaign}: {case}" for case in frame["case"]])
+    return frame.assign(case=[f"{result.part.campaign}: {case}" for case in frame["case"]])
 
 
 def answer(
@@ -166,17 +166,17 @@ def answer(
     return Section("answer", "Answer", [*blocks, *not_counted(frame)])
 
 
-def line_of(one: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
+def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
     """Return the row of a campaign in the table of campaigns.
 
     frame : rows of published numbers of all campaigns
     """
-    of_campaign = frame[frame["case"].str.startswith(f"{one.part.campaign}: ") & evidence(frame)]
-    counted, cases = by_case(one.tables), one.tables.cases
+    of_campaign = frame[frame["case"].str.startswith(f"{result.part.campaign}: ") & evidence(frame)]
+    counted, cases = by_case(result.tables), result.tables.cases
     tested = counted[counted.verdict.isin(["agree", "disagree"])]
     agree = int((tested.verdict == "agree").sum())
     return {
-        "campaign": one.part.campaign,
+        "campaign": result.part.campaign,
         "cases": len(cases),
         "runs": int(cases.run_count.sum()),
         "failed runs": int(cases.failed_count.sum()),
@@ -185,25 +185,25 @@ def line_of(one: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def campaign_section(one: StudyResult, frame: pd.DataFrame, script: StudyScript) -> Section:
+def campaign_section(result: StudyResult, frame: pd.DataFrame, script: StudyScript) -> Section:
     """Return the section of a campaign.
 
     frame : rows of published numbers of this campaign
     """
-    part, tables = one.part, one.tables
-    question = part.question or one.campaign.description
+    part, tables = result.part, result.tables
+    question = part.question or result.campaign.description
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
-    frame = frame[~script.is_statement(named(one, frame))]  # statements are shown in the answer
+    frame = frame[~script.is_statement(named(result, frame))]  # statements are shown in the answer
     if len(frame):
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
-    blocks += [*script.blocks(one), *motion_summary(tables), *control_tables(tables, brief=True)]
+    blocks += [*script.blocks(result), *motion_summary(tables), *control_tables(tables, brief=True)]
     blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired)]
     numbered = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
     if not any(figure.plot == "spread" for figure in part.figures):
         numbered.append(("spread", CampaignFigure(plot="spread")))
     for name, figure in numbered:
         script_figure = script.figures.get(figure.plot)
-        drawn = _draw(one, figure, script) if script_figure is None else script_figure.draw(one, figure)
+        drawn = _draw(result, figure, script) if script_figure is None else script_figure.draw(result, figure)
         if drawn is not None:
             about = (
                 note(figure.plot, "figures_of_a_study", **figure.model_dump())
@@ -224,16 +224,16 @@ def heading(campaign: str) -> str:
     return " ".join([first[:1].upper() + first[1:], *following])
 
 
-def _draw(one: StudyResult, figure: CampaignFigure, script: StudyScript) -> Drawing | None:
+def _draw(result: StudyResult, figure: CampaignFigure, script: StudyScript) -> Drawing | None:
     """Return the drawing of a figure of study.yaml, by the script or by a plot of the report."""
-    case, level_sets, quantity = _cases(one, figure.case)[0], figure.cases, figure.quantity
+    case, level_sets, quantity = _cases(result, figure.case)[0], figure.cases, figure.quantity
     for level_set in level_sets:
-        _cases(one, level_set)
+        _cases(result, level_set)
     over = (quantity, level_sets, figure.axis, figure.during)
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
     published = None if figure.published is None else PublishedValue(figure.published, figure.band or (0.5, 2.0))
     arguments: dict[str, tuple[Any, ...]] = {
-        "spread": ([*one.campaign.model_dump(mode="json")["references"], *script.references(one.campaign.name)],),
+        "spread": ([*result.campaign.model_dump(mode="json")["references"], *script.references(result.campaign.name)],),
         "errors": over,
         "relative": over,
         "autocorrelation": (level_sets, figure.channels),
@@ -243,16 +243,16 @@ def _draw(one: StudyResult, figure: CampaignFigure, script: StudyScript) -> Draw
         "budget": (case, quantity),
         "motion": (case, quantity),
     }
-    drawn: Drawing | None = PLOTS[figure.plot](one.tables, *arguments.get(figure.plot, (case,)))
+    drawn: Drawing | None = PLOTS[figure.plot](result.tables, *arguments.get(figure.plot, (case,)))
     return drawn
 
 
-def _cases(one: StudyResult, case: Case) -> list[str]:
+def _cases(result: StudyResult, case: Case) -> list[str]:
     """Return the digests of the cases with the levels given in study.yaml; InputError if there is none."""
-    digests = cases_of(one.tables, case, ())
+    digests = cases_of(result.tables, case, ())
     if not digests:
-        labels = list(one.tables.labels.values())
-        raise InputError(f"study.yaml: {one.part.campaign}: no case {case}; there are {labels}")
+        labels = list(result.tables.labels.values())
+        raise InputError(f"study.yaml: {result.part.campaign}: no case {case}; there are {labels}")
     return digests
 
 

@@ -77,11 +77,11 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
     return np.concatenate([turned[:, :, None], others], axis=2).reshape(*errors.shape[:2], _N_MOTION)
 
 
-def rows_of(found: list[Injection], nominal: Floats) -> Floats:
+def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
     """Return the rows of `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
-    y, error = np.stack([item.y for item in found]), np.stack([item.error for item in found])
+    y, error = np.stack([item.y for item in injections]), np.stack([item.error for item in injections])
     target = orbit_of(nominal[None])[0]
     achieved, navigated = orbit_of(y), orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
-    head = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in found])
+    head = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in injections])
     parts = ((achieved, target), (achieved, navigated))
     return np.concatenate([head, *(orbit_difference(*pair) for pair in parts)], axis=1)

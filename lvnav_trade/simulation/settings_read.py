@@ -48,7 +48,7 @@ class EffectiveSettings(NamedTuple):
     exact: frozenset[str] = frozenset()
 
 
-def used(prepared: Prepared, read: Collection[str]) -> EffectiveSettings:
+def effective_settings(prepared: Prepared, read: Collection[str]) -> EffectiveSettings:
     """Return the settings with an effect on a case; read: paths of the fields that its preparation read.
 
     The simulation and the vehicle under control read further cards later. These are listed here, and a test simulates a

@@ -182,7 +182,7 @@ def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) 
     return make_interp_spline(t, r, k=5, bc_type=([(1, v[0]), (2, a[0])], [(1, v[1]), (2, a[1])]))
 
 
-def joined(parts: Sequence[Floats]) -> Floats:
+def join_samples(parts: Sequence[Floats]) -> Floats:
     """Return the samples of successive phases as one array, with the common sample of two phases only once."""
     return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
 
@@ -323,7 +323,7 @@ def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -
     return replace(trajectory, phases=tuple(phases))
 
 
-def at_rest(trajectory: Trajectory) -> Trajectory:
+def without_oscillations(trajectory: Trajectory) -> Trajectory:
     """Return the trajectory without its oscillations."""
     return replace(trajectory, phases=tuple(phase._replace(oscillations=()) for phase in trajectory.phases))
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.definition.axes import Case
-from lvnav_trade.covariance.diagnostics.case_diagnostics import explain, flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import diagnose, flown_events
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.reads import FieldReads
 from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.results.tables.write import open_results
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.initial_draws import start_draws
-from lvnav_trade.simulation.settings_read import used
+from lvnav_trade.simulation.settings_read import effective_settings
 from lvnav_trade.simulation.statistics import summarise
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 
@@ -41,12 +41,14 @@ def test_after_its_preparation_a_flight_reads_what_is_said_of_it_and_nothing_els
     history = covariance(prepared)
     runs = run_block(prepared, 1, 0, 8)
     summary = summarise(runs, flown_events(prepared), history.true_sigma, prepared.outputs)
-    behind = explain(reads.card, prepared, history, CovarianceRequest(error_bound="sensors" not in fields, window=10.0))
+    behind = diagnose(
+        reads.card, prepared, history, CovarianceRequest(error_bound="sensors" not in fields, window=10.0)
+    )
     results = open_results(tmp_path / "results", "study", "", {}, "fresh")
     case = Case("0" * 12, "base", {}, reads.card)
     results.write_case(case, prepared, history, [summary], behind, start_draws(prepared, 1, 8))
     after = frozenset(reads.paths)
-    found = used(prepared, before)
+    found = effective_settings(prepared, before)
     later = {path for path in after - before if path.rpartition(".")[2] not in ("kind", "name", "source")}
     assert "filter.feedback" in after
     assert later <= set(found.whole)

@@ -42,7 +42,7 @@ def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
             yield mistake_at(root, f"requirements.{index}.name", f"{name!r} is used twice; give another name")
 
 
-_WITHOUT: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
+_MEANINGLESS_ALONE: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
     (
         "monte_carlo.stop",
         lambda c: c.monte_carlo is not None and c.monte_carlo.stop is not None and not c.requirements,
@@ -68,7 +68,7 @@ They are listed because the check of what cases read does not cover them: they a
 
 def without_effect(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield the settings of the campaign itself that have no effect."""
-    for path, applies, message in _WITHOUT:
+    for path, applies, message in _MEANINGLESS_ALONE:
         if applies(campaign):
             yield mistake_at(root, path, message)
 

@@ -198,46 +198,46 @@ class Effects:
         return list(dict.fromkeys(errors))
 
     def _fruitless(
-        self, root: _Root, one: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+        self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
     ) -> list[Mistake]:
-        within = [error for below in one.within for error in self._fruitless(root, below, known)]
-        message, is_idle = self._message(root, one, known)
-        if not message or (within and not is_idle and not (one.is_card and len(within) > 1)):
+        within = [error for below in setting.within for error in self._fruitless(root, below, known)]
+        message, is_idle = self._message(root, setting, known)
+        if not message or (within and not is_idle and not (setting.is_card and len(within) > 1)):
             return within
-        return [tree.mistake(one.place, one.shown, message)]
+        return [tree.mistake(setting.place, setting.shown, message)]
 
     def _message(
-        self, root: _Root, one: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+        self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
     ) -> tuple[str, bool]:
         """Return the message if a setting has no effect, and whether it is read nevertheless; else an empty message.
 
         The message is also empty if a case with the setting has not been prepared.
         """
-        if not one.must_act:
+        if not setting.must_act:
             return "", False
-        standing = [case for case in self.cases if self._stands(root, one, case)]
+        standing = [case for case in self.cases if self._stands(root, setting, case)]
         if not standing:
-            return self._replaced(root, one), False
+            return self._replaced(root, setting), False
         seen = [known.get(case.id) for case in standing]
-        if any(used is None or _acts(one, used) for used in seen):
+        if any(used is None or _acts(setting, used) for used in seen):
             return "", False
-        reason = next((reason for used in seen if used and (reason := _idle(one, used))), "")
-        return reason or _hinted(one.path, standing[0].scenario), bool(reason)
+        reason = next((reason for used in seen if used and (reason := _idle(setting, used))), "")
+        return reason or _hinted(setting.path, standing[0].scenario), bool(reason)
 
-    def _replaced(self, root: _Root, one: GivenSetting) -> str:
+    def _replaced(self, root: _Root, setting: GivenSetting) -> str:
         """Return the message if an axis replaces an overridden field of a card in every case, else an empty message.
 
         The varied field itself and settings without a card may be given in the base, since the base is complete.
         """
         is_there = root.axis < 0 or any(chosen[root.axis] == root.level for chosen in self.levels.values())
         for axis, steps in enumerate(self.steps):
-            is_below = _is_at_or_below(one.path, steps) and one.path != ".".join(steps)
-            if axis > root.axis and is_there and one.is_override and is_below:
+            is_below = _is_at_or_below(setting.path, steps) and setting.path != ".".join(steps)
+            if axis > root.axis and is_there and setting.is_override and is_below:
                 path = quoted(self.campaign.axes[axis].path)
                 return f"no case has it: the axis {path} replaces it; write it in the axis's values"
         return ""
 
-    def _stands(self, root: _Root, one: GivenSetting, case: Case) -> bool:
+    def _stands(self, root: _Root, setting: GivenSetting, case: Case) -> bool:
         """Whether a case has a setting.
 
         All values that an axis gives to one field are equivalent, because whether a field is read does not depend on
@@ -245,21 +245,21 @@ class Effects:
         """
         chosen = self.levels[case.id]
         if root.axis >= 0 and chosen[root.axis] != root.level:
-            is_value = not one.is_whole and one.path == ".".join(self.steps[root.axis])
+            is_value = not setting.is_whole and setting.path == ".".join(self.steps[root.axis])
             if not is_value or chosen[root.axis] is None or self.campaign.design == "zip":
                 return False
         return not any(
-            axis > root.axis and level is not None and _is_at_or_below(one.path, self.steps[axis])
+            axis > root.axis and level is not None and _is_at_or_below(setting.path, self.steps[axis])
             for axis, level in enumerate(chosen)
         )
 
     def _seen(
-        self, root: _Root, one: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+        self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
     ) -> Iterator[EffectiveSettings]:
         """Yield the effective settings of the prepared cases that have a setting."""
         for case in self.cases:
             used = known.get(case.id)
-            if used is not None and self._stands(root, one, case):
+            if used is not None and self._stands(root, setting, case):
                 yield used
 
 
@@ -298,29 +298,29 @@ def _kind_at(base: Node, steps: Sequence[str]) -> Any:
     return kind
 
 
-def _without(found: Sequence[GivenSetting], paths: Collection[str]) -> Iterator[GivenSetting]:
+def _without(settings: Sequence[GivenSetting], paths: Collection[str]) -> Iterator[GivenSetting]:
     """Yield settings except those at `paths`, where the first level of an axis was put into the base."""
-    for setting in found:
+    for setting in settings:
         if setting.path not in paths:
             yield setting._replace(within=tuple(_without(setting.within, paths)))
 
 
-def _acts(one: GivenSetting, used: EffectiveSettings) -> bool:
+def _acts(setting: GivenSetting, used: EffectiveSettings) -> bool:
     """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
-    if _idle(one, used):
+    if _idle(setting, used):
         return False
-    if any(_is_at_or_below(one.path, whole.split(".")) for whole in used.whole):
+    if any(_is_at_or_below(setting.path, whole.split(".")) for whole in used.whole):
         return True
-    if not one.is_whole and one.counts in used.read:
+    if not setting.is_whole and setting.counts in used.read:
         return True
-    return (one.is_whole or one.is_card) and any(path.startswith(f"{one.path}.") for path in used.read)
+    return (setting.is_whole or setting.is_card) and any(path.startswith(f"{setting.path}.") for path in used.read)
 
 
-def _idle(one: GivenSetting, used: EffectiveSettings) -> str:
+def _idle(setting: GivenSetting, used: EffectiveSettings) -> str:
     """Return the reason why a setting has no effect although it is read; empty if there is none."""
-    steps = one.path.split(".")
+    steps = setting.path.split(".")
     above = (".".join(steps[: k + 1]) for k in range(len(steps)))
-    return next((used.idle[at] for at in above if at in used.idle and (one.is_own or at not in used.exact)), "")
+    return next((used.idle[at] for at in above if at in used.idle and (setting.is_own or at not in used.exact)), "")
 
 
 def _hinted(path: str, scenario: Scenario) -> str:

@@ -184,11 +184,11 @@ def _broken_records(cases: Sequence[Case]) -> list[str]:
     return list(dict.fromkeys(chain.from_iterable(map(left_out, constellations.values()))))
 
 
-def remark_lines(found: Mapping[str, Sequence[str]]) -> list[str]:
+def remark_lines(remarks: Mapping[str, Sequence[str]]) -> list[str]:
     """Return remarks as lines to print, each with its kind; the first line combines all settings beyond limits."""
-    beyond = "; ".join(found.get("beyond_limits", ()))
+    beyond = "; ".join(remarks.get("beyond_limits", ()))
     lines = [f"{BEYOND}: {beyond}"] if beyond else []
-    return lines + [f"{KINDS[name]}: {line}" for name in ("warnings", "notes") for line in found.get(name, ())]
+    return lines + [f"{KINDS[name]}: {line}" for name in ("warnings", "notes") for line in remarks.get(name, ())]
 
 
 def warnings(cases: Sequence[Case]) -> list[str]:

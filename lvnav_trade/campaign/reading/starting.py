@@ -180,18 +180,18 @@ def _with_pairs(stated: dict[str, Any]) -> TableTrajectory:
     return TableTrajectory.model_validate(stated | {"events": events})
 
 
-def _with_liftoff(found: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
+def _with_liftoff(guessed: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
     """Return the guesses with the value of the time column at lift-off, unless it is zero."""
     rows = read_rows(card)
     end_of_rest = rest_end(rows)
     t_liftoff = float(rows.t[0]) if end_of_rest is None else end_of_rest
-    time = next(guess for guess in found if guess.part == "time")
+    time = next(guess for guess in guessed if guess.part == "time")
     if abs(t_liftoff) <= _SAME or (end_of_rest is None and not guesses.is_clock(time.content["column"])):
-        return found
+        return guessed
     liftoff = {"liftoff": float(f"{t_liftoff / si(card.time.unit, 's'):.12g}")}
     why = "the first row, assumed" if end_of_rest is None else "the vehicle rests until then"
     changed = time._replace(content=time.content | liftoff, why=f"{time.why}; lift-off: {why}")
-    return [changed if guess is time else guess for guess in found]
+    return [changed if guess is time else guess for guess in guessed]
 
 
 def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
@@ -235,7 +235,7 @@ def _card(
     name: str,
     place: str,
     dated: tuple[str, str],
-    found: list[guesses.Guess],
+    guessed: list[guesses.Guess],
     left: list[str],
     events: dict[str, str],
     hold: str,
@@ -251,9 +251,9 @@ def _card(
         f"source: {json.dumps('the rows of ' + Path(place).name)}",
         f"epoch: {json.dumps(dated[0])}" + (f"   # of lift-off: {dated[1]}" if dated[1] else ""),
         f"file: {json.dumps(place)}",
-        *(f"{one.part}: {json.dumps(one.content, ensure_ascii=False)}   # {one.why}" for one in found),
+        *(f"{one.part}: {json.dumps(one.content, ensure_ascii=False)}   # {one.why}" for one in guessed),
         *["# attitude: along the specific force, as no columns of the file fit that"]
-        * all(one.part != "attitude" for one in found),
+        * all(one.part != "attitude" for one in guessed),
         *([f"# left out: {json.dumps(left, ensure_ascii=False)}"] if left else []),
         "events:" + "   # where the specific force jumps, or two rows have one time" if events else "events: {}",
         *(f"  {event}: {time}" for event, time in events.items()),

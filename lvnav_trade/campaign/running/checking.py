@@ -20,14 +20,14 @@ class TrajectoryCheck(NamedTuple):
     remarks: dict[str, list[str]]  # remarks by kind, see `flights.remarks`
 
 
-def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int) -> TrajectoryCheck:
+def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine, jobs: int) -> TrajectoryCheck:
     """Build every distinct trajectory of a campaign and check the campaign against them.
 
     Parameters
     ----------
     campaign : Campaign
         The campaign.
-    found : sequence of Case
+    distinct_cases : sequence of Case
         Cases to check.
     engine : Engine
         Functions that compute.
@@ -45,9 +45,9 @@ def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine,
         A trajectory is invalid, or a fault or requirement does not fit its trajectory.
     """
     distinct: dict[str, Case] = {}
-    for case in found:
+    for case in distinct_cases:
         distinct.setdefault(_flight_of(case), case)
-    results = each(jobs, work.flown, [(engine, case) for case in distinct.values()], ordered=True)
+    results = each(jobs, work.trajectory_summary, [(engine, case) for case in distinct.values()], ordered=True)
     flown = dict(zip(distinct, results, strict=True))
     errors = [
         record
@@ -56,19 +56,19 @@ def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine,
         for record in flights.located(campaign, case, flown[key].records)
     ]
     refuse_all(list(dict.fromkeys(errors)))  # cases that differ in their IMU alone have the same errors
-    times = {case.id: flown[_flight_of(case)].events for case in found}
-    refuse_all([*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
+    times = {case.id: flown[_flight_of(case)].events for case in distinct_cases}
+    refuse_all([*flights.mistakes(campaign, distinct_cases, times), *Effects(campaign, distinct_cases).mistakes({})])
     return TrajectoryCheck(
-        times, flights.remarks(found, [remark for flight in flown.values() for remark in flight.remarks])
+        times, flights.remarks(distinct_cases, [remark for flight in flown.values() for remark in flight.remarks])
     )
 
 
-def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine) -> None:
+def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine) -> None:
     """Refuse settings that the campaign gives and no case reads.
 
     Cases are prepared one after the other until every setting has been read in at least one of them.
     """
-    effects = Effects(campaign, found)
+    effects = Effects(campaign, distinct_cases)
     known: dict[str, EffectiveSettings | None] = {}
     while (case := effects.next(known)) is not None:
         try:

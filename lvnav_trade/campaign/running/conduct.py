@@ -64,13 +64,13 @@ class Finished(NamedTuple):
     tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
 
 
-def whole(job: work.Job, case: Case) -> work.CovarianceResult:
+def analyse_case(job: work.Job, case: Case) -> work.CovarianceResult:
     """Compute linear covariance, diagnostics and tables of a case without runs.
 
     A finished case whose tables are unchanged is not computed again. If the diagnostics or the tables fail, the case is
     left to the stages of a campaign with runs, which repeat the failure and report it.
     """
-    file, identity = work.explained_file(job, case)
+    file, identity = work.diagnostics_file(job, case)
     file = file.with_suffix(".whole")
     if scratch.is_sound(file, Finished, identity):
         earlier: Finished = scratch.read(file, Finished, identity)
@@ -79,7 +79,7 @@ def whole(job: work.Job, case: Case) -> work.CovarianceResult:
     answer = work.answer(job, case, scratch.cache)
     if answer.error or answer.mistakes:
         return answer
-    if work.explain(job, case, scratch.cache).error or work.close(job, case, 0).error:
+    if work.diagnose(job, case, scratch.cache).error or work.close(job, case, 0).error:
         return work.answer(job, case)  # again on disk, for the stage that reports the failure
     answer = answer._replace(is_whole=True)
     scratch.write(file, Finished(answer, job.results.sizes(case.id)), identity)

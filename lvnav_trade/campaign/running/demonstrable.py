@@ -28,7 +28,7 @@ def needed(probability: float, confidence: float, block: int) -> tuple[int, int]
     return runs_needed(0, probability, confidence), further_runs([], probability, confidence, block)
 
 
-def undemonstrable(campaign: Campaign) -> Iterator[Mistake]:
+def requirements_beyond_run_count(campaign: Campaign) -> Iterator[Mistake]:
     """Yield an input error for each requirement, and the corridor, that stays undecided even if no run fails.
 
     A campaign without Monte Carlo yields none: linear covariance decides its requirements.

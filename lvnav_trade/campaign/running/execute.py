@@ -19,7 +19,7 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
-from lvnav_trade.campaign.running.conduct import Conduct, DesignStage, Mode, OnAnswers, Scope, whole
+from lvnav_trade.campaign.running.conduct import Conduct, DesignStage, Mode, OnAnswers, Scope, analyse_case
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
 from lvnav_trade.campaign.running.progress import Progress
@@ -168,7 +168,7 @@ class _Run:
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         first = {unit.case.id for unit in self.units if unit.first_run == 0}
         own = [(self.job, case) for case in able if case.id in first or not self.campaign.monte_carlo]
-        self._per_case("diagnostics", work.explain, own, "what is behind its linear covariance")
+        self._per_case("diagnostics", work.diagnose, own, "what is behind its linear covariance")
         self._fly(able)
         end_workers(self.jobs)
         self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
@@ -188,7 +188,7 @@ class _Run:
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         left = [case for case, found in zip(self.cases, answers, strict=True) if not (found.error or found.is_whole)]
         why = "what is behind its linear covariance"
-        self._per_case("diagnostics", work.explain, [(self.job, case) for case in left], why)
+        self._per_case("diagnostics", work.diagnose, [(self.job, case) for case in left], why)
         lost = self._fly(able)
         ends = [(self.job, case, self.stopping.runs(case.id)) for case in left if case.id not in lost]
         lost |= self._per_case("tables", work.close, ends, "tables")
@@ -270,12 +270,12 @@ class _Run:
         self.watch.stage("compilation and first case", 1)
         found: dict[str, work.CovarianceResult] = {}
         units: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
-        function: Any = whole
+        function: Any = analyse_case
         if self.campaign.monte_carlo or self.shard is not None:
             function, units = work.answer_or_ahead, [(*unit, None) for unit in units]
         if self.campaign.monte_carlo and self.jobs > 1:
             units.insert(0, (self.job, self.cases[0], work.compile_kernels))
-            units += [(self.job, self.cases[0], ahead) for ahead in (work.explain, work.compile_sums)]
+            units += [(self.job, self.cases[0], ahead) for ahead in (work.diagnose, work.compile_sums)]
         for one in self._stage("covariance", function, units):
             if one is None:
                 continue
@@ -334,10 +334,10 @@ class _Run:
                 self._fail(f"{self.labels[one.case]}, run {number} {why}; {again}")
         return {one.case for one in lost if self.stopping.wants(one.case, one.first_run)}
 
-    def _look(self, one: work.WorkOutcome) -> None:
+    def _look(self, outcome: work.WorkOutcome) -> None:
         """Take a block in where blocks decide when their case ends."""
-        if not one.error:
-            self.stopping.note(one.case, one.first_run, one.n_run, one.beyond)
+        if not outcome.error:
+            self.stopping.note(outcome.case, outcome.first_run, outcome.n_run, outcome.beyond)
 
     def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
         """Yield the blocks still wanted when their turn comes: a case may be decided by then."""

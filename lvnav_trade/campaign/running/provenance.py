@@ -19,15 +19,15 @@ _PATH = re.compile(
 )  # an address, which is kept as it is, or an absolute path
 
 
-def manifest(campaign: Campaign, asked: Sequence[Case]) -> dict[str, Any]:
+def manifest(campaign: Campaign, requested_cases: Sequence[Case]) -> dict[str, Any]:
     """Return the part of the manifest that describes the request; the store adds the versions that computed it."""
     runs, block = (campaign.monte_carlo.runs, campaign.monte_carlo.block) if campaign.monte_carlo else (0, 1)
-    cases = {case.id: case.label for case in asked}
+    cases = {case.id: case.label for case in requested_cases}
     content = {"seed": campaign.seed, **asked_by(), "asked_cases": cases, "asked_runs": runs, "asked_block": block}
     card = campaign.monte_carlo
     if card is None or not card.selected:
         return content
-    return content | {"asked_runs_of": {case.id: card.runs_of(case.axes) for case in asked}}
+    return content | {"asked_runs_of": {case.id: card.runs_of(case.axes) for case in requested_cases}}
 
 
 def asked_by() -> dict[str, Any]:
@@ -50,8 +50,8 @@ def without_folders(text: str) -> str:
     return text if os.environ.get(RECORD_HOST) else _PATH.sub(_short, text)
 
 
-def _short(found: re.Match[str]) -> str:
-    return found[0] if "://" in found[0] else _name(found[0])
+def _short(match: re.Match[str]) -> str:
+    return match[0] if "://" in match[0] else _name(match[0])
 
 
 def _argument(text: str) -> str:

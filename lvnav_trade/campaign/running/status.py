@@ -201,7 +201,7 @@ def status(folder: Path) -> Status:
 
 
 def _case(
-    folder: Path, manifest: Mapping[str, Any], case: str, label: str, asked: int, damaged: list[str]
+    folder: Path, manifest: Mapping[str, Any], case: str, label: str, required_runs: int, damaged: list[str]
 ) -> CaseStatus:
     """Count the runs in the blocks that a resumed campaign uses.
 
@@ -211,7 +211,7 @@ def _case(
     block, identity = manifest.get("asked_block", 1), identity_of(manifest, case)
     for path in part_files.paths(folder / "parts" / case):
         first, count = part_files.span(path)
-        if first % block or count != min(block, asked - first):
+        if first % block or count != min(block, required_runs - first):
             continue
         try:
             summary = part_files.read(path, identity)
@@ -222,7 +222,7 @@ def _case(
             continue
         stored += count
         failed += int((summary.failed != 0).sum())
-    return CaseStatus(case, label, asked, stored, failed)
+    return CaseStatus(case, label, required_runs, stored, failed)
 
 
 def _finished_runs(folder: Path) -> Mapping[str, tuple[int, int]]:

@@ -72,7 +72,7 @@ def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: 
     return None if verdict == "undecided" else runs
 
 
-def beyond(
+def violating_runs(
     requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
 ) -> Counts:
     """Return the number of runs of a block that violate each requirement, counted as the verdicts count them."""

@@ -97,8 +97,8 @@ def _about(path: str) -> Iterator[None]:
         raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
 
 
-def _compile_kernels(prepared: Prepared, asked: CovarianceRequest) -> None:
-    if asked.adjoint:  # first: another worker needs it right after the forward pass, the runs begin later
+def _compile_kernels(prepared: Prepared, request: CovarianceRequest) -> None:
+    if request.adjoint:  # first: another worker needs it right after the forward pass, the runs begin later
         lincov.compile_backward(prepared)
     montecarlo.compile_kernels(prepared)
 
@@ -110,11 +110,11 @@ ENGINE = Engine(
     lincov.covariance,
     statistics.summarise,
     _compile_kernels,
-    explained.explain,
-    stopping.beyond,
+    explained.diagnose,
+    stopping.violating_runs,
     starts.start_draws,
     nozzle.controlled,
-    settings_read.used,
+    settings_read.effective_settings,
     _remarks,
 )
 
@@ -126,7 +126,7 @@ class Job(NamedTuple):
     results: Any  # writer of the results
     seed: int  # of all random draws
     history: float  # step of the stored histories, s
-    asked: CovarianceRequest  # results required of linear covariance
+    request: CovarianceRequest  # results required of linear covariance
     scratch: Path  # folder of scratch files
     requirements: tuple[dict[str, Any], ...] = ()  # requirements that decide when the runs of a case stop
 
@@ -135,10 +135,11 @@ def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
     """Return the job of a campaign, without results; it has the requirements only if they decide when runs stop."""
     is_early = campaign.monte_carlo is not None and campaign.monte_carlo.stop is not None
     tested = tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements if is_early)
-    return Job(engine, None, campaign.seed, campaign.keep.history, asked_of(campaign), folder / scratch.FOLDER, tested)
+    request = covariance_request(campaign)
+    return Job(engine, None, campaign.seed, campaign.keep.history, request, folder / scratch.FOLDER, tested)
 
 
-def asked_of(campaign: Campaign) -> CovarianceRequest:
+def covariance_request(campaign: Campaign) -> CovarianceRequest:
     """Return the results that a campaign requires of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
@@ -170,7 +171,7 @@ class WorkOutcome(NamedTuple):
     beyond: stopping.Counts = ()  # runs that violate each requirement, if these decide when a case stops
 
 
-def flown(engine: Engine, case: Case) -> TrajectorySummary | InputError:
+def trajectory_summary(engine: Engine, case: Case) -> TrajectorySummary | InputError:
     """Return events and remarks of a case's trajectory, or the input error that makes it invalid."""
     try:
         return TrajectorySummary(engine.events(case.scenario), engine.remarks(case.scenario))
@@ -205,7 +206,7 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 
 def compile_kernels(job: Job, case: Case) -> None:
     """Compile the kernels of a case's backward pass and of its runs."""
-    job.engine.compile_kernels(prepared_of(job, case), job.asked)
+    job.engine.compile_kernels(prepared_of(job, case), job.request)
 
 
 def compile_sums(_job: Job, _case: Case) -> None:
@@ -213,13 +214,13 @@ def compile_sums(_job: Job, _case: Case) -> None:
     statistics.compile_kernels()
 
 
-def explain(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
+def diagnose(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
     """Compute the diagnostics of a case's linear covariance and save them, as `answer` saves its result."""
     try:
-        file, identity = explained_file(job, case)
+        file, identity = diagnostics_file(job, case)
         if not scratch.is_sound(file, explained.CaseDiagnostics, identity):
             covariance, prepared = _covariance(job, case), prepared_of(job, case)
-            save(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
+            save(file, job.engine.explain(case.scenario, prepared, covariance, job.request), identity)
         return WorkOutcome(case.id, 0, 0)
     except Exception as error:
         return WorkOutcome(case.id, 0, 0, error=message_of(error))
@@ -231,8 +232,8 @@ def fly(job: Job, block: Block) -> WorkOutcome:
     try:
         prepared, covariance = prepared_of(job, block.case), _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
-        if job.asked.protection is not None and job.asked.protection.alarms:
-            runs = with_alarms(runs, prepared, _explanation(*explained_file(job, block.case)).protected, job.seed)
+        if job.request.protection is not None and job.request.protection.alarms:
+            runs = with_alarms(runs, prepared, _explanation(*diagnostics_file(job, block.case)).protected, job.seed)
         summary = job.engine.summarise(runs, explained.flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
@@ -256,12 +257,12 @@ def close(job: Job, case: Case, runs: int) -> WorkOutcome:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
         prepared, covariance = prepared_of(job, case), _covariance(job, case)
-        if not job.asked.budget:
+        if not job.request.budget:
             covariance = covariance._replace(
                 sources=(), budget=covariance.budget[:, :0], injection=by_part(covariance.injection)
             )
         parts = job.results.parts(case.id, runs) if runs else None
-        file, identity = explained_file(job, case)
+        file, identity = diagnostics_file(job, case)
         diagnostics = (
             scratch.load(file, explained.CaseDiagnostics, identity) if scratch.exists(file, identity) else None
         )
@@ -307,9 +308,9 @@ def _scratch_file(job: Job, case: Case) -> Path:
     return job.scratch / f"{case.id}.{job.history!r}.covariance"
 
 
-def explained_file(job: Job, case: Case) -> tuple[Path, str]:
+def diagnostics_file(job: Job, case: Case) -> tuple[Path, str]:
     """Return the scratch file of a case's diagnostics and its identity; other required results have another file."""
-    required = repr((job.asked, job.history))
+    required = repr((job.request, job.history))
     digest = hashlib.sha256(required.encode()).hexdigest()[:8]
     return job.scratch / f"{case.id}.{digest}.explained", _identity(job, case, required)
 

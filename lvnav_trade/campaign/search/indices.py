@@ -63,14 +63,14 @@ class ErrorIndices(NamedTuple):
     remark: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
 
-def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> ErrorIndices:
+def indices(campaign: Campaign, settings: Indices, jobs: int = 1) -> ErrorIndices:
     """Return the sensitivity indices of the mean square of a requirement's error in the first case; see the module.
 
     Parameters
     ----------
     campaign : Campaign
         The campaign.
-    asked : Indices
+    settings : Indices
         Requirement, number of sources, range of their sigmas, number of samples.
     jobs : int
         Worker processes.
@@ -86,18 +86,18 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> ErrorIndices:
         There is no such requirement, linear covariance does not give its error, or there are too few samples.
     """
     begun = time.monotonic()
-    requirement = _requirement(campaign, asked.requirement)
+    requirement = _requirement(campaign, settings.requirement)
     case = cases(campaign)[0]
     prepared = prepare(case.scenario, campaign.keep.history)
     history = covariance(prepared)
     parts = _mean_squares(prepared, history, requirement)
-    able = [k for k in np.argsort(-parts.by_source) if _is_scaled(case.scenario, parts.sources[k])][: asked.sources]
+    able = [k for k in np.argsort(-parts.by_source) if _is_scaled(case.scenario, parts.sources[k])][: settings.sources]
     sources, s = [parts.sources[k] for k in able], parts.by_source[able]
     d, total = len(sources), parts.total
-    if asked.samples < 2 * (terms := len(basis(d))):
-        raise InputError(f"indices.samples: {asked.samples} are too few for {terms} polynomials; give {2 * terms}")
-    u = 2.0 * points("sobol", d, 1 << (asked.samples - 1).bit_length(), campaign.seed)[: asked.samples] - 1.0
-    items = [(case.scenario, sources, asked.factor**sample, requirement) for sample in u]
+    if settings.samples < 2 * (terms := len(basis(d))):
+        raise InputError(f"indices.samples: {settings.samples} are too few for {terms} polynomials; give {2 * terms}")
+    u = 2.0 * points("sobol", d, 1 << (settings.samples - 1).bit_length(), campaign.seed)[: settings.samples] - 1.0
+    items = [(case.scenario, sources, settings.factor**sample, requirement) for sample in u]
     value = np.array(list(each(jobs, mean_square, items, ordered=True)))
     rng = np.random.default_rng(campaign.seed)
     picks = [np.arange(len(u)), *rng.integers(0, len(u), (RESAMPLED, len(u)))]
@@ -112,7 +112,7 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> ErrorIndices:
         f"{requirement.metric} at {requirement.at}",
         float(s.sum() / total),
         predicted(u, value),
-        asked.samples,
+        settings.samples,
         time.monotonic() - begun,
         not_described(result.outside for result in look(campaign, case.scenario, [requirement.name]).values()),
     )

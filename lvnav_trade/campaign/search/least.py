@@ -27,7 +27,7 @@ class LeastTotal(NamedTuple):
     seconds: float  # wall time, s
 
 
-def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> LeastTotal:
+def least(campaign: Campaign, problem: Solve, jobs: int = 1) -> LeastTotal:
     """Return the case that meets the requirements, by linear covariance, with the smallest total.
 
     If the campaign has Monte Carlo, runs check this case, and the case with the next smaller total, which does not meet
@@ -37,7 +37,7 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> LeastTotal:
     ----------
     campaign : Campaign
         The campaign.
-    asked : Solve
+    problem : Solve
         Definition of the problem.
     jobs : int
         Worker processes.
@@ -53,13 +53,13 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> LeastTotal:
         A requirement is unknown, or the devices of a case do not give the total.
     """
     begun = time.monotonic()
-    check_names(campaign, asked.meet)
-    column, all_cases = PREFERRED[str(asked.least)], cases(campaign)
+    check_names(campaign, problem.meet)
+    column, all_cases = PREFERRED[str(problem.least)], cases(campaign)
     totals = [total_of(case.scenario.model_dump(mode="json")) for case in all_cases]
     for case, total in zip(all_cases, totals, strict=True):
         if not np.isfinite(total.get(column, np.nan)):
-            raise InputError(f"solve.least: {asked.least}: no device of the case {case.label} states it (resources)")
-    looks = list(each(jobs, _ratio, [(campaign, case, asked) for case in all_cases], ordered=True))
+            raise InputError(f"solve.least: {problem.least}: no device of the case {case.label} states it (resources)")
+    looks = list(each(jobs, _ratio, [(campaign, case, problem) for case in all_cases], ordered=True))
     rows = [
         {
             "case": case.label,
@@ -77,16 +77,16 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> LeastTotal:
     frame.loc[best, "chosen"] = True
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     smaller = frame.index[: frame.index.get_loc(best[0])][-1:] if len(best) else frame.index[:0]
-    flights = [(campaign, all_cases[at], asked, runs) for at in [*smaller, *best] if runs]
+    flights = [(campaign, all_cases[at], problem, runs) for at in [*smaller, *best] if runs]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
     return LeastTotal(
         frame.reset_index(drop=True), pd.DataFrame(confirmed, columns=CONFIRMED), column, time.monotonic() - begun
     )
 
 
-def _ratio(campaign: Campaign, case: Case, asked: Solve) -> tuple[float, str, str]:
+def _ratio(campaign: Campaign, case: Case, problem: Solve) -> tuple[float, str, str]:
     """Return the largest ratio of an error to its limit, the limiting requirement, and a remark."""
-    results = look(campaign, case.scenario, asked.meet)
+    results = look(campaign, case.scenario, problem.meet)
     why = "; ".join(f"{name}: {result.why}" for name, result in results.items() if result.why)
     if why:
         return float("nan"), "", why
@@ -94,5 +94,5 @@ def _ratio(campaign: Campaign, case: Case, asked: Solve) -> tuple[float, str, st
     return results[name].ratio, name, not_described(result.outside for result in results.values())
 
 
-def _confirm(campaign: Campaign, case: Case, asked: Solve, runs: int) -> list[tuple[Any, ...]]:
-    return [(case.label, *row) for row in confirm(campaign, case.scenario, asked.meet, runs)]
+def _confirm(campaign: Campaign, case: Case, problem: Solve, runs: int) -> list[tuple[Any, ...]]:
+    return [(case.label, *row) for row in confirm(campaign, case.scenario, problem.meet, runs)]

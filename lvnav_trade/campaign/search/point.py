@@ -66,10 +66,10 @@ def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> d
     dict of str to CovarianceVerdict
         Result by name of the requirement.
     """
-    return looked(campaign, scenario, names)[0]
+    return covariance_verdicts(campaign, scenario, names)[0]
 
 
-def looked(
+def covariance_verdicts(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
 ) -> tuple[dict[str, CovarianceVerdict], CovHistory, int]:
     """As `look`; return also the linear covariance, and the number of estimated states (degrees of freedom of NEES)."""
@@ -169,7 +169,7 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCar
     for first in range(0, runs, size):
         block = work.ENGINE.run_block(prepared, campaign.seed, first, min(size, runs - first))
         summary = summarise(block, events, history.true_sigma, prepared.outputs)
-        counts += [count or 0 for count in stopping.beyond(requirements, "", prepared, history, summary)]
+        counts += [count or 0 for count in stopping.violating_runs(requirements, "", prepared, history, summary)]
     expected = look(campaign, scenario)
     return {
         requirement.name: MonteCarloVerdict(

@@ -154,7 +154,7 @@ class InverseSolution(NamedTuple):
     seconds: float  # wall time, s
 
 
-def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> InverseSolution:
+def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
     """Solve an inverse problem for every case of a campaign, by linear covariance.
 
     Each problem is solved with the filter re-tuned to every value, and with its models frozen at those of the case. If
@@ -164,7 +164,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> InverseSolution:
     ----------
     campaign : Campaign
         The campaign.
-    asked : Solve
+    problem : Solve
         Definition of the problem.
     jobs : int
         Worker processes.
@@ -180,24 +180,24 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> InverseSolution:
         A requirement or field is unknown, or no value of a field is possible.
     """
     start = time.monotonic()
-    check_names(campaign, asked.meet)
+    check_names(campaign, problem.meet)
     all_cases = cases(campaign)
-    asked = asked.model_copy(update={"vary": tuple(_counted(vary, all_cases[0]) for vary in asked.vary)})
-    spans = [span(vary) for vary in asked.vary]
+    problem = problem.model_copy(update={"vary": tuple(_counted(vary, all_cases[0]) for vary in problem.vary)})
+    spans = [span(vary) for vary in problem.vary]
     along = [spans[1][0].text(float(x)) for x in spans[1][1]] if len(spans) > 1 else [None]
-    ways = [RETUNED] if asked.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
-    items = [(campaign, asked, case, way, second) for case in all_cases for way in ways for second in along]
+    ways = [RETUNED] if problem.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
+    items = [(campaign, problem, case, way, second) for case in all_cases for way in ways for second in along]
     parts = list(each(jobs, _solve_case, items, ordered=True))
     answers = pd.DataFrame([result[0] for result in parts], columns=ANSWERS)
     intervals = pd.DataFrame([row for result in parts for row in result[1]], columns=INTERVALS)
     scanned = pd.DataFrame([row for result in parts for row in result[2]], columns=SCANNED)
     runs = campaign.monte_carlo.runs if campaign.monte_carlo and len(spans) == 1 else 0
     flights = [
-        (campaign, asked, case, row.tuning, value, runs)
+        (campaign, problem, case, row.tuning, value, runs)
         for row in answers.itertuples()
         for case in all_cases
         if case.label == row.case and runs and np.isfinite(row.answer) and row.limiting_requirement
-        for value in _sides(row.answer, asked)
+        for value in _sides(row.answer, problem)
     ]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
     return InverseSolution(
@@ -205,7 +205,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> InverseSolution:
         intervals,
         scanned,
         pd.DataFrame(confirmed, columns=CONFIRMED),
-        tuple(vary.path for vary in asked.vary),
+        tuple(vary.path for vary in problem.vary),
         tuple(ends.unit for ends, _ in spans),
         time.monotonic() - start,
     )
@@ -239,45 +239,45 @@ def span(vary: Vary) -> tuple[AxisEnds, Floats]:
         raise InputError(f"solve.vary: {vary.path}: {error}") from None
 
 
-def _sides(answer: float, asked: Solve) -> tuple[float, ...]:
+def _sides(answer: float, problem: Solve) -> tuple[float, ...]:
     """Return values just below and above a solution, at which runs confirm it."""
-    vary = asked.vary[0]
-    return () if vary.values is not None else (answer / (1.0 + asked.margin), answer * (1.0 + asked.margin))
+    vary = problem.vary[0]
+    return () if vary.values is not None else (answer / (1.0 + problem.margin), answer * (1.0 + problem.margin))
 
 
-def _scenario(asked: Solve, case: Case, way: str, second: Any, value: float) -> Any:
-    values = {asked.vary[0].path: span(asked.vary[0])[0].text(value)}
+def _scenario(problem: Solve, case: Case, way: str, second: Any, value: float) -> Any:
+    values = {problem.vary[0].path: span(problem.vary[0])[0].text(value)}
     if second is not None:
-        values[asked.vary[1].path] = second
+        values[problem.vary[1].path] = second
     scenario = changed(case.scenario, values)
-    is_frozen = way == FROZEN and len(values) and not _of_filter(asked)
+    is_frozen = way == FROZEN and len(values) and not _of_filter(problem)
     return with_filter(scenario, frozen(case.scenario)) if is_frozen else scenario
 
 
-def _of_filter(asked: Solve) -> bool:
-    return any(vary.path.startswith("filter.") for vary in asked.vary)
+def _of_filter(problem: Solve) -> bool:
+    return any(vary.path.startswith("filter.") for vary in problem.vary)
 
 
 def _solve_case(
-    campaign: Campaign, asked: Solve, case: Case, way: str, second: Any
+    campaign: Campaign, problem: Solve, case: Case, way: str, second: Any
 ) -> tuple[tuple[Any, ...], list[Any], list[Any]]:
     """Return the rows of `ANSWERS`, `INTERVALS` and `SCANNED` for a case, a filter and a value of the second field."""
-    ends, grid = span(asked.vary[0])
+    ends, grid = span(problem.vary[0])
     evaluated: dict[float, Any] = {}
     impossible: list[str] = []
 
     def ratio(value: float) -> dict[str, float]:
         try:
-            evaluated[value] = look(campaign, _scenario(asked, case, way, second, value), asked.meet)
+            evaluated[value] = look(campaign, _scenario(problem, case, way, second, value), problem.meet)
         except (InputError, ValueError) as error:
             impossible.append(str(error).splitlines()[0])
             return {"": math.nan}
         return {name: result.ratio for name, result in evaluated[value].items()}
 
-    solution = search(ratio, grid, asked.vary[0].log, asked.vary[0].values is None)
+    solution = search(ratio, grid, problem.vary[0].log, problem.vary[0].values is None)
     if not evaluated:
-        raise InputError(f"solve: no value of {asked.vary[0].path} is possible: {impossible[0]}")
-    along_unit = span(asked.vary[1])[0].unit if second is not None else ""
+        raise InputError(f"solve: no value of {problem.vary[0].path} is possible: {impossible[0]}")
+    along_unit = span(problem.vary[1])[0].unit if second is not None else ""
     along = float(str(second).partition(" ")[0]) if second is not None else math.nan
     place = (case.label, way, along, along_unit)
     rows = [
@@ -293,7 +293,7 @@ def _solve_case(
         remark = "met up to the largest value; " + remark
     outside = not_described(result.outside for looked in evaluated.values() for result in looked.values())
     remark = "; ".join(text for text in (remark.removesuffix("; "), outside) if text)
-    base = number_at(case.scenario, asked.vary[0].path, ends.unit)
+    base = number_at(case.scenario, problem.vary[0].path, ends.unit)
     row = (
         *place,
         solution.answer,
@@ -307,10 +307,12 @@ def _solve_case(
     return row, [(*place, *ends_at, ends.unit) for ends_at in solution.intervals], rows
 
 
-def _confirm(campaign: Campaign, asked: Solve, case: Case, way: str, value: float, runs: int) -> list[tuple[Any, ...]]:
+def _confirm(
+    campaign: Campaign, problem: Solve, case: Case, way: str, value: float, runs: int
+) -> list[tuple[Any, ...]]:
     """Return the rows of `CONFIRMED`: verdicts of runs at a value close to a solution."""
-    unit = span(asked.vary[0])[0].unit
-    rows = confirm(campaign, _scenario(asked, case, way, None, value), asked.meet, runs)
+    unit = span(problem.vary[0])[0].unit
+    rows = confirm(campaign, _scenario(problem, case, way, None, value), problem.meet, runs)
     return [(case.label, way, value, unit, *row) for row in rows]
 
 

@@ -19,7 +19,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Tune
 from lvnav_trade.campaign.reading.spaced import AxisEnds, ends_of
 from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.campaign.search.point import changed, fly, looked, not_described, number_at
+from lvnav_trade.campaign.search.point import changed, covariance_verdicts, fly, not_described, number_at
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import Floats
@@ -59,14 +59,14 @@ class TunedFilter(NamedTuple):
     seconds: float  # wall time, s
 
 
-def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> TunedFilter:
+def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
     """Tune the settings of a filter to minimise a requirement's error over all cases except the validation cases.
 
     Parameters
     ----------
     campaign : Campaign
         The campaign.
-    asked : Tune
+    settings : Tune
         Variables with their bounds, requirement, validation cases, largest number of evaluations.
     jobs : int
         Worker processes.
@@ -77,14 +77,14 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> TunedFilter:
         A case or requirement is unknown, or a variable is not a number of the filter.
     """
     begun = time.monotonic()
-    name = _name(campaign, asked)
+    name = _name(campaign, settings)
     all_cases = cases(campaign)
-    unknown = [label for label in asked.hold_out if label not in {case.label for case in all_cases}]
+    unknown = [label for label in settings.hold_out if label not in {case.label for case in all_cases}]
     if unknown:
         raise InputError(f"tune.hold_out: no case {quoted(unknown[0])}")
-    used = [case for case in all_cases if case.label not in asked.hold_out]
-    spans = [_span(variable.path, variable.between) for variable in asked.variables]
-    paths = [variable.path for variable in asked.variables]
+    used = [case for case in all_cases if case.label not in settings.hold_out]
+    spans = [_span(variable.path, variable.between) for variable in settings.variables]
+    paths = [variable.path for variable in settings.variables]
     starts = [number_at(used[0].scenario, path, ends.unit) for path, ends in zip(paths, spans, strict=True)]
     scores: dict[tuple[float, ...], float] = {}
 
@@ -99,29 +99,29 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> TunedFilter:
         if key not in scores:
             values = values_at(x)
             evaluated = list(each(jobs, point, [(campaign, case, name, values) for case in used], ordered=True))
-            scores[key] = score(evaluated, asked)
+            scores[key] = score(evaluated, settings)
         return scores[key]
 
     x0 = [_part(start, ends) for start, ends in zip(starts, spans, strict=True)]
     simplex = np.array(
         [x0, *([v + (0.25 if v < 0.7 else -0.25) * (k == j) for k, v in enumerate(x0)] for j in range(len(x0)))]
     )
-    options = {"maxfev": asked.evaluations, "xatol": 5e-3, "fatol": 1e-3, "initial_simplex": simplex}
+    options = {"maxfev": settings.evaluations, "xatol": 5e-3, "fatol": 1e-3, "initial_simplex": simplex}
     best = optimize.minimize(goal, x0, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(x0), options=options)
     chosen = values_at(best.x)
-    card = _card(campaign, asked, used, name, chosen, len(scores))
+    card = _card(campaign, settings, used, name, chosen, len(scores))
     table = [
         (path, start, number_at(changed(used[0].scenario, chosen), path, ends.unit), ends.unit, ends.first, ends.last)
         for path, start, ends in zip(paths, starts, spans, strict=True)
     ]
-    before_and_after = pd.DataFrame(_before_and_after(campaign, asked, all_cases, name, chosen, jobs), columns=CASES)
+    before_and_after = pd.DataFrame(_before_and_after(campaign, settings, all_cases, name, chosen, jobs), columns=CASES)
     return TunedFilter(
         pd.DataFrame(table, columns=VALUES), before_and_after, card, len(scores), time.monotonic() - begun
     )
 
 
 def _before_and_after(
-    campaign: Campaign, asked: Tune, all_cases: Sequence[Case], name: str, chosen: Mapping[str, Any], jobs: int
+    campaign: Campaign, settings: Tune, all_cases: Sequence[Case], name: str, chosen: Mapping[str, Any], jobs: int
 ) -> list[tuple[Any, ...]]:
     """Return the rows of `CASES`: all cases with the original and with the tuned filter."""
     items = [(campaign, case, name, values) for case in all_cases for values in ({}, chosen)]
@@ -131,7 +131,7 @@ def _before_and_after(
     return [
         (
             case.label,
-            "held out" if case.label in asked.hold_out else "tuned",
+            "held out" if case.label in settings.hold_out else "tuned",
             before.ratio,
             after.ratio,
             before.nees,
@@ -150,11 +150,11 @@ def _fly(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, n
     return result.runs, result.beyond, result.verdict
 
 
-def _name(campaign: Campaign, asked: Tune) -> str:
+def _name(campaign: Campaign, settings: Tune) -> str:
     names = [requirement.name for requirement in campaign.requirements]
-    fitting = [name for name in names if asked.requirement in ("", name)]
+    fitting = [name for name in names if settings.requirement in ("", name)]
     if not fitting:
-        raise InputError(f"tune.requirement: no requirement {quoted(asked.requirement)}")
+        raise InputError(f"tune.requirement: no requirement {quoted(settings.requirement)}")
     return fitting[0]
 
 
@@ -178,33 +178,34 @@ def _part(start: float, ends: AxisEnds) -> float:
 def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) -> TuningPoint:
     """Evaluate a case by linear covariance with other settings of its filter; `name`: the requirement."""
     scenario = changed(case.scenario, values)
-    results, history, freedom = looked(campaign, scenario, [name])
+    results, history, freedom = covariance_verdicts(campaign, scenario, [name])
     (requirement,) = (each for each in campaign.requirements if each.name == name)
     t = trajectory_of(scenario).events.get(requirement.at or "", history.t[-1])
     at = int(np.argmin(np.abs(history.t - t)))
     return TuningPoint(results[name].ratio, float(history.expected_nees[at]) / freedom, results[name].outside)
 
 
-def score(points: Sequence[TuningPoint], asked: Tune) -> float:
+def score(points: Sequence[TuningPoint], settings: Tune) -> float:
     """Return the goal of a tuning from the evaluated cases; see `tune`."""
     ratios = np.array([point.ratio for point in points])
     if not np.isfinite(ratios).all():
         return 1e6
-    size = ratios.max() if asked.over == "worst" else ratios.mean()
+    size = ratios.max() if settings.over == "worst" else ratios.mean()
     beyond = 0.0
-    if asked.nees is not None:
-        low, high = asked.nees
+    if settings.nees is not None:
+        low, high = settings.nees
         beyond = sum(max(0.0, np.log(low / point.nees), np.log(point.nees / high)) for point in points)
     return float(np.log(size) + _OUTSIDE * beyond)
 
 
 def _card(
-    campaign: Campaign, asked: Tune, used: Sequence[Case], name: str, values: Mapping[str, str], looks: int
+    campaign: Campaign, settings: Tune, used: Sequence[Case], name: str, values: Mapping[str, str], looks: int
 ) -> FilterCard:
     """Return the card of the tuned filter; its source describes the tuning."""
     card = changed(used[0].scenario, values).filter
     words = (
-        f"tune of {campaign.name}: {', '.join(f'{path} = {value}' for path, value in values.items())}; {asked.over} of "
-        f"{'; '.join(case.label for case in used)}; requirement {name}, by linear covariance, {looks} looks"
+        f"tune of {campaign.name}: {', '.join(f'{path} = {value}' for path, value in values.items())}; "
+        f"{settings.over} of {'; '.join(case.label for case in used)}; requirement {name}, "
+        f"by linear covariance, {looks} looks"
     )
     return card.model_copy(update={"name": f"{card.name}, tuned", "source": words})

@@ -131,7 +131,7 @@ class SpaceEvaluation:
 
 def _identity(job: work.Job, question: EvaluationRequest, name: str) -> str:
     """Return the origin of a part or table of designs, as text."""
-    asked = hashlib.sha256(f"{job.asked!r} {question!r}".encode()).hexdigest()[:16]
+    asked = hashlib.sha256(f"{job.request!r} {question!r}".encode()).hexdigest()[:16]
     return f"{job.results.identity_of_case(name)} {job.history!r} {asked}"
 
 

@@ -116,7 +116,9 @@ class CaseDiagnostics(NamedTuple):
     protected: Protection | None = None
 
 
-def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: CovarianceRequest) -> CaseDiagnostics:
+def diagnose(
+    scenario: Scenario, prepared: Prepared, history: CovHistory, request: CovarianceRequest
+) -> CaseDiagnostics:
     """Return the requested diagnostics of a case; they share one forward pass.
 
     Parameters
@@ -125,27 +127,27 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         Validated model of the case, and the prepared case.
     history
         Linear covariance of the case.
-    asked
+    request
         Requested diagnostics.
     """
     events = flown_events(prepared)
-    at = _event(events, asked.at)
+    at = _event(events, request.at)
     tape = None
-    if (events and (asked.adjoint or asked.observability)) or asked.error_bound:
+    if (events and (request.adjoint or request.observability)) or request.error_bound:
         tape = forward_tape(prepared)
-    bound = error_bound(prepared, tape) if asked.error_bound and tape is not None else None
+    bound = error_bound(prepared, tape) if request.error_bound and tape is not None else None
     return CaseDiagnostics(
         at,
-        adjoint(prepared, events[at], tape=tape) if at and asked.adjoint else None,
-        _by_source(prepared, events, (at, *asked.events), tape) if at and asked.adjoint else (),
-        _sensitivities(scenario, prepared, history, events[at]) if at and asked.sensitivity else (),
-        _phases(prepared, events, tape, asked.window) if asked.observability else (),
-        _nonlinearities(prepared, history, events) if asked.nonlinearity else (),
+        adjoint(prepared, events[at], tape=tape) if at and request.adjoint else None,
+        _by_source(prepared, events, (at, *request.events), tape) if at and request.adjoint else (),
+        _sensitivities(scenario, prepared, history, events[at]) if at and request.sensitivity else (),
+        _phases(prepared, events, tape, request.window) if request.observability else (),
+        _nonlinearities(prepared, history, events) if request.nonlinearity else (),
         bound,
         _in_words(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
-        spot_check(prepared, history, events, asked.seed, asked.spot_check) if asked.spot_check else None,
-        allan_curves(prepared, asked.allan, asked.seed) if asked.allan else (),
-        protection(prepared, history, asked.protection) if asked.protection else None,
+        spot_check(prepared, history, events, request.seed, request.spot_check) if request.spot_check else None,
+        allan_curves(prepared, request.allan, request.seed) if request.allan else (),
+        protection(prepared, history, request.protection) if request.protection else None,
     )
 
 

@@ -57,15 +57,15 @@ def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float]
     return merge([first_half, summary(half, runs - half)])
 
 
-def _suspect(found: BlockSummary, history: CovHistory) -> bool:
+def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
     """Return whether navigation errors of some runs contradict linear covariance, at level `SUSPECT` in total.
 
     Tested are the mean square about the mean, by chi-square, and the largest error, by the Gaussian distribution.
     """
-    at = np.searchsorted(history.t, found.t_event - 1e-9)
+    at = np.searchsorted(history.t, summary.t_event - 1e-9)
     sigma, mean = (values[at, :N_NAV_ERROR] for values in (history.true_sigma, history.mean))
     with np.errstate(divide="ignore", invalid="ignore"):
-        z: Floats = (found.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
+        z: Floats = (summary.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
     z = z[:, sigma > 0.0]
     if not z.size:
         return False
@@ -113,14 +113,14 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
 _ROUNDING = 1e-6  # of a sigma: filters that have used the same measurements so far differ by less
 
 
-def furthest(apart: Floats, found: Protection) -> Floats:
+def furthest(apart: Floats, protection: Protection) -> Floats:
     """Return the largest ratio of separation to limit over axes and quantities; above 1 is an alarm.
 
     Parameters
     ----------
     apart
         (..., n_satellite, n_hist, n_quantity, 3) SI. Separations; not-a-number, of a failed run, is no alarm.
-    found
+    protection
         Protection levels with the limits.
 
     Returns
@@ -128,7 +128,7 @@ def furthest(apart: Floats, found: Protection) -> Floats:
     ndarray
         (..., n_satellite, n_hist).
     """
-    ratio = np.abs(apart) / (found.limits + _ROUNDING * found.sigma + np.finfo(float).tiny)
+    ratio = np.abs(apart) / (protection.limits + _ROUNDING * protection.sigma + np.finfo(float).tiny)
     return np.asarray(np.where(np.isfinite(ratio), ratio, 0.0).max(axis=(-2, -1)))
 
 
@@ -157,35 +157,39 @@ def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats
     return np.column_stack([first_run + run, t[at], kind, channels[named[run, at]]]).astype(float)
 
 
-def _channels(prepared: Prepared, found: Protection) -> Floats:
+def _channels(prepared: Prepared, protection: Protection) -> Floats:
     """Return the first channel of each satellite that has a sub-filter without it."""
-    return np.array([prepared.model.n_kind * prepared.sky.names.index(name) for name in found.satellites], dtype=float)
+    return np.array(
+        [prepared.model.n_kind * prepared.sky.names.index(name) for name in protection.satellites], dtype=float
+    )
 
 
-def with_alarms(runs: RunBlock, prepared: Prepared, found: Protection | None, seed: int) -> RunBlock:
+def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | None, seed: int) -> RunBlock:
     """Return the runs with alarms among their decisions, by one further block of runs for every satellite.
 
     Without protection levels or alarms the runs are returned unchanged.
     """
-    if found is None or not found.alarms:
+    if protection is None or not protection.alarms:
         return runs
     columns, n_run = columns_of(prepared), len(runs.failed)
-    ratio = np.zeros((n_run, len(found.satellites), runs.t.size))
-    for number, name in enumerate(found.satellites):
+    ratio = np.zeros((n_run, len(protection.satellites), runs.t.size))
+    for number, name in enumerate(protection.satellites):
         other = run_block(without_satellite(prepared, prepared.sky.names.index(name)), seed, runs.first_run, n_run)
-        of_satellite = found._replace(limits=found.limits[number])
+        of_satellite = protection._replace(limits=protection.limits[number])
         ratio[:, number] = furthest(runs.err[:, :, columns] - other.err[:, :, columns], of_satellite)
     return runs._replace(
-        decisions=_joined(runs.decisions, alarms(ratio, runs.t, _channels(prepared, found), runs.first_run))
+        decisions=_joined(runs.decisions, alarms(ratio, runs.t, _channels(prepared, protection), runs.first_run))
     )
 
 
-def with_nominal_alarms(history: CovHistory, prepared: Prepared, found: Protection | None) -> CovHistory:
+def with_nominal_alarms(history: CovHistory, prepared: Prepared, protection: Protection | None) -> CovHistory:
     """Return the linear covariance with the alarms of a run without noise among its decisions, if requested."""
-    if found is None or not found.alarms:
+    if protection is None or not protection.alarms:
         return history
-    ratio = furthest(found.apart, found)[None]
-    return history._replace(decisions=_joined(history.decisions, alarms(ratio, found.t, _channels(prepared, found), 0)))
+    ratio = furthest(protection.apart, protection)[None]
+    return history._replace(
+        decisions=_joined(history.decisions, alarms(ratio, protection.t, _channels(prepared, protection), 0))
+    )
 
 
 def _joined(decisions: Floats, more: Floats) -> Floats:

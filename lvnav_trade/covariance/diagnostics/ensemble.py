@@ -81,21 +81,21 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     )
 
 
-def densities(found: StepErrors, prepared: Prepared, since: float = 0.0, until: float = math.inf) -> Densities:
+def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until: float = math.inf) -> Densities:
     """Return the process noise with the mean square transition error of the ensemble.
 
     Parameters
     ----------
-    found
+    errors
         Statistics of the transition error.
     prepared
         Prepared case.
     since, until
         s since lift-off. Interval of the flight whose steps are used.
     """
-    in_interval = (found.t > since) & (found.t <= until) & (found.seconds > 0.0)
-    variance = np.diagonal(found.covariance, axis1=1, axis2=2) + found.mean**2
-    density = variance[in_interval].sum(axis=0) / found.seconds[in_interval].sum()
+    in_interval = (errors.t > since) & (errors.t <= until) & (errors.seconds > 0.0)
+    variance = np.diagonal(errors.covariance, axis1=1, axis2=2) + errors.mean**2
+    density = variance[in_interval].sum(axis=0) / errors.seconds[in_interval].sum()
 
     def root(at: int) -> float:
         return float(np.sqrt(density[at : at + 3].mean()))

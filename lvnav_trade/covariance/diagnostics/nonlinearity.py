@@ -67,12 +67,12 @@ def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
     return Inputs(true, tuple(sensors), dt)
 
 
-def compensated(given: Inputs, d: Floats) -> Floats:
+def compensated(inputs: Inputs, d: Floats) -> Floats:
     """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
-    result = given.true.copy()
-    for columns, states, drivers in given.sensors:
-        terms = drivers * d[states][:, None] * given.dt
-        result[:, columns] = np.add.reduce(np.concatenate([given.true[None, :, columns], terms]))  # in this order
+    result = inputs.true.copy()
+    for columns, states, drivers in inputs.sensors:
+        terms = drivers * d[states][:, None] * inputs.dt
+        result[:, columns] = np.add.reduce(np.concatenate([inputs.true[None, :, columns], terms]))  # in this order
     return result
 
 

@@ -44,7 +44,7 @@ class Protection(NamedTuple):
     alarms: bool
 
 
-def beyond(size: Floats, sigma: Floats) -> Floats:
+def exceedance_probability(size: Floats, sigma: Floats) -> Floats:
     """Return the probability that the magnitude of a centred Gaussian exceeds a size."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-np.where(sigma > 0.0, size / sigma, np.inf))))
@@ -90,7 +90,9 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
         high = np.maximum(high, np.max(limits + reach * without, axis=0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        total = beyond(middle, sigma) + prior * np.sum(beyond(middle - limits, without), axis=0)
+        total = exceedance_probability(middle, sigma) + prior * np.sum(
+            exceedance_probability(middle - limits, without), axis=0
+        )
         low, high = np.where(total > risk, middle, low), np.where(total > risk, high, middle)
     return np.asarray(high)
 
@@ -108,7 +110,7 @@ def columns_of(prepared: Prepared) -> list[list[int]]:
     return [[k for k, output in enumerate(prepared.outputs) if output.quantity == name] for name in PROTECTED]
 
 
-def protection(prepared: Prepared, history: CovHistory, asked: ProtectionRisks) -> Protection:
+def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) -> Protection:
     """Return the protection levels of a case, by one linear covariance for every satellite that its filter uses.
 
     Integrity risk and false-alarm probability are divided equally between the three axes of position and of velocity,
@@ -120,19 +122,19 @@ def protection(prepared: Prepared, history: CovHistory, asked: ProtectionRisks) 
         Prepared case.
     history
         Linear covariance of the case.
-    asked
+    risks
         Integrity risk, false-alarm probability, prior probability of a satellite fault.
     """
     columns, used = columns_of(prepared), np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
     n_axis = sum(len(axes) for axes in columns)
-    risk, false_alarm = asked.integrity_risk / n_axis, asked.false_alarm / n_axis
+    risk, false_alarm = risks.integrity_risk / n_axis, risks.false_alarm / n_axis
     sigma, mean = history.formal[:, columns], history.mean[:, columns]
     sub_filters = [covariance(without_satellite(prepared, satellite)) for satellite in used]
     shape = (len(used), *sigma.shape)
     without = np.maximum(np.array([item.formal[:, columns] for item in sub_filters]).reshape(shape), sigma)
     apart = mean - np.array([item.mean[:, columns] for item in sub_filters]).reshape(shape)
     limits = thresholds(sigma, without, false_alarm)
-    level = protection_level(sigma, without, limits, risk, asked.satellite_fault)
+    level = protection_level(sigma, without, limits, risk, risks.satellite_fault)
     asking = limits + quantile(risk) * without
     worst = np.argmax(np.linalg.norm(asking, axis=-1), axis=0) if used else np.full(sigma.shape[:2], -1)
     alike = np.all(without <= sigma * (1.0 + 1e-9), axis=(0, -1)) if used else True
@@ -145,5 +147,5 @@ def protection(prepared: Prepared, history: CovHistory, asked: ProtectionRisks) 
         tuple(prepared.sky.names[satellite] for satellite in used),
         limits,
         apart,
-        asked.alarms,
+        risks.alarms,
     )

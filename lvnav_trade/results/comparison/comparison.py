@@ -136,11 +136,11 @@ def compare(
     return ResultComparison(pd.DataFrame(rows, columns=COLUMNS), notes, level, first.folder, second.folder)
 
 
-def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
+def _laid_over(base: Tables, effects_of_user: Sequence[Effect]) -> list[Effect]:
     """Return the effects to compare: defaults, then requirements, then the user's; the amount "none" removes one."""
     requirement_names = {str(requirement["name"]) for requirement in _stated(base)}
     merged: dict[tuple[str, str, str], Effect] = {}
-    for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *given):
+    for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *effects_of_user):
         is_counted = effect.metric == FAILED_RUNS or (effect.metric in requirement_names and effect.statistic == "rms")
         statistic = "beyond" if is_counted else effect.statistic
         merged[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)

@@ -32,7 +32,7 @@ def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
     return pick(tables.protection, case=case, quantity=quantity, axis="3d").sort_values("t_s", kind="stable")
 
 
-def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
+def level_exceedances(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
     """Count the errors of runs at events that exceed their protection level.
 
     An error counts if it exceeds the level on any axis and no alarm of solution separation was raised before. Errors of
@@ -79,7 +79,7 @@ def protection(tables: Tables) -> pd.DataFrame:
                 float(value) * float(factor)
                 for value in (rows.level_si.max(), last.level_si, last.fault_free_si, last.sigma_si)
             ]
-            count, total = beyond(tables, case, quantity)
+            count, total = level_exceedances(tables, case, quantity)
             low, high = success_bounds(total, total - count, CONFIDENCE) if total else (np.nan, np.nan)
             found.append((label, quantity, unit, *sizes, last.satellite, total, count, low, high))
     return pd.DataFrame(found, columns=COLUMNS)

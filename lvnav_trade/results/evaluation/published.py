@@ -103,7 +103,7 @@ def published_row(
     remarks: Sequence[str],
     band: tuple[float, float],
     tested: float,
-    found: ExpressionValue | None = None,
+    value: ExpressionValue | None = None,
     scale: float = 1.0,
     **cells: Any,
 ) -> dict[str, Any]:
@@ -119,22 +119,22 @@ def published_row(
         Limits of the tested number.
     tested : float
         Tested number, such as the ratio of ours to published.
-    found : ExpressionValue, optional
+    value : ExpressionValue, optional
         Result with its interval. The value of the statistic must lie within `scale` times the band.
     scale : float
-        Factor from the band to the unit of `found`.
+        Factor from the band to the unit of `value`.
     **cells
         Further cells by column.
     """
     ends, word = sorted(scale * end for end in band), HOLDS if band[0] <= tested <= band[1] else FAILS
-    if found is not None:
-        word = verdict(found, ends[0], ends[1], (_tested(stated, found),))
+    if value is not None:
+        word = verdict(value, ends[0], ends[1], (_tested(stated, value),))
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
         **marks(stated, "number" if "published" in cells else "order"),
         "unit": "-",
-        **({key: getattr(found, key) for key in (*NUMBERS, "low", "high")} if found is not None else {}),
+        **({key: getattr(value, key) for key in (*NUMBERS, "low", "high")} if value is not None else {}),
         "verdict": word if np.isfinite(tested) else NOT_SET_UP,
         **cells,
         "band_low": float(band[0]),
@@ -176,10 +176,10 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     return {"band_low": low, "band_high": high, "in_band": inside, "verdict": word}
 
 
-def _tested(stated: Mapping[str, Any], found: ExpressionValue) -> str:
+def _tested(stated: Mapping[str, Any], value: ExpressionValue) -> str:
     """Return which of the three numbers the statistic of a row asks for."""
     number = {"formal": "formal", "lincov": "true"}.get(str(stated.get("statistic")), "monte_carlo")
-    return "true" if number == "monte_carlo" and np.isnan(found.monte_carlo) else number
+    return "true" if number == "monte_carlo" and np.isnan(value.monte_carlo) else number
 
 
 def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
@@ -251,11 +251,11 @@ def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Ex
     return value_of("100 * (1 - a / b)" if "b" in terms else "a", terms)
 
 
-def _below_published(published: Mapping[str, Any], found: SingleValue) -> float:
+def _below_published(published: Mapping[str, Any], value: SingleValue) -> float:
     """Return the percentage of the runs below a published single run; NaN if the number is not of a single run."""
-    if not published.get("single") or not len(found.runs):
+    if not published.get("single") or not len(value.runs):
         return float("nan")
-    return 100.0 * float(np.mean(found.runs < float(published["value"])))
+    return 100.0 * float(np.mean(value.runs < float(published["value"])))
 
 
 EDGES = (1.0, 99.0)

@@ -116,12 +116,12 @@ def _interval(centre: float, without: Floats, is_product: bool) -> tuple[float, 
     return low, high
 
 
-def verdict(found: ExpressionValue, low: float, high: float, tested_by: Sequence[str]) -> str:
+def verdict(value: ExpressionValue, low: float, high: float, tested_by: Sequence[str]) -> str:
     """Return the verdict whether a value lies between two bounds.
 
     Parameters
     ----------
-    found : ExpressionValue
+    value : ExpressionValue
         The value.
     low, high : float
         Bounds; NaN for none.
@@ -136,8 +136,8 @@ def verdict(found: ExpressionValue, low: float, high: float, tested_by: Sequence
     """
     words = []
     for name in tested_by:
-        number = getattr(found, name)
-        ends = (found.low, found.high) if name == "monte_carlo" and found.low == found.low else (number, number)
+        number = getattr(value, name)
+        ends = (value.low, value.high) if name == "monte_carlo" and value.low == value.low else (number, number)
         if number != number:
             continue
         inside = not (ends[0] < low or ends[1] > high)

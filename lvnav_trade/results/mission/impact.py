@@ -82,7 +82,7 @@ def corridor_of(tables: Tables) -> Corridor | None:
     return Corridor(corners, float(card.get("probability", 0.999)), float(card.get("confidence", 0.9)))
 
 
-def beside(longitude: ArrayLike, corners: Floats) -> Floats:
+def unwrapped_longitude(longitude: ArrayLike, corners: Floats) -> Floats:
     """Return longitudes (...,) in rad, shifted by full turns to the range of the corridor."""
     middle = 0.5 * (corners[:, 1].min() + corners[:, 1].max())
     return np.asarray(longitude + 2.0 * np.pi * np.round((middle - np.asarray(longitude)) / (2.0 * np.pi)))
@@ -256,7 +256,7 @@ def _outside(state: State, error: Floats, corridor: Corridor) -> Bools:
     if not good.any() or not np.isfinite(orbits.impact(*_arrays([state])).fall[0]):
         return out
     estimated = orbits.impact(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
-    points = np.stack([estimated.latitude, beside(estimated.longitude, corridor.corners)], axis=1)
+    points = np.stack([estimated.latitude, unwrapped_longitude(estimated.longitude, corridor.corners)], axis=1)
     out[good] = ~contains(corridor.corners, points)
     return out
 
@@ -335,7 +335,7 @@ def _inside(corridor: Corridor, point: orbits.Impact, covariance: Floats, bias: 
     """
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])
-    here = np.array([point.latitude, beside(point.longitude, corridor.corners)])
+    here = np.array([point.latitude, unwrapped_longitude(point.longitude, corridor.corners)])
     spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that the matrix is regular
     return probability((corridor.corners - here) * metres(float(point.latitude)) * 1e-3, -north_east @ bias, spread)
 

@@ -126,25 +126,27 @@ def expected(tables: Tables) -> pd.DataFrame:
 
 
 def _expected(
-    tables: Tables, requirement: Mapping[str, Any], case: str, found: RequirementCase | str
+    tables: Tables, requirement: Mapping[str, Any], case: str, requirement_case: RequirementCase | str
 ) -> dict[str, Any]:
     row = {"requirement": requirement["name"], "case": tables.labels[case]}
     row["probability"] = float(requirement["probability"])
-    if isinstance(found, str):
-        return row | {"verdict": "not applicable", "reason": found}
-    limit = found.quantile(found.probability)
-    why_not, kept = why_not_applicable(tables, case), found.kept()
-    verdict, reason = ("met" if kept >= found.probability else "violated"), why_not
-    if found.distribution.above_only:
-        reason = reason or (f"already at {found.distribution.moment}" if verdict == "violated" else ABOVE_ONLY)
-    shown = not why_not and (verdict == "violated" or not found.distribution.above_only)
+    if isinstance(requirement_case, str):
+        return row | {"verdict": "not applicable", "reason": requirement_case}
+    limit = requirement_case.quantile(requirement_case.probability)
+    why_not, kept = why_not_applicable(tables, case), requirement_case.kept()
+    verdict, reason = ("met" if kept >= requirement_case.probability else "violated"), why_not
+    if requirement_case.distribution.above_only:
+        reason = reason or (
+            f"already at {requirement_case.distribution.moment}" if verdict == "violated" else ABOVE_ONLY
+        )
+    shown = not why_not and (verdict == "violated" or not requirement_case.distribution.above_only)
     return row | {
         "verdict": verdict if shown else "not applicable",
         "reason": reason,
         "expected_probability": kept,
-        "estimate": limit * found.factor,
-        "limit": found.bound * found.factor,
-        "unit": found.unit,
+        "estimate": limit * requirement_case.factor,
+        "limit": requirement_case.bound * requirement_case.factor,
+        "unit": requirement_case.unit,
     }
 
 
@@ -178,43 +180,45 @@ def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, RequirementCase | 
     ]
 
 
-def _factor(found: RequirementCase, names: tuple[str, ...]) -> float:
+def _factor(requirement_case: RequirementCase, names: tuple[str, ...]) -> float:
     """Return the largest factor on the sigmas of sources that meets the requirement; NaN if even `LEAST` does not."""
 
     def missing(factor: float) -> float:
-        return found.kept(names, factor) - found.probability
+        return requirement_case.kept(names, factor) - requirement_case.probability
 
     return float(optimize.bisect(missing, LEAST, 1.0, xtol=1e-4)) if missing(LEAST) >= 0.0 else float("nan")
 
 
-def _improvement(found: RequirementCase) -> tuple[str, float, float, str]:
+def _improvement(requirement_case: RequirementCase) -> tuple[str, float, float, str]:
     """Return source, factor_ratio, share_ratio and remark."""
-    if found.kept() >= found.probability:
+    if requirement_case.kept() >= requirement_case.probability:
         return (
             "",
             np.nan,
             np.nan,
-            ABOVE_ONLY if found.distribution.above_only else "linear covariance expects it to be met as it is",
+            ABOVE_ONLY
+            if requirement_case.distribution.above_only
+            else "linear covariance expects it to be met as it is",
         )
-    source, factor, share, remark = _turning(found)
+    source, factor, share, remark = _turning(requirement_case)
     alone = (
-        f"to keep it at {found.distribution.moment}; the whole phase may take more"
-        if found.distribution.above_only
+        f"to keep it at {requirement_case.distribution.moment}; the whole phase may take more"
+        if requirement_case.distribution.above_only
         else ""
     )
     return source, factor, share, "; ".join(filter(None, [remark, alone]))
 
 
-def _turning(found: RequirementCase) -> tuple[str, float, float, str]:
+def _turning(requirement_case: RequirementCase) -> tuple[str, float, float, str]:
     """Return `_improvement` for a violated requirement: a single source, or the fewest of the largest sources."""
-    share = found.shares()
+    share = requirement_case.shares()
     order = sorted(share, key=lambda name: -share[name])
-    able = [(factor, name) for name in order if not np.isnan(factor := _factor(found, (name,)))]
+    able = [(factor, name) for name in order if not np.isnan(factor := _factor(requirement_case, (name,)))]
     if able:
         factor, name = max(able)
         return name, factor, share[name], ""
     for names in accumulate((name,) for name in order):
-        factor = _factor(found, names)
+        factor = _factor(requirement_case, names)
         if not np.isnan(factor):
-            return ", ".join(names), factor, found.share(names), "together"
+            return ", ".join(names), factor, requirement_case.share(names), "together"
     return "", float("nan"), float("nan"), f"not even all error sources together, each times {LEAST:g}, would do"

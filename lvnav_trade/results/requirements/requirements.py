@@ -83,7 +83,7 @@ def decide_fixed(runs: int, failures: int, probability: float, confidence: float
     return verdict, max(1, runs_needed(failures, probability, confidence) - runs) if verdict == "undecided" else 0
 
 
-def decide_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
+def sequential_verdict(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
     """Return the verdict of a group-sequential test with one look per block, and the further runs to meet it.
 
     Parameters
@@ -114,7 +114,7 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[An
     bound = number_in(requirement["below"], si) if errors is not None else 0.0
     failed, monte_carlo = error >= bound, tables.campaign.get("monte_carlo") or {}
     if monte_carlo.get("stop") == DECIDED:
-        verdict, more = decide_in_order(failed, probability, confidence, int(monte_carlo.get("block", BLOCK)))
+        verdict, more = sequential_verdict(failed, probability, confidence, int(monte_carlo.get("block", BLOCK)))
     else:
         verdict, more = decide_fixed(len(error), int(failed.sum()), probability, confidence)
     estimate, limit = (size * factor for size in (_quantile(error, probability), bound if unit else float("nan")))

@@ -254,14 +254,14 @@ def _rests_on_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) ->
     return bool((found == RUNS).all())
 
 
-def _row(tables: Tables, name: str, case: str, around: RequirementWindow, found: WindowErrors) -> tuple[Any, ...]:
+def _row(tables: Tables, name: str, case: str, around: RequirementWindow, errors: WindowErrors) -> tuple[Any, ...]:
     """Return the row of `windows` for a requirement and case."""
-    requirement, size = _stated(tables, name), found.size
-    at, worst = int(np.argmin(np.abs(found.t - around.t))), int(np.nanargmax(size))
-    changes = bool(size[at] < found.limit <= size[worst])
+    requirement, size = _stated(tables, name), errors.size
+    at, worst = int(np.argmin(np.abs(errors.t - around.t))), int(np.nanargmax(size))
+    changes = bool(size[at] < errors.limit <= size[worst])
     head = (name, tables.labels[case], where(requirement), *around)
-    sizes = (float(size[at]), float(size[worst]), float(found.t[worst]), found.limit, found.unit)
-    return (*head, *sizes, float(requirement["probability"]), found.by, changes)
+    sizes = (float(size[at]), float(size[worst]), float(errors.t[worst]), errors.limit, errors.unit)
+    return (*head, *sizes, float(requirement["probability"]), errors.by, changes)
 
 
 def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floats:

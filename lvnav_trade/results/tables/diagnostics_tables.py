@@ -17,7 +17,7 @@ _UPPER = tuple(zip(*np.triu_indices(3), strict=True))
 Rows = list[dict[str, Any]]
 
 
-def explained_rows(prepared: Prepared, cov: CovHistory, found: CaseDiagnostics | None) -> dict[str, Rows]:
+def diagnostics_rows(prepared: Prepared, cov: CovHistory, found: CaseDiagnostics | None) -> dict[str, Rows]:
     """Return the rows of the tables that were asked for."""
     if found is None:
         return {"covariances": _totals(prepared, cov), **injection_rows(cov.injection)}
@@ -67,11 +67,11 @@ def _totals(prepared: Prepared, cov: CovHistory) -> Rows:
     return rows
 
 
-def _by_source(prepared: Prepared, found: CaseDiagnostics) -> Rows:
+def _by_source(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
     none = np.full((3, 3), np.nan)
     return [
         row
-        for part in found.by_source
+        for part in diagnostics.by_source
         for source, covariance in zip(part.sources, part.covariance, strict=True)
         for columns, true in zip(_groups(prepared), covariance, strict=False)
         for row in _entries(prepared, columns, true, none, event=part.event, t_s=part.time, source=source)
@@ -101,11 +101,11 @@ def _adjoint(event: str, budget: AdjointBudget) -> Rows:
     ]
 
 
-def _sensitivity(prepared: Prepared, found: CaseDiagnostics) -> Rows:
+def _sensitivity(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
     units = {output.quantity: output.unit for output in prepared.outputs}
     return [
         {
-            "event": found.event,
+            "event": diagnostics.event,
             "t_s": part.time,
             "source": source,
             "quantity": part.quantity,
@@ -114,13 +114,13 @@ def _sensitivity(prepared: Prepared, found: CaseDiagnostics) -> Rows:
             "frozen_si": float(part.frozen[s, f]),
             "retuned_si": float(part.retuned[s, f]),
         }
-        for part in found.sensitivity
+        for part in diagnostics.sensitivity
         for s, source in enumerate(part.sources)
         for f, factor in enumerate(part.factors)
     ]
 
 
-def _observability(found: CaseDiagnostics) -> Rows:
+def _observability(diagnostics: CaseDiagnostics) -> Rows:
     return [
         {
             "phase": phase.name,
@@ -135,7 +135,7 @@ def _observability(found: CaseDiagnostics) -> Rows:
             "weakest_direction": phase.weakest,
             "direction": phase.directions[k] if phase.directions else phase.weakest,
         }
-        for phase in found.phases
+        for phase in diagnostics.phases
         for k, value in enumerate(phase.singular)
     ]
 
@@ -183,7 +183,7 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
     return {"injection_expected": expected, "injection_covariances": joint}
 
 
-def _nonlinearity(found: CaseDiagnostics) -> Rows:
+def _nonlinearity(diagnostics: CaseDiagnostics) -> Rows:
     names = [f"{quantity} {axis}" for quantity in _QUANTITIES for axis in "xyz"]  # frame i, as the filter carries them
     return [
         {
@@ -194,22 +194,22 @@ def _nonlinearity(found: CaseDiagnostics) -> Rows:
             "transition_ratio": part.transition,
             "measurement_ratio": part.rows,
         }
-        for event, part in found.nonlinear
+        for event, part in diagnostics.nonlinear
     ]
 
 
-def _allan(found: CaseDiagnostics) -> Rows:
+def _allan(diagnostics: CaseDiagnostics) -> Rows:
     names = ("simulated_si", "card_si", "white_noise_si", "bias_instability_si", "random_walk_si")
     return [
         {"sensor": one.sensor, "unit": one.unit, "tau_s": float(tau), **dict(zip(names, map(float, row), strict=True))}
-        for one in found.allan
+        for one in diagnostics.allan
         for tau, *row in zip(one.tau, one.stream, one.card, one.white, one.instability, one.walk, strict=True)
     ]
 
 
-def _protection(prepared: Prepared, found: CaseDiagnostics) -> Rows:
+def _protection(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
     """Return the protection levels by time, quantity and axis; 3d: the length of the box of the three axes."""
-    one, rows = found.protected, list[dict[str, Any]]()
+    one, rows = diagnostics.protected, list[dict[str, Any]]()
     if one is None:
         return rows
     axes = [output.axis for output in prepared.outputs if output.quantity == "position"]
@@ -236,11 +236,11 @@ def _protection(prepared: Prepared, found: CaseDiagnostics) -> Rows:
     return rows
 
 
-def _error_bound(found: CaseDiagnostics) -> Rows:
-    bound = found.bound
+def _error_bound(diagnostics: CaseDiagnostics) -> Rows:
+    bound = diagnostics.bound
     if bound is None:
         return []
-    ranks = {"rank_count": bound.rank, "state_count": bound.states, "weakest_direction": found.unbounded}
+    ranks = {"rank_count": bound.rank, "state_count": bound.states, "weakest_direction": diagnostics.unbounded}
     matrices = [("Q", "initial sigma^2", bound.low, bound.high), *(("R", *row) for row in bound.rows)]
     return [
         {"matrix": matrix, "unit": unit, "lower_bound_si": low, "upper_bound_si": high, **ranks}

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import CovHistory, Floats, Output, RunBlock
-from lvnav_trade.results.tables.diagnostics_tables import explained_rows
+from lvnav_trade.results.tables.diagnostics_tables import diagnostics_rows
 from lvnav_trade.results.tables.dictionary import TABLES, arrow_schema
 from lvnav_trade.results.tables.flight_tables import flight_columns
 from lvnav_trade.results.tables.run_tables import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
@@ -76,7 +76,7 @@ def case_tables(
         "nominal_integrity": integrity_columns(cov.decisions, prepared.channel_names),
         "budget": _budget(prepared, cov) if cov.sources else {},
         **flight_columns(prepared, cov),
-        **explained_rows(prepared, cov, explained),
+        **diagnostics_rows(prepared, cov, explained),
         "spot_runs": run_columns(
             prepared.outputs, explained.spot if explained is not None else None, prepared.channel_names
         )["runs"],
@@ -291,31 +291,31 @@ _MOTION = (
 WHOLE = "flight"  # what stands for all burns together
 
 
-def controlled_columns(found: NozzleStatistics) -> dict[str, dict[str, Any]]:
+def controlled_columns(nozzle: NozzleStatistics) -> dict[str, dict[str, Any]]:
     """Return the columns of `nozzle_travel`, `nozzle_travel_history`, `motion_statistics`, `motion_history`."""
-    feed, run, burn, axis = np.indices(found.total.shape).reshape(4, -1)
+    feed, run, burn, axis = np.indices(nozzle.total.shape).reshape(4, -1)
     travel = {
         "controller_rate": np.array(FEEDS)[feed],
         "run_number": run,
-        "burn": np.array([WHOLE] + [f"burn {number}" for number in range(1, found.total.shape[2])])[burn],
+        "burn": np.array([WHOLE] + [f"burn {number}" for number in range(1, nozzle.total.shape[2])])[burn],
         "axis": np.array(AXES)[axis],
-        "travel_rad": found.total.ravel(),
+        "travel_rad": nozzle.total.ravel(),
     }
-    feed, time, axis = np.indices(found.mean.shape).reshape(3, -1)
-    sizes = {"mean_rad": found.mean, "minimum_rad": found.low, "maximum_rad": found.high}
-    history = {"t_s": found.t[time], "controller_rate": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis]}
+    feed, time, axis = np.indices(nozzle.mean.shape).reshape(3, -1)
+    sizes = {"mean_rad": nozzle.mean, "minimum_rad": nozzle.low, "maximum_rad": nozzle.high}
+    history = {"t_s": nozzle.t[time], "controller_rate": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis]}
     history |= {name: values.ravel() for name, values in sizes.items()}
-    feed, axis, phase = np.nonzero(found.turning[..., 0] > 0.0)
-    ticks, *ratios = found.turning[feed, axis, phase].T
+    feed, axis, phase = np.nonzero(nozzle.turning[..., 0] > 0.0)
+    ticks, *ratios = nozzle.turning[feed, axis, phase].T
     statistics = {
         "controller_rate": np.array(FEEDS)[feed],
         "axis": np.array(AXES)[axis],
         "phase": np.array(PHASES)[phase],
     }
     statistics |= {"tick_count": ticks.astype(np.int64), **dict(zip(_TURNING, ratios, strict=True))}
-    axis, time = np.indices((2, found.shown_t.size)).reshape(2, -1)
-    motion = {"t_s": found.shown_t[time], "axis": np.array(AXES)[axis]}
-    motion |= dict(zip(_MOTION, found.shown[time, axis].T, strict=True))
+    axis, time = np.indices((2, nozzle.shown_t.size)).reshape(2, -1)
+    motion = {"t_s": nozzle.shown_t[time], "axis": np.array(AXES)[axis]}
+    motion |= dict(zip(_MOTION, nozzle.shown[time, axis].T, strict=True))
     return {
         "nozzle_travel": travel,
         "nozzle_travel_history": history,

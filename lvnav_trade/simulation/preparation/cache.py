@@ -15,7 +15,7 @@ from lvnav_trade.trajectory.flight import Trajectory, TrajectoryCard, build, con
 
 
 @remembered(4)
-def built(identity: str, card: TrajectoryCard) -> Trajectory:
+def cached_trajectory(identity: str, card: TrajectoryCard) -> Trajectory:
     """Return the trajectory of a card; identity: of `identity`, the key of the cache."""
     return build(card)
 
@@ -34,7 +34,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
         If the trajectory is infeasible, or if a user's file contradicts itself.
     """
     card = scenario.trajectory
-    flight = built(identity(card), card)
+    flight = cached_trajectory(identity(card), card)
     refuse_contradiction(card, equivalent(scenario.imu))
     return flight
 
@@ -42,7 +42,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
 @remembered(4)
 def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
     """Return true motion and ideal increments of a trajectory at the ticks of an IMU; rate: Hz."""
-    return reference(built(identity, card), rate)
+    return reference(cached_trajectory(identity, card), rate)
 
 
 class _ByIdentity(NamedTuple):

@@ -111,7 +111,7 @@ def _ranging(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> _
     offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
     offsets = offsets + relativity_left(scenario, flight)
     gain = smoothing_gains(scenario, seen)
-    residual = late_by.left + offsets + doppler_left(scenario, flight)
+    residual = late_by.residual + offsets + doppler_left(scenario, flight)
     residual = residual + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
     received = received_of(scenario, flight, shared, residual, tabled.mean)
     return _Ranging(received, entering, tabled, gain, offsets)

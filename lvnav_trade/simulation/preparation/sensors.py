@@ -19,7 +19,7 @@ from lvnav_trade.sensors.receiver_observables import Channels, SensorChannels, S
 from lvnav_trade.sensors.sensor import N_KNOWN, N_TRUTH, CorrelatedError, FlightView, SensorCard, SensorModel
 from lvnav_trade.simulation.preparation.inputs import Sensors
 from lvnav_trade.trajectory.flight import Trajectory, motion
-from lvnav_trade.trajectory.truth import at_rest
+from lvnav_trade.trajectory.truth import without_oscillations
 
 # m/s relative to the Earth below which a vehicle is at rest: splines on the pad stay below 1e-8, a launch exceeds it at
 # once.
@@ -63,7 +63,7 @@ class Sensor(NamedTuple):
 def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
     """Return the true flight at times t (n,) s, as sensors need it; before its start it is that of the start."""
     t = np.maximum(t, trajectory.start)
-    at, rest = motion(trajectory, t), motion(at_rest(trajectory), t)
+    at, rest = motion(trajectory, t), motion(without_oscillations(trajectory), t)
     standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
     # heights may be computed in frame i, since it is rotated about the axis of the ellipsoid only
     height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))

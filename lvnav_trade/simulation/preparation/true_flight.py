@@ -11,7 +11,7 @@ from lvnav_trade.quantities.records import Floats, Ints, Reference, Sky
 from lvnav_trade.scenario.filter_models import epoch_interval, solves
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import FURTHER, Channels
-from lvnav_trade.simulation.preparation.cache import built, identity, sampled, seen_in
+from lvnav_trade.simulation.preparation.cache import cached_trajectory, identity, sampled, seen_in
 from lvnav_trade.simulation.preparation.sensors import Sensor, sensors_of
 from lvnav_trade.simulation.preparation.signals.atmospheric_delays import Delays, delays
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines, lines_of
@@ -74,7 +74,7 @@ def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = N
     flown
         Trajectory and its samples, in place of those of the scenario.
     """
-    trajectory, ref = flown or _flown(scenario)
+    trajectory, ref = flown or _sampled_trajectory(scenario)
     course, epochs = trajectory.course, epochs_of(scenario, ref)
     t, start = epochs.t, float(ref.t[0])
     seen = seen_in(scenario, trajectory, t, start)
@@ -99,11 +99,11 @@ def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = N
     )
 
 
-def _flown(scenario: Scenario) -> tuple[Trajectory, Reference]:
+def _sampled_trajectory(scenario: Scenario) -> tuple[Trajectory, Reference]:
     """Return the trajectory of a scenario and its samples at the IMU ticks."""
     card = scenario.trajectory
     text = identity(card)
-    return built(text, card), sampled(text, card, scenario.imu.rate)
+    return cached_trajectory(text, card), sampled(text, card, scenario.imu.rate)
 
 
 def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:

@@ -138,10 +138,10 @@ def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> Navig
     return _kept(log, np.logical_not(wild))._replace(notes=(*log.notes, note))
 
 
-def _both_sides(found: _Intervals, bad: Bools, n: int) -> Bools:
+def _both_sides(intervals: _Intervals, bad: Bools, n: int) -> Bools:
     """Return whether solutions (n,) have a contradiction on both sides, or on the only side that is compared."""
     sides, wrong = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
-    for ends in (found.first, found.last):
+    for ends in (intervals.first, intervals.last):
         np.add.at(sides, ends, 1)
         np.add.at(wrong, ends, bad.astype(int))
     return np.asarray((wrong == sides) & (wrong > 0) & ((sides > 1) | (np.arange(n) % (n - 1) == 0)))
@@ -221,16 +221,16 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
     return _Intervals(first, last, v_i[last] - v_i[first] - fallen, total, C)
 
 
-def _unexplained(found: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
+def _unexplained(intervals: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
     """Return the residuals (n,) m/s of the intervals that lie in windows, and their indices (n,)."""
-    blocks = _blocks(found, t_fix)
+    blocks = _blocks(intervals, t_fix)
     if not blocks.size:
         return np.zeros(0), np.zeros(0, dtype=np.int64)
     C, turned = np.tile(np.eye(3), (len(blocks), 1, 1)), np.empty((*blocks.shape, 3))
     for k in range(blocks.shape[1]):
-        turned[:, k] = np.einsum("nij,nj->ni", C, found.pushed[blocks[:, k]])
-        C = C @ found.turn[blocks[:, k]]
-    gained, weight = found.gained[blocks], np.ones(blocks.shape)
+        turned[:, k] = np.einsum("nij,nj->ni", C, intervals.pushed[blocks[:, k]])
+        C = C @ intervals.turn[blocks[:, k]]
+    gained, weight = intervals.gained[blocks], np.ones(blocks.shape)
     size = weight
     for _ in range(_PASSES):  # reweighting, so that a wild solution does not bias the attitude
         U, _s, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", weight, gained, turned))
@@ -242,13 +242,15 @@ def _unexplained(found: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
     return size.ravel()[at], rows
 
 
-def _blocks(found: _Intervals, t_fix: Floats) -> Ints:
+def _blocks(intervals: _Intervals, t_fix: Floats) -> Ints:
     """Return the intervals (n_block, n) of each window; no window spans a gap, and the last before a gap ends there."""
-    if not found.first.size:
+    if not intervals.first.size:
         return np.zeros((0, 0), dtype=np.int64)
-    typical = float(np.median(t_fix[found.last] - t_fix[found.first]))
+    typical = float(np.median(t_fix[intervals.last] - t_fix[intervals.first]))
     n = max(_FEWEST, round(_WINDOW / typical))
-    edges = np.concatenate([[0], np.flatnonzero(found.first[1:] != found.last[:-1]) + 1, [found.first.size]])
+    edges = np.concatenate(
+        [[0], np.flatnonzero(intervals.first[1:] != intervals.last[:-1]) + 1, [intervals.first.size]]
+    )
     starts: list[int] = []
     for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         if b - a >= n:

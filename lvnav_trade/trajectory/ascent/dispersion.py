@@ -15,7 +15,7 @@ _GROUND = 1e3  # m below the start, because the Earth is not a sphere
 _DEPLETION = 20  # largest number of corrections of the depletion time
 
 
-def flown(card: VehicleAscent) -> tuple[VehicleAscent, TargetingUnknowns, SimulatedAscent]:
+def dispersed_ascent(card: VehicleAscent) -> tuple[VehicleAscent, TargetingUnknowns, SimulatedAscent]:
     """Return vehicle, aim and ascent of a card, dispersed if the card says so.
 
     With guidance the result is nominal, because vehicles differ between runs. InputError if the nominal vehicle does

@@ -7,19 +7,19 @@ from lvnav_trade.kernels.earth import SEMI_MAJOR, gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dispersion import flown
+from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent
 from lvnav_trade.trajectory.ascent.equations_of_motion import accelerations
 from lvnav_trade.trajectory.ascent.legs import AscentLeg, SimulatedAscent, TargetingUnknowns, pad_state, site_axes
 from lvnav_trade.trajectory.ascent.record import differences
 from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, directions
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Site, VehicleAscent
-from lvnav_trade.trajectory.truth import Phase, Trajectory, joined, pad_phase, splined
+from lvnav_trade.trajectory.truth import Phase, Trajectory, join_samples, pad_phase, splined
 
 
 def build_ascent(card: VehicleAscent) -> Trajectory:
     """Return the true trajectory of a vehicle card; InputError if it cannot reach the orbit."""
-    vehicle, aim, flight = flown(card)
+    vehicle, aim, flight = dispersed_ascent(card)
     theta0 = flight.steering.theta0
     attitude = _attitude(card, aim, flight)
     ends = [0, -1]  # end values of a phase's acceleration are from the equations of motion
@@ -57,7 +57,7 @@ def _attitude(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAsce
     up_e, _, right_e = site_axes(card.site, aim.azimuth)
     theta0 = flight.steering.theta0
     before = pad_knots(card.pad_hold, float(flight.legs[0].t[1]))
-    t, y = joined([leg.t for leg in flight.legs]), joined([leg.y for leg in flight.legs])
+    t, y = join_samples([leg.t for leg in flight.legs]), join_samples([leg.y for leg in flight.legs])
     upright = frames.eci_from_ecef(up_e, frames.earth_angle(theta0, before))
     x = np.concatenate([upright, directions(t, y, flight.steering)])
     return ascent_attitude(np.concatenate([before, t]), x, right_e, theta0, card.roll)

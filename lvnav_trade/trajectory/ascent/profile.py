@@ -48,7 +48,7 @@ from lvnav_trade.trajectory.ascent.steering_law import (
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Roll, Site
 from lvnav_trade.trajectory.discontinuities import bridged, described, missing_events
 from lvnav_trade.trajectory.disturbances import OscillationCard
-from lvnav_trade.trajectory.truth import NOTE, WARNING, Phase, Trajectory, joined, motion, position_spline
+from lvnav_trade.trajectory.truth import NOTE, WARNING, Phase, Trajectory, join_samples, motion, position_spline
 
 _STEP = 0.5  # s between knots
 _COARSEST = 5.0  # s; longest interval over which the force is averaged to distinguish a jump from noise
@@ -213,7 +213,7 @@ def _pointing(
         for s, t in zip(stretches, times, strict=True)
     ]
     before = pad_knots(card.pad_hold, _STEP)
-    t = np.concatenate([before, joined(times)])
+    t = np.concatenate([before, join_samples(times)])
     along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
     upright = eci_from_ecef(up_e, earth_angle(theta0, t))
     weight = smoothsteps((t - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[:, None]

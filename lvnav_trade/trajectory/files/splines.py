@@ -16,7 +16,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, smoothsteps, stretch_knots, thrust_directions
 from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
-from lvnav_trade.trajectory.truth import joined, pad_times
+from lvnav_trade.trajectory.truth import join_samples, pad_times
 
 _CLOSEST = 0.1  # s; smallest interval of knots, because closer knots turn the rounding of the rows into force
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the square of the derivatives below
@@ -180,7 +180,7 @@ def along_path(
         The x axis should lie along a thrust, and no part has any.
     """
     times = [stretch_knots(begin, end) for begin, end in pairwise(edges)]
-    t = joined(times)
+    t = join_samples(times)
     x = _along_force(position, times) if along == "thrust" else _along_velocity(position, t, theta0)
     right_e = _right_of_path(position, edges, theta0)
     if hold > 0.0:

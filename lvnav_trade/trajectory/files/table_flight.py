@@ -159,11 +159,11 @@ def content_of(file: str) -> str:
 
 
 def _path_of(card: TableTrajectory) -> RowFit:
-    return _fitted((card.model_dump_json(), content_of(card.file)), card)
+    return _cached_fit((card.model_dump_json(), content_of(card.file)), card)
 
 
 @remembered(4)
-def _fitted(identity: tuple[str, str], card: TableTrajectory) -> RowFit:
+def _cached_fit(identity: tuple[str, str], card: TableTrajectory) -> RowFit:
     """Return the fit of a card's file, cached by `identity`: the card and the digest of the file."""
     rows = read_rows(card)
     marks = _marks(card.events, rows.t)

@@ -13,7 +13,7 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
-from lvnav_trade.trajectory.truth import Phase, body_axes, joined, product, rotation_quaternions, splined
+from lvnav_trade.trajectory.truth import Phase, body_axes, join_samples, product, rotation_quaternions, splined
 
 Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
 _TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
@@ -236,7 +236,7 @@ def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly 
 
 def knots(stretches: Sequence[IntegratedPhase]) -> tuple[Floats, Floats]:
     """Return the times (n,) and states (n, 7) of successive phases, with each common sample only once."""
-    return joined([s.t for s in stretches]), joined([s.y for s in stretches])
+    return join_samples([s.t for s in stretches]), join_samples([s.y for s in stretches])
 
 
 def greatest_load(stretches: Sequence[IntegratedPhase]) -> float:

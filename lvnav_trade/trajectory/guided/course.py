@@ -9,7 +9,7 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.conditions import resolve
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
-from lvnav_trade.trajectory.ascent.dispersion import flown
+from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent
 from lvnav_trade.trajectory.ascent.launch import build_ascent
 from lvnav_trade.trajectory.ascent.legs import AscentLeg
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
@@ -41,7 +41,7 @@ class SolvedAscent(NamedTuple):
 
 def ascend(card: VehicleAscent) -> SolvedAscent:
     """Return the solved ascent of a vehicle card; InputError if the orbit is out of reach."""
-    vehicle, aim, flight = flown(card)
+    vehicle, aim, flight = dispersed_ascent(card)
     return SolvedAscent(vehicle, build_ascent(card), plan_along(card, aim, flight), flight.legs)
 
 

@@ -9,7 +9,7 @@ from lvnav_trade.kernels.earth import GM
 from lvnav_trade.quantities.frames import unit
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dispersion import flown
+from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
 from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns
 from lvnav_trade.trajectory.ascent.steering_law import directions
@@ -80,7 +80,7 @@ def plan_of(card: VehicleAscent) -> GuidancePlan:
 
 @remembered(4)
 def _planned(key: str, card: VehicleAscent) -> GuidancePlan:
-    _, aim, flight = flown(card)
+    _, aim, flight = dispersed_ascent(card)
     return plan_along(card, aim, flight)
 
 

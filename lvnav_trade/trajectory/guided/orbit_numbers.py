@@ -22,9 +22,9 @@ def orbit_of(y: Floats) -> Floats:
     return np.stack([a, low, high, e * np.cos(turn), e * np.sin(turn), at.inclination, at.node], axis=1)
 
 
-def orbit_difference(one: Floats, other: Floats) -> Floats:
+def orbit_difference(first: Floats, other: Floats) -> Floats:
     """Return numbers of orbits (n, n_orbit) less others, angles of the node the short way round."""
-    found = one - other
+    found = first - other
     found[:, NODE] = np.remainder(found[:, NODE] + np.pi, 2.0 * np.pi) - np.pi
     return np.asarray(found)
 

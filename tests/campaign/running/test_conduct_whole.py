@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.conduct import whole
+from lvnav_trade.campaign.running.conduct import analyse_case
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.quantities.records import CovarianceRequest
 from lvnav_trade.results.tables import scratch
@@ -42,7 +42,7 @@ def job(study, fakes):
 
 def test_a_case_without_runs_is_done_whole(job, case: Case) -> None:
     fake, todo = job()
-    found = whole(todo, case)
+    found = analyse_case(todo, case)
     assert found.is_whole
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
     assert found._replace(is_whole=False) == work.answer(todo, case)
@@ -55,34 +55,34 @@ def test_what_fails_beside_an_answer_is_left_to_its_stage(job, case: Case) -> No
 
     _, todo = job()
     todo = todo._replace(engine=todo.engine._replace(explain=broken))
-    found = whole(todo, case)
+    found = analyse_case(todo, case)
     assert not found.is_whole
     assert not found.error
-    assert work.explain(todo, case).error == "ValueError: no diagnostics"
+    assert work.diagnose(todo, case).error == "ValueError: no diagnostics"
     scratch.clear_cache()  # as another process: the stage finds the covariance on disk
-    assert work.explain(todo, case).error == "ValueError: no diagnostics"
+    assert work.diagnose(todo, case).error == "ValueError: no diagnostics"
 
 
 def test_a_finished_case_is_answered_from_disk_and_its_covariance_never_was_there(job, case: Case) -> None:
     fake, todo = job()
-    found = whole(todo, case)
+    found = analyse_case(todo, case)
     assert [file.suffix for file in Path("scratch").iterdir()] == [".whole"]
     scratch.clear_cache()
-    assert whole(todo, case) == found
+    assert analyse_case(todo, case) == found
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
 
 
 @pytest.mark.parametrize("harm", ["gone", "short", "another question"])
 def test_a_case_whose_tables_are_not_those_that_it_left_is_done_again(job, case: Case, harm: str) -> None:
     fake, todo = job()
-    found = whole(todo, case)
+    found = analyse_case(todo, case)
     table = Path(f"{case.id}.pcase")
     if harm == "gone":
         table.unlink()
     elif harm == "short":
         table.write_bytes(table.read_bytes()[:-1])
     else:
-        todo = todo._replace(asked=CovarianceRequest(at="stage1_cutoff"))
+        todo = todo._replace(request=CovarianceRequest(at="stage1_cutoff"))
     scratch.clear_cache()
-    assert whole(todo, case) == found
+    assert analyse_case(todo, case) == found
     assert [call.what for call in fake.calls] == ["covariance", "explain"] * 2

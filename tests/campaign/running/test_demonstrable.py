@@ -7,7 +7,7 @@ import json
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.running.demonstrable import needed, undemonstrable
+from lvnav_trade.campaign.running.demonstrable import needed, requirements_beyond_run_count
 from lvnav_trade.results.requirements.requirements import decide
 from lvnav_trade.results.statistics.probability import shows
 from tests.cli.calling import call
@@ -41,7 +41,7 @@ def test_the_runs_needed_are_the_fewest_that_decide_without_a_failure() -> None:
 )  # fmt: skip
 def test_fewer_runs_than_that_are_reported(card: str, count: int) -> None:
     found = load("campaigns/smoke.yaml", [STATED, f"monte_carlo={card}"])
-    assert len(list(undemonstrable(found))) == count
+    assert len(list(requirements_beyond_run_count(found))) == count
 
 
 @pytest.mark.parametrize("verb", ["check", "plan"])

@@ -14,7 +14,7 @@ import pytest
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
 from lvnav_trade.campaign.running.conduct import Conduct
-from lvnav_trade.campaign.running.stopping import Stopping, beyond
+from lvnav_trade.campaign.running.stopping import Stopping, violating_runs
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.requirements.requirements import decide, errors_of
 from lvnav_trade.results.tables.read import load as read
@@ -151,7 +151,7 @@ def test_what_a_block_counts_is_what_the_verdicts_count(tmp_path):
     for first in (0, 40):
         block = synthetic.block(cov, first, 40, failing=(3, 50))
         summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
-        counts.append(beyond(asked, "aaaaaaaaaaaa", synthetic.prepared(), cov, summary))
+        counts.append(violating_runs(asked, "aaaaaaaaaaaa", synthetic.prepared(), cov, summary))
     total = [None if None in pair else sum(pair) for pair in zip(*counts, strict=True)]
     bounds = (0.4, 35.0, 100.0)
     on_disk = [

@@ -133,9 +133,9 @@ def test_a_flight_that_cannot_be_is_returned_and_not_raised(job, case: Case, mon
     def out_of_reach(scenario: Any) -> dict[str, float]:
         raise InputError("lacks 300 m/s")
 
-    found = work.flown(todo.engine._replace(events=out_of_reach), case)
+    found = work.trajectory_summary(todo.engine._replace(events=out_of_reach), case)
     assert isinstance(found, InputError)
-    assert work.flown(todo.engine, case) == ({"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}, ())
+    assert work.trajectory_summary(todo.engine, case) == ({"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}, ())
 
 
 def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study) -> None:
@@ -159,8 +159,8 @@ def test_an_orbit_out_of_reach_is_reported_with_the_field_that_asks_for_it(study
 def test_what_is_behind_a_covariance_is_found_once_and_reported_to_the_store(job, case: Case, fakes) -> None:
     fake, todo = job()
     work.answer(todo, case)
-    assert work.explain(todo, case).error == ""
-    work.explain(todo, case)
+    assert work.diagnose(todo, case).error == ""
+    work.diagnose(todo, case)
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
     work.close(todo, case, 0)
     (row,) = fakes.tables(Path()).values()
@@ -170,8 +170,8 @@ def test_what_is_behind_a_covariance_is_found_once_and_reported_to_the_store(job
 def test_another_question_is_answered_anew(job, case: Case) -> None:
     fake, todo = job()
     work.answer(todo, case)
-    work.explain(todo, case)
-    work.explain(todo._replace(asked=CovarianceRequest(sensitivity=True)), case)
+    work.diagnose(todo, case)
+    work.diagnose(todo._replace(request=CovarianceRequest(sensitivity=True)), case)
     assert [call.what for call in fake.calls] == ["covariance", "explain", "explain"]
 
 
@@ -182,7 +182,9 @@ def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
     )
     campaign = load(study.path)
     runs = {"spot_check": 32, "seed": campaign.seed}
-    assert work.asked_of(campaign) == CovarianceRequest("stage1_cutoff", ("liftoff",), sensitivity=True, **runs)
+    assert work.covariance_request(campaign) == CovarianceRequest(
+        "stage1_cutoff", ("liftoff",), sensitivity=True, **runs
+    )
 
 
 def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_statistics_in_memory(tmp_path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.covariance.diagnostics import case_diagnostics as room
-from lvnav_trade.covariance.diagnostics.case_diagnostics import FACTORS, explain, scaled, sensitivity
+from lvnav_trade.covariance.diagnostics.case_diagnostics import FACTORS, diagnose, scaled, sensitivity
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.sources import source_names
 from lvnav_trade.quantities.error_sources import SOURCES
@@ -46,7 +46,7 @@ def found():
     prepared = case()
     history = covariance(prepared)
     asked = CovarianceRequest(at="end1", events=("end0", "end1"))
-    return prepared, history, explain(prepared.scenario, prepared, history, asked)
+    return prepared, history, diagnose(prepared.scenario, prepared, history, asked)
 
 
 def test_covariances_by_source_sum_to_the_true_one_off_the_diagonal_too():
@@ -93,7 +93,7 @@ def test_a_direction_of_a_state_without_an_initial_sigma_is_reported_all_the_sam
 def test_a_filter_with_clones_is_explained_too():
     prepared = case("base.filter.measurements=[pseudorange, tdcp]")
     asked = CovarianceRequest(adjoint=False, sensitivity=False, error_bound=True)
-    what = explain(prepared.scenario, prepared, covariance(prepared), asked)
+    what = diagnose(prepared.scenario, prepared, covariance(prepared), asked)
     assert len(what.phases[0].singular) == what.bound.states == len(prepared.layout.reported)
     assert what.unbounded.startswith("+1.00 ")
     assert len(what.nonlinear) == 3
@@ -105,7 +105,7 @@ def test_every_event_has_its_nonlinearity():
 
 def test_what_is_not_asked_for_is_not_computed():
     prepared, history, _ = found()
-    what = explain(
+    what = diagnose(
         prepared.scenario, prepared, history, CovarianceRequest(adjoint=False, observability=False, nonlinearity=False)
     )
     assert (what.adjoint, what.by_source, what.sensitivity, what.phases) == (None, (), (), ())
@@ -123,7 +123,7 @@ def test_three_quantities_share_their_covariances_and_a_factor_of_one_changes_no
 
     monkeypatch.setattr("lvnav_trade.covariance.diagnostics.case_diagnostics.covariance", counted)
     with flying(hop()):
-        what = explain(prepared.scenario, prepared, history, CovarianceRequest(sensitivity=True, observability=False))
+        what = diagnose(prepared.scenario, prepared, history, CovarianceRequest(sensitivity=True, observability=False))
     assert [part.quantity for part in what.sensitivity] == ["attitude", "velocity", "position"]
     sources = {source for part in what.sensitivity for source in part.sources}
     assert len(calls) == len(sources) * (len(FACTORS) - 1)

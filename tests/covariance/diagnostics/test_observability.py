@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.case_diagnostics import explain
+from lvnav_trade.covariance.diagnostics.case_diagnostics import diagnose
 from lvnav_trade.covariance.diagnostics.observability import TOLERANCE, fold, in_words, observability
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.earth import OMEGA
@@ -158,6 +158,6 @@ def _apart(prepared):
 
 def test_an_explanation_holds_the_windows_that_were_asked_for():
     prepared = modelled()
-    found = explain(prepared.scenario, prepared, covariance(prepared), CovarianceRequest(window=10.0))
+    found = diagnose(prepared.scenario, prepared, covariance(prepared), CovarianceRequest(window=10.0))
     assert [phase.name for phase in found.phases] == ["0 s to 10 s", "10 s to 20 s", "20 s to 30 s"]
     assert found.adjoint is not None

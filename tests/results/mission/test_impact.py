@@ -12,7 +12,7 @@ from lvnav_trade.quantities.frames import ecef_from_geodetic
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.mechanics import mission_errors
 from lvnav_trade.results.mechanics.orbits import offsets
-from lvnav_trade.results.mission.impact import beside, contains, corridor_of, ellipse, metres, probability
+from lvnav_trade.results.mission.impact import contains, corridor_of, ellipse, metres, probability, unwrapped_longitude
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights
 from tests import synthetic
@@ -176,7 +176,7 @@ def test_a_corridor_across_the_date_line_is_one_piece(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=0, campaign=synthetic.CAMPAIGN + card))
     corridor = corridor_of(tables)
     np.testing.assert_allclose(np.degrees(corridor.corners[:, 1]), [170.0, 185.0, 190.0])
-    assert np.degrees(beside(np.radians(-178.0), corridor.corners)) == pytest.approx(182.0)
+    assert np.degrees(unwrapped_longitude(np.radians(-178.0), corridor.corners)) == pytest.approx(182.0)
     assert (corridor.probability, corridor.confidence) == (0.999, 0.9)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.ascent.dispersion import flown, fly_dispersed, pitched
+from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent, fly_dispersed, pitched
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
 from lvnav_trade.trajectory.ascent.legs import TargetingUnknowns, fly_ascent
 from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, solve
@@ -51,7 +51,7 @@ def test_in_vacuum_the_speed_gained_is_that_of_the_rocket_equation(thrust, impul
 def test_a_motor_of_more_thrust_and_less_impulse_burns_shorter_and_an_empty_stage_is_cut_off():
     card = ascent_card(dispersion={"thrust": 1.1, "specific_impulse": 0.93})
     nominal = fly_ascent(card, solve(card))
-    vehicle, aim, flight = flown(card)
+    vehicle, aim, flight = dispersed_ascent(card)
     stage = card.vehicle.stages[1]
     assert flight.events["stage1_cutoff"] < nominal.events["stage1_cutoff"]
     assert left_in_orbit(vehicle, flight, 2) == pytest.approx(0.0, abs=1e-5)

@@ -38,7 +38,7 @@ class Delays(NamedTuple):
     modelled_ionosphere: Floats
 
     @property
-    def left(self) -> Floats:
+    def residual(self) -> Floats:
         """Residual delay of the code after the filter's correction, (n_epoch, n_sat, 2) m, m/s."""
         true, modelled = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
         return np.asarray(true - modelled)

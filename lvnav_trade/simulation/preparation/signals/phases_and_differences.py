@@ -17,7 +17,7 @@ from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.filtering import CaseFilter
 from lvnav_trade.simulation.preparation.inputs import FurtherObservables
 from lvnav_trade.simulation.preparation.signals.noise import assumed_sigma
-from lvnav_trade.simulation.preparation.signals.receiver_measurements import UsedSatellites, hold
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import UsedSatellites, freeze_output
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
 L1 = 1.57542e9  # Hz; of a receiver without a link
@@ -88,7 +88,7 @@ def further_of(
         first += len(error.labels)
     residual = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
     phase = np.asarray(residual + wavelength(scenario) * flight.failed.slip)
-    hold(signals.frozen, phase)
+    freeze_output(signals.frozen, phase)
     return FurtherObservables(
         phase=phase,
         is_phase=np.array([name in PHASES for name in channels.observables]),

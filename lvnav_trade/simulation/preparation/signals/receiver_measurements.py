@@ -148,7 +148,7 @@ def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
     return shift
 
 
-def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
+def freeze_output(frozen: Bools, *tables: NDArray[Any]) -> None:
     """Copy the previous epoch to every frozen epoch; tables (n_epoch, ...) are updated in place."""
     for epoch in np.flatnonzero(frozen):
         for table in tables:
@@ -193,7 +193,7 @@ def received_of(
     position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
     velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
     if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
-        hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
+        freeze_output(failed.frozen, used, n_used, ranges, rates, position, velocity)
     return TrueSignals(
         used=used,
         n_used=n_used,

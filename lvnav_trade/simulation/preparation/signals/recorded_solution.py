@@ -16,7 +16,7 @@ from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import RECORDED, EnteringError
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
-from lvnav_trade.simulation.preparation.signals.receiver_measurements import hold
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import freeze_output
 
 SOURCE = "recorded receiver error"
 _NEGLIGIBLE = 1e-12  # of the largest singular value
@@ -66,7 +66,7 @@ def recorded(
     if card is None or channels.tight:
         return RecordedErrors(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
     table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
-    hold(frozen, np.swapaxes(table, 0, 1))
+    freeze_output(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
     vectors, size, shapes = np.linalg.svd((table - mean).reshape(card.starts, -1), full_matrices=False)
     count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(table))))))
@@ -80,9 +80,9 @@ def recorded(
     return RecordedErrors(mean, errors, vectors[:, :count].T * np.sqrt(card.starts))
 
 
-def values_of(found: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
+def values_of(recorded: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
     """Return the coefficients (n_component, n_run) of runs, by the starts that they draw."""
-    return found.values[:, [start_of(seed, int(run), found.values.shape[1]) for run in runs]]
+    return recorded.values[:, [start_of(seed, int(run), recorded.values.shape[1]) for run in runs]]
 
 
 def start_of(seed: int, run: int, n_start: int) -> int:

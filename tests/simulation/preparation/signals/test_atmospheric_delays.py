@@ -36,16 +36,16 @@ def test_a_rate_is_the_derivative_of_the_delay_and_the_ionosphere_advances_the_c
 
 def test_a_matched_correction_leaves_nothing_and_none_leaves_all():
     matched = along(corrections={"troposphere": {"kind": "matched"}, "ionosphere": {"kind": "matched"}})
-    np.testing.assert_array_equal(matched.left, 0.0)
+    np.testing.assert_array_equal(matched.residual, 0.0)
     none = along()
-    np.testing.assert_array_equal(none.left, none.troposphere + none.ionosphere)
-    assert none.left.max() > 1.0
+    np.testing.assert_array_equal(none.residual, none.troposphere + none.ionosphere)
+    assert none.residual.max() > 1.0
 
 
 def test_a_simple_correction_leaves_a_small_part_of_the_air():
     found = along(corrections={"troposphere": {"kind": "saastamoinen"}, "ionosphere": {"kind": "matched"}})
     # the lowest satellites stand at 5 deg, where one over the sine of elevation is 10 % too much
-    assert 1e-3 < np.abs(found.left[..., 0]).max() < 0.15 * found.troposphere[..., 0].max()
+    assert 1e-3 < np.abs(found.residual[..., 0]).max() < 0.15 * found.troposphere[..., 0].max()
 
 
 @lru_cache(maxsize=8)
