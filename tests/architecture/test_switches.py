@@ -46,7 +46,7 @@ ELSEWHERE = {
     "ReceiverFile": FILES,
     "Turn": STEERING,
     "Descent.attitude": STEERING,
-    "Leg.attitude": STEERING,
+    "OrbitalLeg.attitude": STEERING,
     "Coning.axis": "an axis of the body, as good as the one that is used",
     "NominalConstellation.system": "BeiDou is used together with the others",
     "BancroftSolution.least_quality": STUDIES,
