@@ -155,7 +155,7 @@ def test_a_card_that_cannot_be_read_is_listed_and_not_an_end(study) -> None:
 
 
 def test_a_card_is_shown_with_its_comments() -> None:
-    assert card_text("imu/conae_000", Path()).startswith("# The noise is printed as 0.7 deg/h")
+    assert card_text("imu/conae_000", Path()).startswith("# The paper prints the noise as 0.7 deg/h")
     with pytest.raises(InputError, match=r"^no card 'imu/conae_001' \(did you mean 'imu/conae_000'\?\)$"):
         card_text("imu/conae_001", Path())
 
