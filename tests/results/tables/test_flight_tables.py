@@ -34,7 +34,7 @@ def test_every_number_stands_in_its_row():
         "range_sigma_m": sky.range_sigma,
         "rate_sigma_m_per_s": sky.rate_sigma,
         "troposphere_m": delays.troposphere[:, :, 0],
-        "troposphere_left_m": delays.left[:, :, 0] - 2.5,
+        "troposphere_left_m": delays.residual[:, :, 0] - 2.5,
         "ionosphere_m": delays.ionosphere[:, :, 0],
         "ionosphere_left_m": 2.5 + 0.0 * sky.cn0,
     }.items():

@@ -222,9 +222,9 @@ def test_sources_of_the_vehicle_act_on_a_body_under_control_as_on_one_that_follo
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    ({"attitude_lag": "0.5 s"}, "attitude_lag and control both say"),
+    ({"attitude_lag": "0.5 s"}, "attitude_lag: control also states"),
     ({"oscillation": [{"start": "10 s", "end": "20 s", "coning": [{"angle": "0.1 deg", "frequency": "2 Hz"}]}]},
-     "leave oscillation out"),
+     "oscillation: with guidance"),
 ])  # fmt: skip
 def test_two_ways_of_answering_a_command_are_refused(change, message):
     with pytest.raises(ValidationError, match=message):
