@@ -9,7 +9,7 @@ from lvnav_trade.quantities.errors import InputError
 
 
 @pytest.mark.parametrize(("search", "message"), [
-    (api.solve, "asks no inverse question"), (api.indices, "no sensitivity indices"),
+    (api.solve, "asks no inverse question"), (api.indices, "has no block indices"),
     (api.tune, "tunes no filter"),
 ])  # fmt: skip
 def test_a_campaign_that_asks_nothing_is_refused(search, message, tmp_path) -> None:

@@ -44,9 +44,14 @@ def flown(name, tmp_path, *settings):
 
 def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
     study, parts = load_study("drdc", None, publication("drdc").figures)
-    assert len(parts) == len(study.campaigns) == 6
+    assert len(parts) == len(study.campaigns) == 7
     assert len(study.assumptions) > 5
-    assert {part.part.campaign for part in parts if not part.campaign.references} == {"guidance", "envelope", "nozzle"}
+    assert {part.part.campaign for part in parts if not part.campaign.references} == {
+        "guidance",
+        "envelope",
+        "nozzle",
+        "schuler",
+    }
 
 
 @pytest.mark.slow  # a campaign of half a minute
