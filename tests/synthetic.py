@@ -243,7 +243,7 @@ def _delays(elevation: np.ndarray, tracked: np.ndarray, height: np.ndarray) -> D
 
 
 def explanation(cov: CovHistory) -> CaseDiagnostics:
-    """Return what is behind the Gaussians: all sources act evenly over ten bins, re-tuning is worth a tenth."""
+    """Return diagnostics of the Gaussians: all sources act evenly over ten bins, re-tuning gains a tenth."""
     by_source = []
     for event, t in EVENTS.items():
         true = cov.true_cov[int(np.argmin(np.abs(cov.t - t)))]

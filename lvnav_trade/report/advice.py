@@ -83,7 +83,7 @@ def advice(tables: Tables, row: Any) -> str:
         "comply",
         case=row.case,
         model="" if missing is None else _filter(missing),
-        source=_error(row.source),
+        source=_error(row.source, _dispersions(tables)),
         size=change or say("size", percent=f"{100.0 * row.factor_ratio:.3g}", together=bool(together)),
         share=f"{100.0 * row.share_ratio:.0f}",
         quantity=words(split_metric(str(stated["metric"]))[0]),
@@ -104,7 +104,7 @@ def ways_to_comply(improvements: pd.DataFrame) -> pd.DataFrame:
 
 def _filter(missing: MissingState) -> str:
     """Say which filter to use for an error source that the present one does not model."""
-    return say("model", card=missing.card, state=missing.state, source=_error(missing.source))
+    return say("model", card=missing.card, state=missing.state, source=_error(missing.source, frozenset()))
 
 
 def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingState]]:
@@ -226,12 +226,24 @@ def _filter_cards() -> list[tuple[str, frozenset[str], frozenset[str]]]:
     return cards
 
 
-def _error(source: str) -> str:
-    """Return an error source as a noun phrase; of several sources the largest, and the number of others."""
+def _error(source: str, dispersions: frozenset[str]) -> str:
+    """Return an error source as a noun phrase; of several sources the largest, and the number of others.
+
+    dispersions : names of the sources that are dispersions of the vehicle, such as thrust
+    """
     names = source.split(", ")
     if len(names) > 1:
-        return among(names, _FEW - 1 if len(names) > _FEW else _FEW)
+        nouns = [f"{name} dispersion" if name in dispersions else name for name in names]
+        return among(nouns, _FEW - 1) if len(nouns) > _FEW else f"{', '.join(nouns[:-1])} and {nouns[-1]}"
+    if source in dispersions:
+        return f"{source} dispersion"
     return f"{source.removesuffix('scale factor')}scale-factor error" if source.endswith("scale factor") else source
+
+
+def _dispersions(tables: Tables) -> frozenset[str]:
+    """Return the names of the error sources that are dispersions of a guided vehicle."""
+    rows = tables.injection_covariances
+    return frozenset(rows.source[rows.source_group == "vehicle"])
 
 
 def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:

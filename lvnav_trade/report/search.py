@@ -151,7 +151,8 @@ def indexed(
         for row in order.itertuples()
     )
     about = (
-        f"{error.replace('_', ' ')}, case {case}: the sources contribute {100 * covered:.3g} % of the mean square. "
+        f"{error.replace('_', ' ')}, case {case}: these sources contribute {100 * covered:.3g} % of the mean square. "
+        "The indices divide their effect; all other sources keep their sigmas. "
         f"A fit to {samples} re-tuned designs does not predict {100 * (1 - predicted):.2g} % of the variance of other "
         "designs."
     )

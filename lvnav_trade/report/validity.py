@@ -117,7 +117,7 @@ def short_lived(tables: Tables) -> list[Block]:
 
 
 def empty_stages(tables: Tables) -> list[Block]:
-    """Return a note on runs whose last stage is empty before its cut-off, whatever the navigation."""
+    """Return a note on runs whose last stage is empty before its cut-off."""
     ends = METRICS["cutoff"](tables)
     empty = ends[ends.depleted_count > 0]
     if empty.empty:

@@ -12,6 +12,7 @@ from lvnav_trade.report.advice import advice, missing_state, unmodelled, ways_to
 from lvnav_trade.report.validity import overconfidence
 from lvnav_trade.results.tables.read import Tables, load
 from tests import synthetic
+from tests.injections import with_injections
 
 IMU = {"accel": {"scale_factor": "0.0015 dimensionless", "bias_repeatability": "0.0196133 m/s**2"},
        "gyro": {"random_walk": "8.726646259971647e-06 rad/s**0.5", "bias_repeatability": [1.0, 2.0, 3.0]}}  # fmt: skip
@@ -70,9 +71,16 @@ def test_the_share_is_of_the_error_that_the_requirement_is_on(tables):
     assert "97 % of the mean-square normalised velocity error, to keep it at max_q." in text
 
 
+def test_a_source_of_the_vehicle_is_a_dispersion(tables):
+    """A smaller thrust dispersion is meant, not a smaller thrust."""
+    text = said(with_injections(tables), "thrust, gyro bias", 0.5, 0.9, "together")
+    assert "reduce the thrust dispersion and gyro bias together to 50 % of the present size" in text
+    assert "reduce the thrust dispersion to 50 %" in said(with_injections(tables), "thrust", 0.5, 0.9)
+
+
 def test_several_sources_are_improved_together(tables):
     assert said(tables, "gyro bias, range noise", 0.5, 0.9, "together") == (
-        "imu=fine: reduce the gyro bias, range noise together to 50 % of the present size (1 sigma), estimated "
+        "imu=fine: reduce the gyro bias and range noise together to 50 % of the present size (1 sigma), estimated "
         "with frozen gains. These errors contribute 90 % of the mean-square velocity error at injection."
     )
     assert said(tables, "", float("nan"), float("nan"), "nothing would do") == "imu=fine: nothing would do."

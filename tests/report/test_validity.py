@@ -186,7 +186,7 @@ def test_runs_that_empty_their_stage_are_stated_with_the_worst_design(tmp_path) 
     (note,) = empty_stages(tables)
     assert note.lead == "Empty stages."
     assert note.text == (
-        f"In 1 of 1 designs, the last stage is empty before its cut-off in 1 of 8 runs (most: {label}). The error of "
-        "their orbit counts as infinite, whatever the navigation. See Injection accuracy for the draws of these runs."
+        f"In 1 of 1 designs, the last stage is empty before its cut-off in 1 of 8 runs (most: {label}). The orbit "
+        "error of these runs counts as infinite. Their draws are listed under Injection accuracy."
     )
     assert note in summary(tables)

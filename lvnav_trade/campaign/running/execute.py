@@ -158,8 +158,8 @@ class _Run:
         self.job = self.job._replace(results=keep.open_results(self.folder, asked.name, resolved(asked), stated, mode))
 
     def share(self, keep: Store, mode: Mode) -> CampaignOutcome:
-        """Do a shard's share of the work: linear covariance of its cases, what is behind that of cases whose first
-        block it has, its blocks.
+        """Compute a shard: linear covariance of its cases, diagnostics of the cases whose first block it has, and its
+        blocks of runs.
         """
         self._open(keep, mode)
         if self.space is not None and self.shard is not None:
@@ -168,7 +168,7 @@ class _Run:
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         first = {unit.case.id for unit in self.units if unit.first_run == 0}
         own = [(self.job, case) for case in able if case.id in first or not self.campaign.monte_carlo]
-        self._per_case("diagnostics", work.diagnose, own, "what is behind its linear covariance")
+        self._per_case("diagnostics", work.diagnose, own, "covariance diagnostics")
         self._fly(able)
         end_workers(self.jobs)
         self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
@@ -187,7 +187,7 @@ class _Run:
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         left = [case for case, found in zip(self.cases, answers, strict=True) if not (found.error or found.is_whole)]
-        why = "what is behind its linear covariance"
+        why = "covariance diagnostics"
         self._per_case("diagnostics", work.diagnose, [(self.job, case) for case in left], why)
         lost = self._fly(able)
         ends = [(self.job, case, self.stopping.runs(case.id)) for case in left if case.id not in lost]

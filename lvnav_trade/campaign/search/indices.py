@@ -170,8 +170,8 @@ def _of_injection(prepared: Prepared, history: CovHistory, requirement: Requirem
     law = distribution.law
     if not law.sources:
         raise InputError(
-            f"indices.requirement: near a circular orbit {requirement.metric} is no sum over error sources; "
-            "take the error of the semi-major axis or of the eccentricity"
+            f"indices.requirement: near a circular orbit {requirement.metric} is not a sum over error sources; use "
+            "injection_semi_major_axis_error or injection_eccentricity_vector_error"
         )
     by_source = np.array([np.trace(part) for part in law.sources.values()])
     return _MeanSquares(tuple(law.sources), by_source, float(np.trace(law.covariance) + law.mean @ law.mean))

@@ -46,7 +46,9 @@ def test_indices_of_an_injection_are_those_of_its_budget_by_source() -> None:
 
 @pytest.mark.slow
 def test_near_a_circular_orbit_a_perigee_has_no_indices() -> None:
-    with pytest.raises(InputError, match="near a circular orbit injection_perigee_error is no sum over error sources"):
+    with pytest.raises(
+        InputError, match="near a circular orbit injection_perigee_error is not a sum over error sources"
+    ):
         indices(campaign("injection_perigee_error", "15 km"), Indices(requirement="orbit", sources=2, samples=16))
 
 

@@ -1,4 +1,4 @@
-"""Tables of what is behind linear covariance."""
+"""Tables of the covariance diagnostics."""
 
 from __future__ import annotations
 
