@@ -212,7 +212,7 @@ def _window_back(back, scratch, tape, true, case, w, time_bin):
 
 @jit
 def _solution_back(back, y, chain, true, epoch, time_bin):
-    """Propagate the adjoint backwards through an epoch of the receiver-error states (Chain, or None)."""
+    """Propagate the adjoint backwards through an epoch of the receiver-error states (SolutionErrorModel, or None)."""
     if chain is not None:
         solution_back(back, y, chain, true, epoch, time_bin)
 

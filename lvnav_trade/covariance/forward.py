@@ -129,7 +129,7 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
 def write_samples(out, hist, state, true, units, samples, tick, dt):
     """Write the error variance of IMU samples without their noise by source: raw, and corrected by the estimated bias.
 
-    units : ImuArray of an IMU array, or None; samples : ReportedSamples; tick, dt : last tick, s
+    units : ImuArray, or None; samples : ReportedSamples; tick, dt : last tick, s
     """
     _write_biases(out, hist, state, true, samples)
     if units is None:
@@ -248,7 +248,7 @@ def _jump(mean, clock, jumps):
 def _measure(work, receiver, case, joint, chain, epoch):
     """Propagate the receiver errors to an epoch, and set the measurements of the nominal flight.
 
-    chain : Chain of a receiver that reports a covariance with its solution, or None
+    chain : SolutionErrorModel of a receiver that reports a covariance with its solution, or None
     """
     options, signals, model = case.options, case.signals, case.model
     _jump(joint.state.mean, model.clock, signals.clock_jump[epoch])
@@ -333,7 +333,7 @@ def forward(work, parts, case, joint, flight, record):
     case : FilterCase
     joint : Joint, whose `out` gets the results and whose `tape` the record for a backward pass
     flight : NominalFlight
-    record : Axes of the results
+    record : HistoryRotations, axes of the results
     """
     schedule, options = case.schedule, case.options
     begin_mode_logic(parts.mode_state)

@@ -101,7 +101,7 @@ def input_matrix(b, block, j, true, sums, seconds):
 
 @jit
 def _block_input(scratch, j, true, units, sums, seconds, first, n_tick):
-    """Set `scratch.input` to the sensitivity to block j over a window, for one IMU or an array (Units)."""
+    """Set `scratch.input` to the sensitivity to block j over a window, for one IMU or an array (ImuArray)."""
     if units is None or true.driver[j] == GRAVITY:
         input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
     else:
@@ -207,7 +207,7 @@ def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
     ----------
     joint : JointCovariance, updated in place
     scratch, true : Scratch, Components
-    units : Units of an IMU array; None for one IMU
+    units : ImuArray; None for one IMU
     model, schedule : FilterModel, Schedule
     sums : (18,) integrals of the strapdown over the window
     w : window
@@ -373,7 +373,7 @@ def propagate(work, case, joint, flight, units, w):
     Parameters
     ----------
     work, case, joint, flight : as in `forward.forward`
-    units : Units of an IMU array; None for one IMU
+    units : ImuArray; None for one IMU
     w : window
     """
     model, schedule, scratch, true, sums = case.model, case.schedule, joint.scratch, joint.true, work.sums

@@ -135,7 +135,7 @@ def place_antenna(work, state_history, late, model, dt, epoch):
 
     Parameters
     ----------
-    state_history : stored states of `late.keep`. With a buffered receiver the antenna is placed at the time of
+    state_history : stored states of `delay.keep`. With a buffered receiver the antenna is placed at the time of
         validity.
     late : DelayProcessing, or None
     dt : s, of a strapdown step
@@ -194,7 +194,8 @@ def fill_tight(work, previous_epoch, delayed, model, signals, epoch):
 
     Parameters
     ----------
-    previous_epoch, delayed : PreviousEpoch and Delayed of differences of two epochs; None without further observables
+    previous_epoch, delayed : PreviousEpoch and DifferenceProcessing of differences of two epochs; None without further
+        observables
     model, signals : FilterModel, Signals
     epoch : index
     """

@@ -33,7 +33,7 @@ def noise_variance(work, sigma_points, case, epoch, row, channel):
 
     Parameters
     ----------
-    sigma_points : Points of an unscented filter, whose regression adds variance; None with Jacobians
+    sigma_points : SigmaPoints of an unscented filter, whose regression adds variance; None with Jacobians
     case : FilterCase
     epoch, row, channel : indices
     """

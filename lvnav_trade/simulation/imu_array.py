@@ -38,7 +38,7 @@ class ImuArrayWork(NamedTuple):
 
 
 def new_units(units: Any, n_tick: int, lanes: int = 0) -> ImuArrayWork:
-    """Return the arrays of an IMU array (Units): one run, or `lanes` runs on the last axis."""
+    """Return the arrays of an IMU array (ImuArray): one run, or `lanes` runs on the last axis."""
     n_triad, n_pair, redundancy = units.n_axis.size, units.pair_sensor.size, units.redundant
     shapes = {
         "tables": (2 * n_triad, N_TABLE),

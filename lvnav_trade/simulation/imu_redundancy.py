@@ -289,7 +289,7 @@ def check(work, units, redundancy, tick):
 
 @jit
 def inform(P, work, units, model, seconds):
-    """Inflate the covariance of the filter for excluded IMUs over a window (UnitWork and Units, or None).
+    """Inflate the covariance of the filter for excluded IMUs over a window (ImuArrayWork and ImuArray, or None).
 
     The mean of the remaining IMUs has more noise than that of all, which the filter model assumes. seconds : s, of the
     window

@@ -85,7 +85,7 @@ def from_errors(work, start, k0, k1, run):
 
 @jit
 def _gather_tables(work, imus, unit, units):
-    """Set the error tables from true parameters; in an IMU array (Units) of each IMU and of the combined triad."""
+    """Set the error tables from true parameters; in an IMU array (ImuArray) of each IMU and of the combined triad."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
     else:
@@ -95,7 +95,7 @@ def _gather_tables(work, imus, unit, units):
 
 @jit
 def _add_scale_factor(table, units, code, axis, value):
-    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array (Units) by its direction."""
+    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array (ImuArray) by its direction."""
     if units is None:
         table[processes.OWN + 4 * axis] = table[processes.OWN + 4 * axis] + value
     else:
@@ -178,7 +178,7 @@ def sense(work, imus, unit, units, first, n_tick, key):
     work : Work, updated in place
     imus : ImuArrayWork of an IMU array; None for one IMU
     unit : ImuTruth
-    units : Units of an IMU array, whose combined triad is the output; None for one IMU
+    units : ImuArray, whose combined triad is the output; None for one IMU
     first, n_tick : first tick, number of ticks
     key : (2,) key words of the seed
     """

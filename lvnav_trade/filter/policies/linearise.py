@@ -12,7 +12,7 @@ from lvnav_trade.kernels.jit import inlined, jit
 
 @inlined
 def propagate_estimate(work, case, sigma_points, open_loop, w):
-    """Propagate covariance and estimates over window w: by the transition matrix, or by sigma points (Points)."""
+    """Propagate covariance and estimates over window w: by the transition matrix, or by sigma points (SigmaPoints)."""
     if sigma_points is None:
         predict_window(work, case.model, case.schedule.length[w], case.schedule.injection[w])
     else:
@@ -39,7 +39,7 @@ def fill_receiver_rows(work, parts, case, sigma_points, late, epoch):
 
     Parameters
     ----------
-    sigma_points : Points of an unscented filter, whose regression gives the rows; None: Jacobians
+    sigma_points : SigmaPoints of an unscented filter, whose regression gives the rows; None: Jacobians
     late : DelayProcessing, or None. Measurements compared with a stored state have Jacobians in any case.
     """
     if sigma_points is None:

@@ -55,7 +55,7 @@ def propagate_open_loop(work, sigma_points, open_loop, model, length, linearised
 
     Parameters
     ----------
-    sigma_points : Points of an unscented filter, whose mean gives the navigation errors; None with Jacobians
+    sigma_points : SigmaPoints of an unscented filter, whose mean gives the navigation errors; None with Jacobians
     open_loop : OpenLoop, or None in a closed loop
     model : FilterModel
     length : index of the window length
@@ -141,7 +141,7 @@ def remove_correction(work, open_loop, model):
 @jit
 def compare_receiver(work, state_history, case, late, epoch):
     """Correct the innovations of delayed receiver measurements for the change of the error state since their time of
-    validity (open loop; Late, or None).
+    validity (open loop; DelayProcessing, or None).
     """
     if late is not None and not late.extrapolated:
         model, place = case.model, place_of(late, late.receiver, epoch)

@@ -21,11 +21,11 @@ N_NAV, N_CLONE = 9, 12
 class Joint(NamedTuple):
     """Joint covariance in a pass over the nominal flight, with its work arrays and results.
 
-    state : lincov.workspace.JointCovariance. True covariance by source, and mean; updated.
-    scratch : lincov.workspace.Scratch. Work arrays.
-    tape : lincov.workspace.UpdateTape. Record for the backward pass.
-    out : lincov.workspace.PassResults. Results.
-    true : lincov.components.Components. True error components.
+    state : covariance.workspace.JointCovariance. True covariance by source, and mean; updated.
+    scratch : covariance.workspace.Scratch. Work arrays.
+    tape : covariance.workspace.UpdateTape. Record for the backward pass.
+    out : covariance.workspace.PassResults. Results.
+    true : covariance.components.Components. True error components.
     """
 
     state: Any
@@ -40,8 +40,8 @@ class NominalFlight(NamedTuple):
 
     unit : ImuTruth. Truth-side model of the IMU.
     reference : Reference. True motion on the ticks of the IMU.
-    chain : Chain. Error propagation of the receiver's solution; None without a reported covariance.
-    ticks : lincov.workspace.SampleScratch. Work arrays of IMU samples as measurements; None without.
+    chain : SolutionErrorModel. Error propagation of the receiver's solution; None without a reported covariance.
+    ticks : covariance.workspace.SampleScratch. Work arrays of IMU samples as measurements; None without.
     """
 
     unit: Any
@@ -195,7 +195,7 @@ def _correct_clones(gain, clone, late):
 
 @jit
 def _set_gain(gain, work, weight, gains, n_estimated, epoch, channel):
-    """Set the gain on the joint states: stored (Gains) or `work.K` times weight on estimated states, else zero."""
+    """Set the gain on the joint states: StoredGains, or `work.K` times weight on estimated states; else zero."""
     for i in range(gain.shape[0]):
         gain[i] = 0.0
     for i in range(n_estimated):

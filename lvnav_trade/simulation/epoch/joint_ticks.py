@@ -91,7 +91,7 @@ def fill_partials(a, true, units, vehicle, tick, dt):
     ----------
     a : (n_group, n_slot, 6) in lanes, set here
     true : Components
-    units : Units of an IMU array; None for one IMU
+    units : ImuArray; None for one IMU
     vehicle : VehicleModel
     tick, dt : index; s
     """
@@ -130,7 +130,7 @@ def deviations(z, true, unit, units, reference, tick):
     ----------
     z : (6,) rad/s and m/s^2, set here
     true, unit : Components, ImuTruth
-    units : Units of an IMU array; None for one IMU
+    units : ImuArray; None for one IMU
     reference : Reference, true motion
     tick : index
     """
@@ -238,7 +238,7 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
     joint, flight : Joint, NominalFlight
     motion : ImuSampleWork, with P h' and weights of the filter's update
     model, vehicle : FilterModel, VehicleModel
-    units : Units of an IMU array; None for one IMU
+    units : ImuArray; None for one IMU
     tick : index
     """
     state, ticks, true, unit, h = joint.state, flight.ticks, joint.true, flight.unit, motion.h

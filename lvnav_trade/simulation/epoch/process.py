@@ -296,7 +296,7 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
     joint : Joint, which follows the updates on the nominal flight; None in a run
     open_loop : OpenLoop of the run; None in a closed loop
     sensors : Sensors of the case; None without
-    rules : Rules of the mode logic; None without
+    rules : ModeRules of the mode logic; None without
     epoch : index
     """
     options, model, gate = case.options, case.model, case.model.gate_squared

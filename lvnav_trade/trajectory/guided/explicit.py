@@ -1,7 +1,7 @@
 """Unified powered-flight guidance of one burn: a linear-tangent direction that reaches radius, speed, climb and plane.
 
-`steer` updates the law; `dynamics.commanded` is the direction by it, and `dynamics.fly_last` ends the burn. The effect
-of gravity over the rest of the burn is integrated, or follows in closed form from the Schuler approximation.
+`steer` updates the law. `guided_dynamics.commanded` returns its direction; `guided_dynamics.fly_last` ends the burn.
+The effect of gravity over the rest of the burn is integrated, or follows in closed form from the Schuler approximation.
 
 McHenry, Brand, Long, Cockrell and Thibodeau, Space Shuttle ascent guidance, navigation, and control, Journal of the
 Astronautical Sciences 27(1), 1979; Brand, Brown and Higgins, Unified powered flight guidance, NTRS 19740004402 (1973).

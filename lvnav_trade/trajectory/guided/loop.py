@@ -1,8 +1,8 @@
 """The closed loop of a turning launcher, tick by tick: gusts, gyro, rate filter, controller, nozzle, body.
 
 Both axes (pitch, yaw) are computed at the ticks of the IMU. A command is constant over a tick. Nozzle, gusts and
-command lags are stepped exactly, the body by Runge-Kutta steps of half a tick. Forces and air (`Met`) come from the
-flight, see `turning.py`.
+command lags are stepped exactly, the body by Runge-Kutta steps of half a tick. Forces and air (`LateralForces`)
+are those of the flight, see `turning.py`.
 """
 
 import numpy as np
