@@ -113,7 +113,8 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
         return np.asarray(np.log(together(*(gauss_markov(process, tau) for process in processes(x))) / FLOOR))
 
     start = np.concatenate([np.full(count, math.log(0.8)), np.log(times)])
-    low, high = np.full(2 * count, -8.0), np.full(2 * count, 3.0)
+    low = np.full(2 * count, -8.0)
+    high = np.full(2 * count, 3.0)
     low[count:], high[count:] = math.log(0.1 * shortest), math.log(10.0 * longest)
     fitted = processes(least_squares(misses, start, bounds=(low, high)).x)
     return tuple(Process(instability * p.sigma, p.time_constant) for p in sorted(fitted, key=lambda p: p[1]))

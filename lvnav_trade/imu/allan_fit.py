@@ -68,10 +68,8 @@ def ladder(n: int, dt: float, shortest: float = 0.0, longest: float = math.inf) 
 
     There are six per decade, up to a ninth of the stream, with averaging times from `shortest` to `longest` (s).
     """
-    first, last = (
-        max(1, math.ceil(shortest / dt - 1e-9)),
-        min(n // _LEAST, math.floor(min(longest, n * dt) / dt + 1e-9)),
-    )
+    first = max(1, math.ceil(shortest / dt - 1e-9))
+    last = min(n // _LEAST, math.floor(min(longest, n * dt) / dt + 1e-9))
     if last < first:
         return []
     count = max(2, math.ceil(_PER_DECADE * math.log10(max(last / first, 1.0001))) + 1)
@@ -106,7 +104,8 @@ def fit(rates: Floats, dt: float, factors: Sequence[int]) -> AxisFit:
         shown = squares[k] > _SHOWN * sigma
         high = 0.0 if shown else math.sqrt(_bound(squares, k, spread, design, m, rates.size, dt))
         coefficients[name] = _coefficient(squares[k], sigma) if shown else Coefficient(0.0, 0.0, high, False)
-    tau, root = dt * m.astype(float), np.sqrt(model)
+    tau = dt * m.astype(float)
+    root = np.sqrt(model)
     return AxisFit(tau, np.sqrt(observed), 0.5 * np.sqrt(np.diag(V)) / root, root, coefficients, spread)
 
 
@@ -149,9 +148,11 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
     for _ in range(_PASSES):
         V = covariance(squares, m.tolist(), n, dt)
         L = np.linalg.cholesky(V)
-        A, b = np.linalg.solve(L, design), np.linalg.solve(L, observed)
+        A = np.linalg.solve(L, design)
+        b = np.linalg.solve(L, observed)
         size = np.linalg.norm(A, axis=0)
-        before, squares = squares, nnls(A / size, b)[0] / size
+        before = squares
+        squares = nnls(A / size, b)[0] / size
         if np.allclose(before, squares, rtol=1e-6, atol=0.0):
             break
     return squares, _square_variances(design, V), V
@@ -212,7 +213,8 @@ def _pair(a: int, b: int, n: int, dt: float) -> Floats:
 
     It is twice the sum, over all pairs of second differences, of products of their covariances (Isserlis' theorem).
     """
-    n_a, n_b = n + 1 - 2 * a, n + 1 - 2 * b
+    n_a = n + 1 - 2 * a
+    n_b = n + 1 - 2 * b
     kinks = np.unique([j * b - i * a for i in range(3) for j in range(3)])
     lags, weights = _lags(kinks, n_a, n_b)
     smooth = _second_covariances(lags, a, b, dt)
@@ -248,12 +250,14 @@ def _lags(kinks: Ints, n_a: int, n_b: int) -> tuple[Floats, Floats]:
 
     Short pieces are summed term by term, long pieces by Gauss-Legendre quadrature.
     """
-    first, last = 1 - n_b, n_a - 1
+    first = 1 - n_b
+    last = n_a - 1
     reach = int(kinks[-1] - kinks[0])
     edges = [first, int(kinks[0]) - reach, int(kinks[0]) - reach // 8, *map(int, kinks)]
     edges = sorted({min(max(edge, first), last) for edge in [*edges, 0, n_a - n_b, *(-e for e in edges), last]})
     nodes, parts = np.polynomial.legendre.leggauss(16)
-    lags, weights = [np.array(edges, dtype=float)], [np.ones(len(edges))]
+    lags = [np.array(edges, dtype=float)]
+    weights = [np.ones(len(edges))]
     for low, high in pairwise(edges):
         if high - low - 1 <= _EXACT:
             lags.append(np.arange(low + 1, high, dtype=float))

@@ -261,11 +261,13 @@ def triads_of(card: ImuSet) -> tuple[Triad, ...]:
         if card.selection == "prime":
             weights[count[0] :] = 0.0
         solved.append(least_squares(np.vstack(directions), weights))
-    triads, at = [], 0
+    triads = []
+    at = 0
     for number, axes in enumerate(directions):
         for first in range(0, len(axes), 3):
             members = axes[first : first + 3]
-            n, frames = len(members), np.zeros((3, 3, 3))
+            n = len(members)
+            frames = np.zeros((3, 3, 3))
             frames[:n] = _frames(members)
             gyro, accel = (np.pad(A[:, at : at + n], ((0, 0), (0, 3 - n))) for A in solved)
             triads.append(Triad(number, n, frames, gyro, accel))
@@ -282,7 +284,8 @@ def own_solutions(card: ImuSet) -> Floats:
     """Return the columns (n_triad, 3, 3) by which errors of the axes enter the solution of their own IMU alone."""
     columns = [np.zeros((3, 3)) for _ in triads_of(card)]
     for number, unit in enumerate(card.units):
-        A, at = np.linalg.pinv(unit.directions), 0  # no solution with fewer than three axes: then it is not used
+        A = np.linalg.pinv(unit.directions)
+        at = 0  # no solution with fewer than three axes: then it is not used
         for index, triad in enumerate(triads_of(card)):
             if triad.unit == number:
                 columns[index][:, : triad.n_axis], at = A[:, at : at + triad.n_axis], at + triad.n_axis
@@ -317,7 +320,11 @@ def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
         return error_terms(imu)
     owners = mounted(imu)
     return [
-        term._replace(name=keyed(term.name, unit), part=term.part + 3 * owners[:triad].count((unit, card)), triad=triad)
+        term._replace(
+            name=keyed(term.name, unit),
+            part=term.part + 3 * owners[:triad].count((unit, card)),
+            triad=triad,
+        )
         for triad, (unit, card) in enumerate(owners)
         for term in error_terms(card)
     ]
@@ -330,7 +337,8 @@ def _fused(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> PerAxis
 
     value : Function that returns the sigma of a gyro or accelerometer card.
     """
-    variance, alike = np.zeros(3), True
+    variance = np.zeros(3)
+    alike = True
     for triad in triads_of(imu):
         A, card = (
             (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (triad.accel, imu.units[triad.unit].accel)
@@ -352,7 +360,8 @@ def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[floa
     for triad in triads_of(imu):
         unit = imu.units[triad.unit]
         A, card = (triad.gyro, unit.gyro) if sensor == GYRO else (triad.accel, unit.accel)
-        scale, skew = rms(getattr(card, own)) ** 2, rms(getattr(card, across, 0.0)) ** 2 if across else 0.0
+        scale = rms(getattr(card, own)) ** 2
+        skew = rms(getattr(card, across, 0.0)) ** 2 if across else 0.0
         of_axis = scale * triad.frames[:, 0] ** 2 + skew * (triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2)
         variance += A**2 @ of_axis
     diagonal = float(np.trace(variance))

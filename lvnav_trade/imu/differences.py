@@ -26,7 +26,8 @@ def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
     list of (2, 3, 3)
         By triad: columns of gyro and accelerometer axes, body axes; zero for other IMUs.
     """
-    columns, seen = [np.zeros((2, 3, 3)) for _ in triads_of(imu)], [0] * len(imu.units)
+    columns = [np.zeros((2, 3, 3)) for _ in triads_of(imu)]
+    seen = [0] * len(imu.units)
     solutions = {
         n: (sign, least_squares(d := imu.units[n].directions, np.ones(len(d))))
         for n, sign in ((first, 1.0), (second, -1.0))
@@ -71,18 +72,23 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
     # variances by axis: noise, bias and walk of the difference, bias of the fused triad (own), and their covariance
     noise, bias, walk, shared, own, biases_alike = *np.zeros((5, 3)), True
     for triad, columns in zip(triads_of(imu), difference(imu, first, second), strict=True):
-        unit, D, A = imu.units[triad.unit], columns[sensor], (triad.gyro, triad.accel)[sensor]
+        unit = imu.units[triad.unit]
+        D = columns[sensor]
+        A = (triad.gyro, triad.accel)[sensor]
         card = (unit.gyro, unit.accel)[sensor]
         flicker = np.array(squares(card.instability_axes(card.instability_sigma)))
         lasting = np.array(squares(card.bias_repeatability)) + flicker
         drift = np.array(squares(card.rate_random_walk)) + flicker * 2.0 / card.instability.time_constant
-        bias, walk = bias + D**2 @ lasting, walk + D**2 @ drift
-        shared, own = shared + (D * A) @ lasting, own + A**2 @ lasting
+        bias = bias + D**2 @ lasting
+        walk = walk + D**2 @ drift
+        shared = shared + (D * A) @ lasting
+        own = own + A**2 @ lasting
         biases_alike &= not any(
             isinstance(size, tuple) for size in (card.bias_repeatability, card.bias_instability, card.rate_random_walk)
         )
         # mean over the body axes if the axes of the IMU are equal
-        size, alike = float(np.sum(D**2)) / 3.0, not isinstance(card.random_walk, tuple)
+        size = float(np.sum(D**2)) / 3.0
+        alike = not isinstance(card.random_walk, tuple)
         noise = noise + (rms(card.random_walk) ** 2 * size if alike else D**2 @ squares(card.random_walk))
     if biases_alike:
         bias, walk, shared, own = (np.full(3, np.mean(variance)) for variance in (bias, walk, shared, own))

@@ -91,7 +91,8 @@ class TriadCard(Card):
     @property
     def flicker(self) -> float:
         """Coefficient B (SI, IEEE 952) of the bias instability by fitted processes, root mean square of the axes."""
-        size, fit = per_axis.rms(self.bias_instability), self.instability_fit
+        size = per_axis.rms(self.bias_instability)
+        fit = self.instability_fit
         return size / FLOOR if fit is not None and fit.convention == "floor" else size
 
     @property
@@ -104,7 +105,8 @@ class TriadCard(Card):
         if size <= 0.0 or self.instability_fit is None:
             return Process(size, self.instability_time)
         processes = self.instability_processes
-        variance, slowest = sum(process.sigma**2 for process in processes), processes[-1]
+        variance = sum(process.sigma**2 for process in processes)
+        slowest = processes[-1]
         return Process(math.sqrt(variance), slowest.time_constant * variance / slowest.sigma**2)
 
     def instability_axes(self, sigma: float) -> PerAxis:

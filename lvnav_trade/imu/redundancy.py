@@ -19,7 +19,10 @@ class ParityCard(units.Card):
     """Parity test of the IMUs of an array. A failed IMU is excluded for the rest of the flight, or only reported."""
 
     false_alarm: units.Share = Field(
-        1e-3, gt=0.0, lt=1.0, description="largest probability of an alarm in a run without faults"
+        1e-3,
+        gt=0.0,
+        lt=1.0,
+        description="largest probability of an alarm in a run without faults",
     )
     window: units.TimeConstant = Field(1.0, description="time over which increments are summed for a test")
     after_detection: Literal["exclude", "report", "hand_over"] = Field(
@@ -88,7 +91,8 @@ def _expected(mean: Floats, sigma: Floats) -> Floats:
     It is the lower end of the range plus the integral of the probability that the median lies above.
     """
     x, below = _places(mean, sigma)
-    counts, total = _counts(below), np.zeros(mean.shape[1])
+    counts = _counts(below)
+    total = np.zeros(mean.shape[1])
     for rank in _ranks(len(mean)):
         above = counts[: rank + 1].sum(axis=0)
         total += 0.5 * (x[0] + np.sum(0.5 * (above[1:] + above[:-1]) * np.diff(x, axis=0), axis=0))
@@ -98,7 +102,8 @@ def _expected(mean: Floats, sigma: Floats) -> Floats:
 def _gains(mean: Floats, sigma: Floats) -> Floats:
     """Return the probability (n,) that each of n normal readings is the median."""
     _, below = _places(mean[:, None], sigma)
-    below, probability = below[..., 0], np.zeros(mean.size)
+    below = below[..., 0]
+    probability = np.zeros(mean.size)
     for k in range(mean.size):
         counts = _counts(np.delete(below, k, axis=0))
         density = 0.5 * sum(counts[rank] for rank in _ranks(mean.size))
@@ -124,12 +129,15 @@ def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
     / Var(e), is the probability that it is the median (Stein's lemma). The residual of the linearisation is
     uncorrelated with the errors. Its lasting part is the residual of the median averaged over white noise.
     """
-    n, sigma = mean.size, np.hypot(white, lasting)
-    gains, errors = _gains(mean, sigma), sigma * _normals(n, MANY)
+    n = mean.size
+    sigma = np.hypot(white, lasting)
+    gains = _gains(mean, sigma)
+    errors = sigma * _normals(n, MANY)
     residual = np.sort(mean + errors, axis=1)[:, list(_ranks(n))].mean(axis=1) - errors @ gains
     constant = lasting * _normals(n, FEW)
     averaged = _expected((mean + constant).T, white) - constant @ gains
-    total, constant_part = float(np.var(residual)), float(np.var(averaged))
+    total = float(np.var(residual))
+    constant_part = float(np.var(averaged))
     return MedianModel(
         gains,
         float(_expected(mean[:, None], sigma)[0]),

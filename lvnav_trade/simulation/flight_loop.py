@@ -38,7 +38,8 @@ def fly(work, parts, case, truth, key):
     tape_start(parts.tape, work)
     begin_filter(work, parts, options)
     for w in range(schedule.n_tick.shape[0]):
-        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        first = schedule.first_tick[w]
+        n_tick = schedule.n_tick[w]
         if n_tick > 0:
             sense(work, parts.units, unit, options.units, first, n_tick, key)
             tape_increments(parts.tape, work, first, n_tick)

@@ -71,7 +71,8 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
 
     errors : (n_run, n_hist, n_out), attitude in body axes, velocity and position in the reporting frame
     """
-    record, parts = prepared.record, errors[..., :_N_MOTION].reshape(*errors.shape[:2], 3, 3)
+    record = prepared.record
+    parts = errors[..., :_N_MOTION].reshape(*errors.shape[:2], 3, 3)
     turned = np.einsum("hij,rhj->rhi", matrices(record.q), parts[:, :, 0])
     others = np.einsum("hji,rhpj->rhpi", record.axes, parts[:, :, 1:])
     return np.concatenate([turned[:, :, None], others], axis=2).reshape(*errors.shape[:2], _N_MOTION)
@@ -79,9 +80,11 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
 
 def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
     """Return the rows of `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
-    y, error = np.stack([item.y for item in injections]), np.stack([item.error for item in injections])
+    y = np.stack([item.y for item in injections])
+    error = np.stack([item.error for item in injections])
     target = orbit_of(nominal[None])[0]
-    achieved, navigated = orbit_of(y), orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
+    achieved = orbit_of(y)
+    navigated = orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
     head = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in injections])
     parts = ((achieved, target), (achieved, navigated))
     return np.concatenate([head, *(orbit_difference(*pair) for pair in parts)], axis=1)

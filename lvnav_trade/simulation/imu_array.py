@@ -39,7 +39,9 @@ class ImuArrayWork(NamedTuple):
 
 def new_units(units: Any, n_tick: int, lanes: int = 0) -> ImuArrayWork:
     """Return the arrays of an IMU array (ImuArray): one run, or `lanes` runs on the last axis."""
-    n_triad, n_pair, redundancy = units.n_axis.size, units.pair_sensor.size, units.redundant
+    n_triad = units.n_axis.size
+    n_pair = units.pair_sensor.size
+    redundancy = units.redundant
     shapes = {
         "tables": (2 * n_triad, N_TABLE),
         "sensed": (n_triad, n_tick, 6),
@@ -167,14 +169,20 @@ def _sense_triad(imus, units, k, at, ticks, dt, key, run):
     ticks : (2,) first tick, number of ticks; key : (2,) key words of the seed
     """
     (first_tick, n_tick), (k0, k1) = ticks, key
-    out, frames, white = imus.sensed[k], units.frames[k], units.white[k]
-    gyro, accel = imus.tables[2 * k], imus.tables[2 * k + 1]
+    out = imus.sensed[k]
+    frames = units.frames[k]
+    white = units.white[k]
+    gyro = imus.tables[2 * k]
+    accel = imus.tables[2 * k + 1]
     for tick in range(first_tick, first_tick + n_tick):
-        row, epoch = at + tick - first_tick, np.uint64(tick)
-        a, f = units.dtheta[k, tick], units.dvel[k, tick]
+        row = at + tick - first_tick
+        epoch = np.uint64(tick)
+        a = units.dtheta[k, tick]
+        f = units.dvel[k, tick]
         n0, n1, n2, n3 = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(1))
-        gyro_noise, accel_noise = (n0, n1, n2), (n3, n4, n5)
+        gyro_noise = (n0, n1, n2)
+        accel_noise = (n3, n4, n5)
         for c in range(3):
             h = frames[c, 0]
             angle = h[0] * a[0] + h[1] * a[1] + h[2] * a[2]
@@ -195,7 +203,8 @@ def lever_arm_increment(imus, units, k, x, y, z, dt):
     It is (dw x r) + w x (w x r) dt, with w dt the combined angle increment x, y, z (rad) of the tick, and dw the change
     of w since the previous tick.
     """
-    lever, before = units.lever[k], imus.before
+    lever = units.lever[k]
+    before = imus.before
     first = before[3]  # 0 at the first tick, which has no previous one
     tx, ty, tz = cross(
         first * (x - before[0]), first * (y - before[1]), first * (z - before[2]), lever[0], lever[1], lever[2]
@@ -226,7 +235,9 @@ def _fuse(increments, imus, units, at, n_tick, dt):
                 for i in range(3):
                     increments[row, i] = increments[row, i] + units.solved[0, k, 0, i, c] * imus.sensed[k, row, c]
                 _add_difference(imus, units, 0, k, c, imus.sensed[k, row, c])
-        x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
+        x = increments[row, 0]
+        y = increments[row, 1]
+        z = increments[row, 2]
         for k in range(n):
             sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
@@ -241,13 +252,16 @@ def _fuse(increments, imus, units, at, n_tick, dt):
 @jit
 def _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick, dt):
     """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection."""
-    n, redundant = units.n_axis.shape[0], imus.redundant
+    n = units.n_axis.shape[0]
+    redundant = imus.redundant
     for row in range(at, at + n_tick):
         for k in range(n):
             for c in range(units.n_axis[k]):
                 note(redundant, 0, k, c, imus.sensed[k, row, c])
         combine(increments, redundant, units, redundancy, row, 0)
-        x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
+        x = increments[row, 0]
+        y = increments[row, 1]
+        z = increments[row, 2]
         for k in range(n):
             sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):

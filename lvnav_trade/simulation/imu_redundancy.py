@@ -153,12 +153,14 @@ def _middle_of(work):
 
     With an even number of IMUs it is the mean of the middle two.
     """
-    n, used = work.order.shape[0], like(work.over[0], 0.0)
+    n = work.order.shape[0]
+    used = like(work.over[0], 0.0)
     for u in range(n):
         used = used + where(work.out[u] > 0.0, 0.0, 1.0)
     for last in range(n - 1, 0, -1):
         for u in range(last):
-            a, b = work.order[u], work.order[u + 1]
+            a = work.order[u]
+            b = work.order[u + 1]
             work.order[u], work.order[u + 1] = where(b < a, b, a), where(b < a, a, b)
     median = work.order[0]
     for m in range(2, n + 1):
@@ -176,7 +178,9 @@ def _weight(work, skip, redundancy, weights, k, c):
 @jit
 def _residual(work, units, redundancy, sensor, window, skip):
     """Return the weighted sum of squared residuals of a fit without IMU `skip` (-1 none), and its dof."""
-    weights, n, zero = redundancy.weight[window, sensor], units.n_axis.shape[0], like(work.over[0], 0.0)
+    weights = redundancy.weight[window, sensor]
+    n = units.n_axis.shape[0]
+    zero = like(work.over[0], 0.0)
     for i in range(3):
         work.b[i] = zero
         for j in range(3):
@@ -184,7 +188,8 @@ def _residual(work, units, redundancy, sensor, window, skip):
     dof = zero - 3.0
     for k in range(n):
         for c in range(units.n_axis[k]):
-            h, w = units.frames[k, c, 0], _weight(work, skip, redundancy, weights, k, c)
+            h = units.frames[k, c, 0]
+            w = _weight(work, skip, redundancy, weights, k, c)
             dof = dof + where(w > 0.0, 1.0, 0.0)
             for i in range(3):
                 work.b[i] = work.b[i] + w * h[i] * work.sums[sensor, k, c]
@@ -196,7 +201,8 @@ def _residual(work, units, redundancy, sensor, window, skip):
     square = zero
     for k in range(n):
         for c in range(units.n_axis[k]):
-            h, w = units.frames[k, c, 0], _weight(work, skip, redundancy, weights, k, c)
+            h = units.frames[k, c, 0]
+            w = _weight(work, skip, redundancy, weights, k, c)
             residual = work.sums[sensor, k, c] - (h[0] * work.fit[0] + h[1] * work.fit[1] + h[2] * work.fit[2])
             square = square + w * residual * residual
     return square, dof
@@ -215,7 +221,8 @@ def _in_use(work, u, prime):
 @jit
 def _reduce(work, units, redundancy):
     """Set the weights of the axes in the mean of the IMUs in use."""
-    n, zero = units.n_axis.shape[0], like(work.over[0], 0.0)
+    n = units.n_axis.shape[0]
+    zero = like(work.over[0], 0.0)
     for sensor in range(2):
         for i in range(3):
             for j in range(3):
@@ -328,7 +335,8 @@ def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
     seconds : s, length of the window
     """
     for sensor in range(2):
-        at, total = (ATT if sensor == GYRO else VEL), like(P[0, 0], 0.0)
+        at = ATT if sensor == GYRO else VEL
+        total = like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
                 for i in range(3):
@@ -358,14 +366,16 @@ def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, at):
     """
     solved, before = weights
     for i in range(3):
-        change, fresh = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
+        change = like(P[0, 0], 0.0)
+        fresh = like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
                 now = solved[k, sensor, i, c]
                 off = now - before[k, sensor, i, c]
                 change = change + off * off * redundancy.spread[sensor, k, c]
                 fresh = fresh + now * now * redundancy.spread[sensor, k, c]
-        known, handed = P[at + i, at + i], (wanted > 0.0) & (change > 0.0)
+        known = P[at + i, at + i]
+        handed = (wanted > 0.0) & (change > 0.0)
         for j in range(P.shape[0]):
             P[at + i, j] = where(handed, 0.0, P[at + i, j])
             P[j, at + i] = where(handed, 0.0, P[j, at + i])
@@ -381,7 +391,8 @@ def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, at, seconds):
         total = like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
-                all_units, now = redundancy.mean[0, k, sensor, i, c], solved[k, sensor, i, c]
+                all_units = redundancy.mean[0, k, sensor, i, c]
+                now = solved[k, sensor, i, c]
                 change = now - before[k, sensor, i, c]
                 total = total + change * change * redundancy.spread[sensor, k, c]
                 total = total + (now * now - all_units * all_units) * redundancy.walk[sensor, k, c] * seconds

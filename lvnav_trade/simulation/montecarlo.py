@@ -138,9 +138,15 @@ def fly_lanes(work: Any, parts: Any, case: Any, truth: Any, key: Any) -> None:
 def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, OptionalState]:
     """Return the arrays of one run, or of eight in lanes, all zero. No array is empty: a lane view needs a length."""
     model, signals, layout = prepared.model, prepared.signals, prepared.layout
-    n, n_row, n_lane = layout.n_state, prepared.n_row, WIDTH if lanes else 0
-    n_hist, n_epoch, n_out = prepared.t_hist.size, prepared.t_epoch.size, len(prepared.outputs)
-    n_par, n_true, n_extra = len(layout.parameters), len(prepared.unit.sigma), model.extra_offset.size
+    n = layout.n_state
+    n_row = prepared.n_row
+    n_lane = WIDTH if lanes else 0
+    n_hist = prepared.t_hist.size
+    n_epoch = prepared.t_epoch.size
+    n_out = len(prepared.outputs)
+    n_par = len(layout.parameters)
+    n_true = len(prepared.unit.sigma)
+    n_extra = model.extra_offset.size
     arrays = zeros_of({
         "run": (1,), "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max(initial=0)), 6), "P": (n, n), "X": (n, n),
@@ -159,8 +165,11 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, OptionalState]:
 
 def _new_parts(prepared: Prepared, n_lane: int) -> OptionalState:
     """Return the arrays of the optional features that a case has; `n_lane` is 0 for one run."""
-    options, layout, parts = prepared.options, prepared.layout, dict[str, Any]()
-    n, n_channel = layout.n_state, prepared.channels.n_receiver
+    options = prepared.options
+    layout = prepared.layout
+    parts = dict[str, Any]()
+    n = layout.n_state
+    n_channel = prepared.channels.n_receiver
     if options.solver is not None:
         parts["receiver"] = new_receiver(n_lane, len(prepared.sky.names))
     if prepared.scenario.filter.feedback == "open":
@@ -183,7 +192,8 @@ def _new_parts(prepared: Prepared, n_lane: int) -> OptionalState:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
         parts["units"] = new_units(options.units, n_tick, n_lane)
     if options.delayed is not None:
-        n_extra, lever_arms = prepared.model.extra_offset.size, prepared.model.lever_arms
+        n_extra = prepared.model.extra_offset.size
+        lever_arms = prepared.model.lever_arms
         parts["previous_epoch"] = new_previous_epoch(options.delayed, len(lever_arms), n_extra, n, n_lane)
         shape = (len(prepared.sky.names), prepared.model.n_kind)
         parts["previous_observables"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
@@ -310,9 +320,11 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
     joined: dict[str, Any] = {}
-    changes, decisions = [NO_CHANGES], [NO_DECISIONS]
+    changes = [NO_CHANGES]
+    decisions = [NO_DECISIONS]
     for done in range(0, n_run, width):
-        first, new = first_run + done, min(width, n_run - done)
+        first = first_run + done
+        new = min(width, n_run - done)
         work, parts = _fly(prepared, seed, first, use_lanes)
         for name, kind in _OUTPUT.items():
             runs = _by_run(getattr(work, name), use_lanes)

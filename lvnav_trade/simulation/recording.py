@@ -72,7 +72,8 @@ def _record_vector(err, sigma, at, x, P, state, along):
 @jit
 def _record_motion(err, sigma, first, x, P, history, hist):
     """Write errors and sigmas of attitude, velocity and position in reporting axes, from output `first` on."""
-    q, axes = history.q[hist], history.axes[hist]
+    q = history.q[hist]
+    axes = history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
     for i in range(3):
         _record_vector(err, sigma, first + ATT + i, x, P, ATT, (c[i], c[3 + i], c[6 + i]))
@@ -91,7 +92,10 @@ def _record_backup(work, backup, first, history, hist):
 @jit
 def _record_states(work, imus, history, shared, units, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
-    x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
+    x = work.x
+    P = work.P
+    err = work.err[hist]
+    sigma = work.sigma[hist]
     _navigation_errors(x, work, history, model, hist)
     if model.clock >= 0:
         # the true clock is stepped at epochs; in between its bias changes by its drift
@@ -113,7 +117,8 @@ def _record_states(work, imus, history, shared, units, model, hist):
 @jit
 def _check(work, history, hist):
     """Set failure code and time of a run when its position error is first not finite (1) or beyond the limit (2)."""
-    x, failed = work.x, work.failed[0]
+    x = work.x
+    failed = work.failed[0]
     square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
     good = square <= history.limit * history.limit
     code = where(square > history.limit * history.limit, 2.0, 1.0)
@@ -141,7 +146,8 @@ def _record_samples(work, motion, samples, model, tick, hist):
             error = true - motion.sample[i]
             work.err[hist, n + i] = error
             work.sigma[hist, n + i] = sqrt(like(error, samples.raw[i]))
-            block, state = samples.par[i // 3], samples.bias[i]
+            block = samples.par[i // 3]
+            state = samples.bias[i]
             variance = like(error, samples.raw[i])
             if state >= 0:
                 error = error + work.par[block, i % 3]
@@ -154,8 +160,10 @@ def _record_samples(work, motion, samples, model, tick, hist):
 def _record_solution(work, solution_error, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
-        axes, at = history.axes[hist], report.first_output
-        err, sigma = work.err[hist], work.sigma[hist]
+        axes = history.axes[hist]
+        at = report.first_output
+        err = work.err[hist]
+        sigma = work.sigma[hist]
         for i in range(3):
             along = axes[i, 0], axes[i, 1], axes[i, 2]
             _record_vector(err, sigma, at + i, solution_error.error, solution_error.covariance, RX_VEL, along)

@@ -16,7 +16,8 @@ from lvnav_trade.sensors import ranges, receiver_solution
 from lvnav_trade.sensors.family import measure
 from lvnav_trade.simulation.imu_array import begin_units, fuse_tables, gather_units, sense_units, take_difference
 
-_ZERO, _ONE = np.uint64(0), np.uint64(1)
+_ZERO = np.uint64(0)
+_ONE = np.uint64(1)
 
 
 @jit
@@ -30,7 +31,11 @@ def begin(work, imus, case, truth, key):
     case, truth : FilterCase, Truth
     key : (2,) key words of the seed
     """
-    run, unit, signals, start, model = work.run[0], truth.unit, case.signals, truth.start, case.model
+    run = work.run[0]
+    unit = truth.unit
+    signals = case.signals
+    start = truth.start
+    model = case.model
     k0, k1 = key
     q = from_errors(work, start, k0, k1, run)
     work.nav[Q], work.nav[Q + 1], work.nav[Q + 2], work.nav[Q + 3] = q
@@ -74,7 +79,9 @@ def _drawn_error(start, block, k0, k1, run):
 @jit
 def from_errors(work, start, k0, k1, run):
     """Set estimated velocity and position to truth minus drawn errors; return the estimated attitude likewise."""
-    t, dv, dr = start.nav, _drawn_error(start, 1, k0, k1, run), _drawn_error(start, 2, k0, k1, run)
+    t = start.nav
+    dv = _drawn_error(start, 1, k0, k1, run)
+    dr = _drawn_error(start, 2, k0, k1, run)
     for i in range(3):
         work.nav[V + i], work.nav[R + i] = t[V + i] - dv[i], t[R + i] - dr[i]
     x, y, z = _drawn_error(start, 0, k0, k1, run)
@@ -183,7 +190,8 @@ def sense(work, imus, unit, units, first, n_tick, key):
     key : (2,) key words of the seed
     """
     k0, k1 = key
-    run, done = work.run[0], 0
+    run = work.run[0]
+    done = 0
     while done < n_tick:
         tick = first + done
         phase = tick % unit.process_ticks
@@ -261,7 +269,9 @@ def _measure_further(work, last, further, signals, word, epoch, key):
     """
     k0, k1 = key
     _begin_phases(work, further, signals, word, epoch, key)
-    n_kind, run, shared = further.is_phase.shape[0], work.run[0], signals.shared
+    n_kind = further.is_phase.shape[0]
+    run = work.run[0]
+    shared = signals.shared
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
         m0, _, _, _ = normals(k0, k1, further.source, run, word, signals.words[s])
@@ -291,10 +301,13 @@ def _repeat(work, further, signals, epoch):
 def _measure_ranges(work, n_kind, signals, word, epoch, key):
     """Set pseudorange and range rate of every satellite in use. n_kind : channels of a satellite."""
     k0, k1 = key
-    run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
+    run = work.run[0]
+    shared = signals.shared
+    sigma = signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        at_range, at_rate = n_kind * s, n_kind * s + 1
+        at_range = n_kind * s
+        at_rate = n_kind * s + 1
         m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
         true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
         true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
@@ -306,7 +319,9 @@ def _measure_ranges(work, n_kind, signals, word, epoch, key):
 def _measure_directly(work, signals, word, epoch, key):
     """Set position and velocity of a directly simulated solution."""
     k0, k1 = key
-    run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
+    run = work.run[0]
+    shared = signals.shared
+    sigma = signals.sigma[epoch]
     p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
     v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
     normal = (p0, p1, p2, v0, v1, v2)
@@ -348,7 +363,8 @@ def measure_sensors(work, imus, sensors, units, signals, key, epoch):
         for k in range(sensors.code.shape[0]):
             if sensors.on[k, epoch]:
                 n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
-                at, count = sensors.channel[k] + signals.shift, sensors.scalars[k]
+                at = sensors.channel[k] + signals.shift
+                count = sensors.scalars[k]
                 e0 = _sensor_error(work, signals, epoch, at, n0)
                 e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
                 e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
@@ -375,7 +391,10 @@ def observe(work, parts, case, solver, key, epoch):
     key : (2,) key words of the seed
     epoch : index
     """
-    word, signals, model, further = np.uint64(epoch + 1), case.signals, case.model, case.options.further
+    word = np.uint64(epoch + 1)
+    signals = case.signals
+    model = case.model
+    further = case.options.further
     _step_receiver(work, signals, word, epoch, key)
     if solver is not None:
         _measure_ranges(work, 2, signals, word, epoch, key)

@@ -93,7 +93,8 @@ def _uncertain(prepared: Prepared) -> set[str]:
 
 def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield the states on which no measurement depends: their Jacobian column is zero at every epoch."""
-    layout, measured = prepared.layout, prepared.model.measured
+    layout = prepared.layout
+    measured = prepared.model.measured
     entering = [
         _enters(prepared, block, partial)
         for block, partial in zip(layout.extras, prepared.signals.partial, strict=True)
@@ -128,7 +129,8 @@ def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield delay compensation without a delay, and settings that only an extrapolated solution has."""
-    card, late = prepared.scenario.filter.delay_compensation, prepared.options.late
+    card = prepared.scenario.filter.delay_compensation
+    late = prepared.options.late
     if card is None:
         return
     is_late = late is not None and (np.any(late.delay > 0.0) or any(np.any(d.delay > 0.0) for d in prepared.devices))
@@ -141,7 +143,8 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the noise factors of measurements that receiver or filter do not take."""
-    model, listed = scenario.filter.receiver, scenario.filter.measurements
+    model = scenario.filter.receiver
+    listed = scenario.filter.measurements
     observables = [DIFFERENCES.get(name, name) for name in listed]
     solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
     for path, tables, measured in (
@@ -192,7 +195,8 @@ def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
     They keep all satellites, affect elevations without satellites, or lie within another outage.
     """
-    scenario, start = prepared.scenario, float(prepared.reference.t[0])
+    scenario = prepared.scenario
+    start = float(prepared.reference.t[0])
     for number, fault in enumerate(scenario.faults):
         if isinstance(fault, SatelliteOutage) and fault.duration != 0.0:
             others = (*scenario.faults[:number], *scenario.faults[number + 1 :])

@@ -259,7 +259,8 @@ def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tup
         worst=worst,
         mean_square=mean_square,
     )
-    error, sigma = np.ascontiguousarray(block.err), np.ascontiguousarray(block.sigma)
+    error = np.ascontiguousarray(block.err)
+    sigma = np.ascontiguousarray(block.sigma)
     counted = np.searchsorted(block.t, until)
     size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
     add_errors(error, sigma, groups, counted, size, ErrorSpans(block.t, at), sums, np.empty((n_hist, n_column)))
@@ -361,7 +362,8 @@ def counts(summary: BlockSummary) -> NDArray[np.uint32]:
 
 def compile_kernels() -> None:
     """Compile the kernels of the statistics, or load them from the cache, with a block of one run at one time."""
-    one, none = np.zeros(1), np.zeros((1, 1, 0))
+    one = np.zeros(1)
+    none = np.zeros((1, 1, 0))
     whole = np.zeros((1, 1), dtype=np.int32)
     block = RunBlock(0, one, none, none, one[None], one, one[None], whole, whole, none, np.zeros(1, np.int8), one)
     merge([summarise(block, {}, none[0], ())])

@@ -38,7 +38,9 @@ def _advance(work, parts, case, vehicle, w):
     """Propagate the navigation state over window w: by compensated increments, or by the motion states of a filter
     (VehicleModel) that processes every IMU sample as a measurement.
     """
-    n_tick, model, start = case.schedule.n_tick[w], case.model, case.tick * case.schedule.first_tick[w]
+    n_tick = case.schedule.n_tick[w]
+    model = case.model
+    start = case.tick * case.schedule.first_tick[w]
     last_sample(work, parts.motion, case.options.samples, n_tick, case.tick)
     if vehicle is not None:
         sample_window(work, parts, case, None, None, w)
@@ -56,8 +58,12 @@ def propagate(work, parts, case, w):
     The backup strapdown and the sigma points take the increments first, before the estimated errors are removed.
     """
     schedule, model, options = case.schedule, case.model, case.options
-    length, injection, linearised = schedule.length[w], schedule.injection[w], schedule.linearised[w]
-    n_tick, start, seconds = schedule.n_tick[w], case.tick * schedule.first_tick[w], model.seconds[length]
+    length = schedule.length[w]
+    injection = schedule.injection[w]
+    linearised = schedule.linearised[w]
+    n_tick = schedule.n_tick[w]
+    start = case.tick * schedule.first_tick[w]
+    seconds = model.seconds[length]
     linearise(work.rates, work.nav, linearised)  # at the state before the window
     advance_backup(parts.backup, work, model, n_tick, case.step, start)
     hold_window(parts.sigma_points, work, n_tick)

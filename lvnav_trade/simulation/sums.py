@@ -86,7 +86,8 @@ def add_errors(
     total, squares, sigma_squares, bins = sums.total, sums.squares, sums.sigma_squares, sums.bins
     worst, mean_square, t, at = sums.worst, sums.mean_square, spans.t, spans.at
     n_run, n, _ = error.shape
-    n_column, n_span = row.shape[1], worst.shape[1]
+    n_column = row.shape[1]
+    n_span = worst.shape[1]
     flat = row.reshape(n * n_column)
     for run in range(n_run):
         n_cell = counted[run] * n_column
@@ -119,7 +120,9 @@ def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
         for c in range(n_out):
             row[k, c] = values[k, c]
         for g in range(len(groups)):
-            x, y, z = values[k, groups[g, 0]], values[k, groups[g, 1]], values[k, groups[g, 2]]
+            x = values[k, groups[g, 0]]
+            y = values[k, groups[g, 1]]
+            z = values[k, groups[g, 2]]
             row[k, n_out + g] = np.sqrt(x * x + y * y + z * z)
 
 

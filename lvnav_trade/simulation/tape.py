@@ -72,7 +72,8 @@ def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
         "covariance": (n_epoch, 6, 6),
         "observed": (n_epoch, *work.observed.shape),
     }
-    before, after = _new_estimates(work, n_epoch), _new_estimates(work, n_epoch + 1)
+    before = _new_estimates(work, n_epoch)
+    after = _new_estimates(work, n_epoch + 1)
     return Tape(**zeros_of(shapes), before=before, after=after)
 
 

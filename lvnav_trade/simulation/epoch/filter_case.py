@@ -88,9 +88,11 @@ def _store_estimate_error(work, receiver, solution_error, filtering, point_model
     valid = receiver.solution[0] == receiver.solution[0]
     if filtering is None:
         for i in range(4):
-            a, b = RX_POS + i if i < 3 else RX_BIAS, RX_VEL + i if i < 3 else RX_DRIFT
+            a = RX_POS + i if i < 3 else RX_BIAS
+            b = RX_VEL + i if i < 3 else RX_DRIFT
             for j in range(4):
-                c, d = RX_POS + j if j < 3 else RX_BIAS, RX_VEL + j if j < 3 else RX_DRIFT
+                c = RX_POS + j if j < 3 else RX_BIAS
+                d = RX_VEL + j if j < 3 else RX_DRIFT
                 inverse = receiver.inverse[i, j]
                 solution_error.covariance[a, c] = where(
                     valid, point_model.range_variance * inverse, solution_error.covariance[a, c]
@@ -125,7 +127,8 @@ def _store_covariance(joint, solved, epoch):
     """Store the error covariance of the last solution by source, and its mean (Joint, or None)."""
     if joint is not None and solved[epoch]:
         out, state, true = joint.out, joint.state, joint.true
-        at, n = true.solution, out.held_mean.shape[0]
+        at = true.solution
+        n = out.held_mean.shape[0]
         for source in range(true.group.shape[0]):
             P = state.sources[true.group[source], ..., true.lane[source]]
             for i in range(n):

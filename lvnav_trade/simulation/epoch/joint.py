@@ -70,8 +70,12 @@ def _enter_component(state, scratch, true, c, a):
     The innovation depends on the component with the partial derivative a, so x changes by -k a c, k the gain. Returns
     the contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
     """
-    source, k, b, gain = true.source[c], true.slot[c], scratch.shift, scratch.gain
-    g, lane = true.group[source], true.lane[source]
+    source = true.source[c]
+    k = true.slot[c]
+    b = scratch.shift
+    gain = scratch.gain
+    g = true.group[source]
+    lane = true.lane[source]
     variance = state.variance[g, k, 0, lane]
     for i in range(gain.shape[0]):
         b[i] = -a * gain[i]
@@ -93,7 +97,8 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
     if whitened:
         extra = shared.extra[family]
         return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
-    measured, block = measured_channel(signals, channel), true.shared_family[family]
+    measured = measured_channel(signals, channel)
+    block = true.shared_family[family]
     modelled = signals.partial[block, epoch, channel] if block >= 0 else 0.0
     return shared.member[family, measured], shared.partial[family, epoch, measured] - modelled
 
@@ -124,7 +129,8 @@ def _update_shared(state, scratch, h, signals, true, epoch, channel, whitened):
 @jit
 def _update_imus(state, scratch, true, epoch, channel):
     """Add the IMU errors that enter a measured difference of two IMUs; return their part of the innovation variance."""
-    total, row = 0.0, true.differences.of[channel]
+    total = 0.0
+    row = true.differences.of[channel]
     if row >= 0:
         for c in range(true.first_shared):
             a = true.differences.reach[row, epoch, c]
@@ -143,10 +149,12 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
     if noise > 0.0:
         scratch.noise[true.group[source], 0, 0, true.lane[source]] = noise
     for g in range(true.n_slot.shape[0]):
-        P, spread = group(state.sources, g), whole(scratch.spread)
+        P = group(state.sources, g)
+        spread = whole(scratch.spread)
         spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0])
         total += total_of(scratch.spread)
-        cross, seen = group(state.cross, g), group(scratch.seen, g)
+        cross = group(state.cross, g)
+        seen = group(scratch.seen, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
                 seen[k, 0] = update_vector(cross[k], gain, h, entries, columns)
@@ -168,8 +176,10 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     whitened : whether the measurement is from a decorrelated solution
     """
     state, scratch, true = joint.state, joint.scratch, joint.true
-    gain, m = scratch.gain, true.n_entry[channel]
-    entries, columns = true.entry[place, channel, :m], true.column[place, channel, :m]
+    gain = scratch.gain
+    m = true.n_entry[channel]
+    entries = true.entry[place, channel, :m]
+    columns = true.column[place, channel, :m]
     _record(joint.tape, gain, h, epoch, channel)
     is_in_states = whitened or true.noise_source[channel] < 0
     noise = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
@@ -217,10 +227,14 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
     epoch, row, channel : indices; counts and expected squares are added to the results of the epoch
     """
     if joint is not None and weight > 0.0:
-        model, late, gain, out = case.model, case.options.late, joint.scratch.gain, joint.out
+        model = case.model
+        late = case.options.late
+        gain = joint.scratch.gain
+        out = joint.out
         _set_gain(gain, work, weight, case.options.gains, model.n_estimated, epoch, channel)
         _correct_clones(gain, joint.true.clone, late)
-        whitened, place = has_reported_covariance(model, channel), place_of_channel(late, channel, epoch)
+        whitened = has_reported_covariance(model, channel)
+        place = place_of_channel(late, channel, epoch)
         square = _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, channel, whitened)
         _clear(work.x)
         square = square * weight  # expected square of the normalised innovation
@@ -242,7 +256,9 @@ def follow_clock(joint, work, case, weight, epoch, row, kind):
     kind : observable of the satellite; the others as in `follow_update`
     """
     if joint is not None and weight > 0.0:
-        model, signals, gain = case.model, case.signals, joint.scratch.gain
+        model = case.model
+        signals = case.signals
+        gain = joint.scratch.gain
         for i in range(gain.shape[0]):
             gain[i] = model.clock_gain[kind, i] if i < model.n_state else 0.0
         channel = model.n_kind * signals.used[epoch, row // model.n_kind] + kind

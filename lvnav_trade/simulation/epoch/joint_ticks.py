@@ -34,7 +34,8 @@ def unit_input(frames, c, driver, own, other):
     if OWN_0 <= driver and driver <= OWN_2:
         k = driver - OWN_0
     elif OTHER_0 <= driver and driver <= OTHER_2:
-        k, along = (driver - OTHER_0 - c) % 3, other
+        k = (driver - OTHER_0 - c) % 3
+        along = other
     value = frames[c, k, 0] * along[0] + frames[c, k, 1] * along[1] + frames[c, k, 2] * along[2]
     return value * value if driver == SQUARE else value
 
@@ -44,8 +45,11 @@ def _fill_partials_of_array(a, true, units, tick, dt):
     """Set the partial derivatives of a sample of the combined triad with respect to the components of all IMUs."""
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
-            sensor, triad, component = true.sensor[j], true.triad[j], true.first[j]
-            source, k = true.source[component], true.slot[component]
+            sensor = true.sensor[j]
+            triad = true.triad[j]
+            component = true.first[j]
+            source = true.source[component]
+            k = true.slot[component]
             for c in range(3):
                 u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
                 for i in range(3):
@@ -63,8 +67,10 @@ def lasting_share(units, tick, triad, sensor, i, c):
 @jit
 def tick_input(units, triad, sensor, c, driver, tick, dt):
     """Return the driver of an error parameter of sensing axis c in the sample of a tick."""
-    a, f = units.dtheta[triad, tick], units.dvel[triad, tick]
-    angle, force = (a[0] / dt, a[1] / dt, a[2] / dt), (f[0] / dt, f[1] / dt, f[2] / dt)
+    a = units.dtheta[triad, tick]
+    f = units.dvel[triad, tick]
+    angle = (a[0] / dt, a[1] / dt, a[2] / dt)
+    force = (f[0] / dt, f[1] / dt, f[2] / dt)
     if sensor == GYRO:
         return unit_input(units.frames[triad], c, driver, angle, force)
     return unit_input(units.frames[triad], c, driver, force, angle)
@@ -76,7 +82,8 @@ def _add_profiles_of_array(z, true, unit, units, tick, t):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0:
             for c in range(3):
-                sensor, solved = true.sensor[j], units.solved[units.stage[tick], true.triad[j], true.sensor[j]]
+                sensor = true.sensor[j]
+                solved = units.solved[units.stage[tick], true.triad[j], true.sensor[j]]
                 u = tick_input(units, true.triad[j], sensor, c, true.driver[j], tick, unit.dt)
                 value = u * profile_value(unit, true.profile[j], c, t)
                 for i in range(3):
@@ -106,7 +113,8 @@ def _fill_partials(a, true, vehicle, tick):
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
             u = sensed_driver(true.sensor[j], true.driver[j], vehicle.rate[tick], vehicle.force[tick])
-            source, k = true.source[true.first[j]], true.slot[true.first[j]]
+            source = true.source[true.first[j]]
+            k = true.slot[true.first[j]]
             for axis in range(3):
                 a[true.group[source], k + axis, 3 * true.sensor[j] + axis, true.lane[source]] = u[axis]
 
@@ -147,8 +155,12 @@ def deviations(z, true, unit, units, reference, tick):
 @jit
 def nominal_tick(sums, reference, tick, dt):
     """Set the integrals over a tick of the nominal flight: C_b_i (9) by the trapezoidal rule, velocity gained (3)."""
-    q, p, a, f = reference.q_b_i[tick], reference.q_b_i[tick + 1], reference.dtheta[tick], reference.dvel[tick]
-    c, d = matrix(q[0], q[1], q[2], q[3]), matrix(p[0], p[1], p[2], p[3])
+    q = reference.q_b_i[tick]
+    p = reference.q_b_i[tick + 1]
+    a = reference.dtheta[tick]
+    f = reference.dvel[tick]
+    c = matrix(q[0], q[1], q[2], q[3])
+    d = matrix(p[0], p[1], p[2], p[3])
     receiver, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
     for i in range(3):
         for j in range(3):
@@ -165,7 +177,8 @@ def begin_tick(joint, motion, vehicle, tick):
     The filter predicts the motion of the tick before, so the change of motion since then enters the mean error.
     """
     if joint is not None:
-        first, mean = vehicle.motion, joint.state.mean
+        first = vehicle.motion
+        mean = joint.state.mean
         for i in range(3):
             if tick > 0:
                 mean[first + i] += vehicle.rate[tick, i] - vehicle.rate[tick - 1, i]
@@ -194,7 +207,8 @@ def _enter_by_samples(P, y, through, seen, S, a, variance, gain):
         through[i] = total
     half = 0.5 * variance
     for i in range(n):
-        t, u = through[i], y[i] - half * through[i]
+        t = through[i]
+        u = y[i] - half * through[i]
         for j in range(i, n):
             P[i, j] = P[i, j] - (t * (y[j] - half * through[j]) + u * through[j])
     for i in range(n):
@@ -209,9 +223,11 @@ def _update_sources(state, ticks, true, h, columns):
     """Update the covariance of every source, and its cross covariances, by the samples of a tick with `ticks.gain`."""
     gain = ticks.gain
     for g in range(true.n_slot.shape[0]):
-        P, S = group(state.sources, g), group(ticks.S, g)
+        P = group(state.sources, g)
+        S = group(ticks.S, g)
         update_together(P, whole(ticks.Y), S, gain, h, columns, group(ticks.noise, g))
-        cross_g, variance = group(state.cross, g), group(state.variance, g)
+        cross_g = group(state.cross, g)
+        variance = group(state.variance, g)
         seen = whole(ticks.seen_source)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:

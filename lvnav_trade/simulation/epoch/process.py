@@ -68,7 +68,8 @@ def _update_by_row(work, sigma_points, case, joint, epoch, row, channel, gate):
 @jit
 def _predicted(work, case, epoch, row):
     """Return the innovation that the error state predicts for a row, h x."""
-    channel, total = channel_of(case.model, case.signals, epoch, row), like(work.x[0], 0.0)
+    channel = channel_of(case.model, case.signals, epoch, row)
+    total = like(work.x[0], 0.0)
     for c in range(case.model.n_entry[channel]):
         total = total + work.H[row, case.model.entry[channel, c]] * work.x[case.model.column[channel, c]]
     return total
@@ -164,7 +165,9 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
     gate_squared : gate of the filter, NOT_USED where no measurement is processed
     starts : condition by lane, whether the filter starts at this epoch; None without a mode logic
     """
-    model, signals, delayed = case.model, case.signals, case.options.delayed
+    model = case.model
+    signals = case.signals
+    delayed = case.options.delayed
     limit = where(gate_squared >= 0.0, np.inf, gate_squared)
     take_reference(work, case, joint, parts.monitor, epoch, limit, starts)
     for row in range(n_measured(model, signals, epoch)):
@@ -202,7 +205,8 @@ def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
     """Update by the rows of sensor k. A direct filter (True, or None) corrects the total state after each of them, and
     linearises the remaining rows there.
     """
-    first, sensors = ekf.row_of(case.model, work, case.sensors.channel[k]), case.sensors
+    first = ekf.row_of(case.model, work, case.sensors.channel[k])
+    sensors = case.sensors
     for i in range(sensors.scalars[k]):
         _update_by_row(work, parts.sigma_points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
         if direct is not None:
@@ -249,7 +253,8 @@ def _sample_variance(out, receiver, variance, scale, from_gnss):
 def _start(work, parts, case, joint, rules, epoch):
     """Start the filter where the mode logic permits, and reset the states that begin at this epoch."""
     mode_state, signals = parts.mode_state, case.signals
-    variance, scale = signals.variance[epoch], signals.scale[epoch]
+    variance = signals.variance[epoch]
+    scale = signals.scale[epoch]
     _sample_variance(mode_state.predicted, parts.receiver, variance, scale, rules.from_gnss)
     start_filter(work.P, work.x, mode_state, rules, work.z)
     start_joint(joint, work, case, mode_state, rules, epoch)
@@ -270,7 +275,8 @@ def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
     check_measurements(mode_state, rules, case.options.delayed, model, signals, epoch, mode_state.z, n_row)
     if rules.good[epoch]:
         _start(work, parts, case, joint, rules, epoch)
-        used, starts = mode_state.sample[0] > 0.0, mode_state.sample[1] > 0.0
+        used = mode_state.sample[0] > 0.0
+        starts = mode_state.sample[1] > 0.0
         process_receiver(
             work, parts, case, joint, parts.iteration, epoch, where(used, model.gate_squared, NOT_USED), starts
         )
@@ -299,7 +305,9 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
     rules : ModeRules of the mode logic; None without
     epoch : index
     """
-    options, model, gate = case.options, case.model, case.model.gate_squared
+    options = case.options
+    model = case.model
+    gate = case.model.gate_squared
     begin_sum(open_loop, work.x)
     ekf.place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
     # clones are computed and extra states reset before the first update of the epoch
@@ -357,7 +365,9 @@ def sample_window(work, parts, case, joint, flight, w):
     joint, flight : Joint and NominalFlight of linear covariance, where samples are as predicted; None in a run
     w : window
     """
-    vehicle, motion, first = case.options.vehicle, parts.motion, case.schedule.first_tick[w]
+    vehicle = case.options.vehicle
+    motion = parts.motion
+    first = case.schedule.first_tick[w]
     at = vehicle.motion
     for k in range(case.schedule.n_tick[w]):
         predict_samples(parts.run, work, motion, vehicle, k, case.tick)

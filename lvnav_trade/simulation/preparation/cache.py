@@ -77,7 +77,8 @@ def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: 
 @remembered_by_reads(6)
 def _heard(key: str, scenario: Scenario, flown: _ByIdentity, epochs: bytes, start: float) -> ReceivedSatellites:
     """Return the received satellites at the times of validity; the arguments are the key of the cache."""
-    t_epoch, trajectory = np.frombuffer(epochs).copy(), flown.flight
+    t_epoch = np.frombuffer(epochs).copy()
+    trajectory = flown.flight
     receiver, above = scenario.receiver, scenario.constellation
     late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
     if receiver.latency_per_satellite > 0.0:

@@ -62,7 +62,8 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
 
     Settings of errors that enter no channel are not read.
     """
-    receiver, errors = scenario.receiver, list[CorrelatedError]()
+    receiver = scenario.receiver
+    errors = list[CorrelatedError]()
     solution = None if solves(scenario) else direct(scenario)
     if _labels("range_bias", channels):
         reflected = receiver.amplification * receiver.multipath
@@ -134,7 +135,8 @@ def letters(part: Part) -> tuple[str, ...]:
 def _of_satellites(part: Part, channels: Channels) -> list[CorrelatedError]:
     """Return the residual error of each satellite and the time offset of each system of a part of a constellation."""
     systems = letters(part)
-    errors, owner = [], dict(zip(channels.satellites, channels.systems, strict=True))
+    errors = []
+    owner = dict(zip(channels.satellites, channels.systems, strict=True))
     if labels := _labels("range_bias", channels):
         satellites = tuple(label for label in labels if owner[label] in systems)
         time = part.range_error_time or math.inf
@@ -164,7 +166,8 @@ def _of_sensors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -
     """Return the correlated errors of the sensors other than the receiver, one error per label."""
     errors = []
     for at, device in zip(channels.first, devices, strict=True):
-        scalars, states = slice(at, at + len(device.channels.labels)), device.card.model.states
+        scalars = slice(at, at + len(device.channels.labels))
+        states = device.card.model.states
         for error, by_label in device.lasting:
             state = states[error.field].name if error.field in states else ""
             for k, label in enumerate(error.labels if error.sigma > 0.0 else ()):

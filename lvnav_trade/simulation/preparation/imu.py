@@ -56,7 +56,8 @@ class TrueImu(NamedTuple):
 
 def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueImu:
     """Return the true IMU of a case; layout: states of the filter, which may include differences of two IMUs."""
-    ref, course = flight.reference, flight.trajectory.course
+    ref = flight.reference
+    course = flight.trajectory.course
     terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, course, flight.devices, layout)
     profiles = profiles_of(scenario.imu, scenario.faults, course)

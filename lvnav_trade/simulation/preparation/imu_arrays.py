@@ -128,7 +128,8 @@ def swing(ref: Reference, lever: Floats) -> Floats:
     The tangential acceleration dw/dt x r is integrated exactly, the centripetal w x (w x r) by Simpson's rule.
     """
     dt = float(ref.t[1] - ref.t[0])
-    rate, middle = ref.w_ib_b, ref.dtheta / dt
+    rate = ref.w_ib_b
+    middle = ref.dtheta / dt
     inward = [np.cross(w, np.cross(w, lever)) for w in (rate[:-1], middle, rate[1:])]
     return np.asarray(np.cross(np.diff(rate, axis=0), lever) + dt / 6.0 * (inward[0] + 4.0 * inward[1] + inward[2]))
 
@@ -154,7 +155,8 @@ def units_of(
     card = scenario.imu
     if isinstance(card, ImuCard):
         return None
-    dt, triads = 1.0 / card.rate, triads_of(card)
+    dt = 1.0 / card.rate
+    triads = triads_of(card)
     sensed = [
         arriving(ref, unit, scenario.faults, course, number, swing(ref, np.array(unit.lever_arm)))
         for number, unit in enumerate(card.units)

@@ -81,7 +81,8 @@ def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilte
     """Return the measurements of a case: of the receiver and of the sensors that its filter uses."""
     card, channels, seen = scenario.filter, flight.channels, flight.sky
     ranging = _ranging(scenario, flight, filtering)
-    received, assumed = ranging.received, assumed_of(scenario, flight, filtering)
+    received = ranging.received
+    assumed = assumed_of(scenario, flight, filtering)
     check = failing(
         card, flight.failed, received.n_used, channels, lambda: pdop(flight.lines.sight.direction, seen.tracked)
     )

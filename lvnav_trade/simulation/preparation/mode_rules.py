@@ -68,7 +68,8 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> M
     if card.logic is None and card.init == "from_card":
         return None
     logic = card.logic or _UNGUARDED
-    position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
+    position = logic.wild_position or math.inf
+    velocity = logic.wild_velocity or math.inf
     return ModeRules(
         interval=1.0 / card.update_rate,
         good=failing == 0,

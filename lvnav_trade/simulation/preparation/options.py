@@ -110,10 +110,8 @@ def gains_of(
         scheduled = gains_at(schedule, t_epoch, events)
     except ValueError as error:
         raise _about("filter.gains", str(error)) from None
-    gain, stored = (
-        np.zeros((t_epoch.size, channels.n_channel, len(names))),
-        np.zeros(channels.n_channel, dtype=np.bool_),
-    )
+    gain = np.zeros((t_epoch.size, channels.n_channel, len(names)))
+    stored = np.zeros(channels.n_channel, dtype=np.bool_)
     for k, name in enumerate(schedule.measurements):
         if name in channels.names:
             at = channels.names.index(name)
@@ -202,7 +200,8 @@ def late_of(
     if card is None or not delays:
         return None
     ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
-    ticks, sensors = scenario.imu.rate * epoch_interval(scenario), [item.sensor for item in delays]
+    ticks = scenario.imu.rate * epoch_interval(scenario)
+    sensors = [item.sensor for item in delays]
     n_ring = np.array([_stored_at_once(at, ticks) for at in kept], dtype=np.int64)
     extrapolated = card.kind == "extrapolated" and sensors[0] < 0
     return DelayProcessing(

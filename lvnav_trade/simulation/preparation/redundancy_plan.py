@@ -119,7 +119,8 @@ def _test(card: ImuSet, units: ImuArray, owner: Ints, dt: float) -> ParityTest:
     parity = card.parity or ParityCard()
     ticks = max(1, round(parity.window / dt))
     weight = 1.0 / _variance(card, units, dt, ticks)
-    n_axis, n_test = int(units.n_axis.sum()), 2 * weight.shape[0]
+    n_axis = int(units.n_axis.sum())
+    n_test = 2 * weight.shape[0]
     limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
     return ParityTest(ticks, weight, limits, owner, parity.after_detection == "hand_over")
 
@@ -191,12 +192,15 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
     tests
         Parity test.
     """
-    out, excluded = set[int](), list[tuple[int, int]]()
-    n_window, n_unit = len(tests.weight), int(tests.owner.max()) + 1
+    out = set[int]()
+    excluded = list[tuple[int, int]]()
+    n_window = len(tests.weight)
+    n_unit = int(tests.owner.max()) + 1
     sums = along[:, :, : n_window * tests.ticks].reshape(2, along.shape[1], n_window, tests.ticks, 3).sum(axis=3)
     for window in range(n_window):
         for sensor in range(2):
-            y, weight = sums[sensor, :, window], tests.weight[window, sensor]
+            y = sums[sensor, :, window]
+            weight = tests.weight[window, sensor]
             if _over(y, directions, weight, tests, out) <= 1.0:
                 continue
             if tests.hands_over:
@@ -222,7 +226,8 @@ def _over(
     if dof < 1:
         return np.inf if alone else 0.0
     root = np.sqrt(weight[use])
-    H, z = directions[use] * root[:, None], y[use] * root
+    H = directions[use] * root[:, None]
+    z = y[use] * root
     residual = z - H @ np.linalg.lstsq(H, z, rcond=None)[0]
     return float(residual @ residual / tests.limits[dof])
 
@@ -264,7 +269,8 @@ def _staged(
         return index[key]
 
     edges = sorted({0, n_tick, *(at for at, _ in lost), *(() if looked is None else range(0, n_tick, looked.step))})
-    stage, flown = np.zeros(n_tick, dtype=np.int64), np.zeros(n_tick, dtype=np.int64)
+    stage = np.zeros(n_tick, dtype=np.int64)
+    flown = np.zeros(n_tick, dtype=np.int64)
     for first, last in pairwise(edges):
         out = {unit for at, unit in lost if at <= first}
         for numbers, excluded in ((flown, set[int]()), (stage, out)):
@@ -330,11 +336,14 @@ class _MedianStatistics:
         """Return the stage of a tick without the IMUs in `out`."""
         window = min(tick // self.step, self._off.shape[2] - 1)
         used = [unit for unit in range(self._n) if unit not in out]
-        solved, noisy, shift = np.zeros_like(self._units.solved[0]), np.ones((2, 2, 3)), np.zeros((2, 3))
+        solved = np.zeros_like(self._units.solved[0])
+        noisy = np.ones((2, 2, 3))
+        shift = np.zeros((2, 3))
         for sensor in range(2):
             for axis in range(3):
                 off = self._off[sensor, used, window, axis]
-                white, lasting = self._white[sensor, used, axis], self._lasting[window, sensor, used, axis]
+                white = self._white[sensor, used, axis]
+                lasting = self._lasting[window, sensor, used, axis]
                 selection = _rounded(off, white, lasting)
                 for triad, unit in enumerate(self._own.owner):
                     if unit in used:
@@ -359,7 +368,8 @@ def _rounded(off: Floats, white: Floats, lasting: Floats) -> MedianModel:
 
 @lru_cache(maxsize=4096)
 def _remembered(steps: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> MedianModel:
-    lasting_sigma, white_sigma = np.exp(np.array(exponents) / 10.0), np.array(white)
+    lasting_sigma = np.exp(np.array(exponents) / 10.0)
+    white_sigma = np.array(white)
     statistics = middle(np.array(steps) / 10.0, white_sigma, lasting_sigma)
     lasting, noise = (np.sum((statistics.gains * sigma) ** 2) for sigma in (lasting_sigma, white_sigma))
     return statistics._replace(

@@ -54,7 +54,8 @@ def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: I
     steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
     bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
     begin = np.concatenate([[0], bounds[:-1]])
-    epoch, hist = np.full(bounds.size, -1), np.full(bounds.size, -1)
+    epoch = np.full(bounds.size, -1)
+    hist = np.full(bounds.size, -1)
     epoch[np.searchsorted(bounds, epoch_tick)] = np.arange(epoch_tick.size)
     seconds = np.ones(hist_tick.size, dtype=bool)
     seconds[np.unique(hist_tick, return_index=True)[1]] = False
@@ -111,7 +112,8 @@ def times_of(
         As in `prepare`.
     """
     card, ref, (_, tick, n_imu, group) = scenario.filter, flight.reference, flight.epochs
-    rate, start = scenario.imu.rate, float(ref.t[0])
+    rate = scenario.imu.rate
+    start = float(ref.t[0])
     delayed = delays_taken(scenario, flight.epochs.t, flight.stamped, flight.devices)
     stored_times = clone_times(scenario, flight.epochs.t, delayed, ref.t, group)
     per_window = max(1, round(rate / card.covariance_rate))

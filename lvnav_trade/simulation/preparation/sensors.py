@@ -63,10 +63,12 @@ class Sensor(NamedTuple):
 def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
     """Return the true flight at times t (n,) s, as sensors need it; before its start it is that of the start."""
     t = np.maximum(t, trajectory.start)
-    at, rest = motion(trajectory, t), motion(without_oscillations(trajectory), t)
+    at = motion(trajectory, t)
+    rest = motion(without_oscillations(trajectory), t)
     standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
     # heights may be computed in frame i, since it is rotated about the axis of the ellipsoid only
-    height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))
+    height = geodetic_from_ecef(at.r_i)[2]
+    theta = np.asarray(earth_angle(trajectory.theta0, t))
     return FlightView(
         t, at.r_i, at.v_i, at.q_b_i, height, theta, at.w_ib_b, trajectory.epoch, rest.r_i, rest.q_b_i, standing
     )
@@ -134,20 +136,24 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
     if not used:
         return ()
     views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
-    kinds, compensates = [card.measurement for card in used.values()], scenario.filter.delay_compensation is not None
+    kinds = [card.measurement for card in used.values()]
+    compensates = scenario.filter.delay_compensation is not None
     states = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
     sensors = []
     for name, card in used.items():
         alone = kinds.count(card.measurement) == 1
         model = sensor_model(scenario, card)
         delay = model.latency if compensates else 0.0
-        view, assumed = views(card.latency), views(delay)
-        truth, known = card.truth(view), card.known(model, assumed)
+        view = views(card.latency)
+        assumed = views(delay)
+        truth = card.truth(view)
+        known = card.known(model, assumed)
         on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
         if card.on_pad and not on.any():
             message = "it measures on the pad only, and at none of its times is the vehicle on the pad"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
-        shape, since = (t_epoch.size, len(card.scalars)), np.zeros(0)
+        shape = (t_epoch.size, len(card.scalars))
+        since = np.zeros(0)
         sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
         variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
         if isinstance(card, ImuDifferenceCard):  # a sum of increments since the previous measurement

@@ -75,8 +75,10 @@ def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = N
         Trajectory and its samples, in place of those of the scenario.
     """
     trajectory, ref = flown or _sampled_trajectory(scenario)
-    course, epochs = trajectory.course, epochs_of(scenario, ref)
-    t, start = epochs.t, float(ref.t[0])
+    course = trajectory.course
+    epochs = epochs_of(scenario, ref)
+    t = epochs.t
+    start = float(ref.t[0])
     seen = seen_in(scenario, trajectory, t, start)
     devices = sensors_of(scenario, trajectory, t, start)
     channels = channels_of(scenario, seen, devices)
@@ -123,7 +125,9 @@ def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
     """Return the update epochs of a flight, at ends of strapdown steps."""
-    rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
+    rate = scenario.imu.rate
+    start = float(ref.t[0])
+    end = float(ref.t[-1])
     group = scenario.filter.strapdown.ratio
     n_imu = ref.dtheta.shape[0] // group * group
     interval = epoch_interval(scenario)

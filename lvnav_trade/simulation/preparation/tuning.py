@@ -87,8 +87,10 @@ def injections(
     added
         (n_injection, n_state) SI squared. At least one row.
     """
-    number, moved = np.full(windows.n_tick.size, -1, dtype=np.int64), windows.n_tick > 0
-    first, end = windows.first_tick[moved], (windows.first_tick + windows.n_tick)[moved]
+    number = np.full(windows.n_tick.size, -1, dtype=np.int64)
+    moved = windows.n_tick > 0
+    first = windows.first_tick[moved]
+    end = (windows.first_tick + windows.n_tick)[moved]
     added = np.zeros((windows.n_tick.size, layout.n_state))
     for region in card.region_noise:
         changed = np.zeros(windows.n_tick.size, dtype=bool)
@@ -106,7 +108,8 @@ def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first
     intervals = course.holding(card)
     if card.force_change is None and card.rate_change is None:
         edges = np.array([edge for interval in intervals for edge in interval])
-        since, until = ref.t[first][:, None] + ROUNDING, ref.t[end][:, None] + ROUNDING
+        since = ref.t[first][:, None] + ROUNDING
+        until = ref.t[end][:, None] + ROUNDING
         return np.asarray(np.any((edges >= since) & (edges < until), axis=1))
     changed = np.zeros(first.size, dtype=bool)
     for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
@@ -133,7 +136,8 @@ def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: 
 
 def _jumps(values: Floats, limit: float) -> Bools:
     """Return whether values (n, 3) differ by a limit or more from those at the last such change, (n,)."""
-    jumped, last = np.zeros(len(values), dtype=bool), values[0]
+    jumped = np.zeros(len(values), dtype=bool)
+    last = values[0]
     for k, value in enumerate(values):
         if np.linalg.norm(value - last) >= limit:
             jumped[k], last = True, value

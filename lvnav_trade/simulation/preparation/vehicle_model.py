@@ -84,7 +84,8 @@ def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
     a fixed nozzle; under control they are the commands of the controller.
     """
     t = ref.t[:-1]
-    rate, nozzle = ref.w_ib_b[:-1, 1:], np.zeros((t.size, 2))
+    rate = ref.w_ib_b[:-1, 1:]
+    nozzle = np.zeros((t.size, 2))
     if trajectory.commands is not None:
         rate, nozzle = trajectory.commands.at(t)
     bounds = envelopes(card, t, burning(trajectory, t), changes(trajectory), rate, nozzle)
@@ -146,7 +147,8 @@ def envelopes(
         (n, 3) m/s^3. Body axes.
     """
     dt = float(t[1] - t[0])
-    turning, jerk = np.empty((t.size, 3)), np.empty((t.size, 3))
+    turning = np.empty((t.size, 3))
+    jerk = np.empty((t.size, 3))
     change = changing(card, t, changes)
     unknown = np.asarray(np.where(burning | change, card.burn, card.coast))
     turns = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)

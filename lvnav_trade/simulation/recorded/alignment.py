@@ -103,7 +103,8 @@ def _heading_of_motion(
     rows = log.t[(log.t > end) & (log.t < end + card.heading_within)]
     t = np.concatenate([[end], rows])
     turned, pushed = (np.diff(increments_to(log, t, part), axis=0) for part in (log.turned, log.pushed))
-    attitude, gained = Rotation.from_matrix(level), np.zeros((len(t), 3))
+    attitude = Rotation.from_matrix(level)
+    gained = np.zeros((len(t), 3))
     steps = Rotation.from_rotvec(turned - rate * np.diff(t)[:, None])
     for k, step in enumerate(steps):
         middle = attitude * Rotation.from_rotvec(0.5 * step.as_rotvec())

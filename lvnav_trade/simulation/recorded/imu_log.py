@@ -95,7 +95,9 @@ def read_log(
     table, places = read_columns(file, names, delimiter, FEWEST, "a log")
     stamps = table[:, 0] if counted else time_stamps(table[:, 0], time.rpartition("_")[2], file, places)
     here = _part(stamps * scale, start, end, file)
-    table, places, t = table[here], places[here], stamps[here] * scale
+    table = table[here]
+    places = places[here]
+    t = stamps[here] * scale
     if counted:
         t = _evenly(t, file, places)
     dt = _interval(t - t[0], file, places) if gap is None else _uneven(t, file, places, gap)
@@ -111,13 +113,15 @@ def read_log(
 def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]) -> None:
     """Raise InputError for the first impossible row: beyond the range of any IMU, or zeros next to a specific force."""
     with np.errstate(over="ignore"):
-        rate, force = np.linalg.norm(gyro, axis=1), np.linalg.norm(accel, axis=1)
+        rate = np.linalg.norm(gyro, axis=1)
+        force = np.linalg.norm(accel, axis=1)
     refuse_first(rate > _FASTEST, file, places, lambda k: f"a rate of {rate[k]:.4g} rad/s; is the unit right?")
     refuse_first(
         force > _STRONGEST, file, places, lambda k: f"a specific force of {force[k]:.4g} m/s^2; is the unit right?"
     )
     empty = (rate == 0.0) & (force == 0.0)
-    before, after = np.append(force[:1], force[:-1]), np.append(force[1:], force[-1:])
+    before = np.append(force[:1], force[:-1])
+    after = np.append(force[1:], force[-1:])
     refuse_first(
         empty & (np.maximum(before, after) > _SOME),
         file,
@@ -189,7 +193,8 @@ def _scatter(t: Floats) -> tuple[float, float]:
     The sigma is 0 if rows are missing or the rate changes. A missing row shifts all later times by an interval, a late
     stamp only its own time.
     """
-    lag, count = min(_LAG, t.size // 4), np.arange(t.size)
+    lag = min(_LAG, t.size // 4)
+    count = np.arange(t.size)
     dt = float(np.median(t[lag:] - t[:-lag])) / lag
     off = t - dt * count
     many = np.flatnonzero(np.diff(t) > 1.5 * dt)

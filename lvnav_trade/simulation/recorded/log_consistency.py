@@ -28,7 +28,8 @@ _FINEST = 100.0  # Hz, largest rate at which increments are integrated
 _JUMP, _SCATTERS = 1.0, 15.0  # limit of a residual: m/s, and multiple of the median residual
 _MOST_WILD = 0.1  # largest fraction of solutions that may be omitted
 _STEP, _SEARCHED = 1.0, 600.0  # s between solutions, and s from the rest on, for the check of units of measure
-_UNFIT, _BETTER = 0.3, 1.0 / 3.0  # m/s, median residual that needs an explanation; fraction left by a better unit
+_UNFIT = 0.3
+_BETTER = 1.0 / 3.0  # m/s, median residual that needs an explanation; fraction left by a better unit
 _IMPOSSIBLE = 5.0  # m/s, median residual that no error of an IMU explains
 _PASSES = 4
 _UNITS = (
@@ -140,7 +141,8 @@ def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> Navig
 
 def _both_sides(intervals: _Intervals, bad: Bools, n: int) -> Bools:
     """Return whether solutions (n,) have a contradiction on both sides, or on the only side that is compared."""
-    sides, wrong = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+    sides = np.zeros(n, dtype=int)
+    wrong = np.zeros(n, dtype=int)
     for ends in (intervals.first, intervals.last):
         np.add.at(sides, ends, 1)
         np.add.at(wrong, ends, bad.astype(int))
@@ -150,7 +152,11 @@ def _both_sides(intervals: _Intervals, bad: Bools, n: int) -> Bools:
 def _kept(log: NavigationData, kept: Bools) -> NavigationData:
     lines = tuple(line for line, is_kept in zip(log.lines, kept, strict=False) if is_kept)
     return log._replace(
-        t_fix=log.t_fix[kept], place=log.place[kept], moving=log.moving[kept], sigma=log.sigma[kept], lines=lines
+        t_fix=log.t_fix[kept],
+        place=log.place[kept],
+        moving=log.moving[kept],
+        sigma=log.sigma[kept],
+        lines=lines,
     )
 
 
@@ -197,7 +203,9 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
     at = np.array(picked, dtype=np.int64)
     dt = np.diff(log.t_fix[at])
     near = dt <= max(_LONGEST, 1.5 * step)
-    first, last, dt = at[:-1][near], at[1:][near], dt[near]
+    first = at[:-1][near]
+    last = at[1:][near]
+    dt = dt[near]
     if not dt.size:
         none = np.zeros((0, 3))
         return _Intervals(first, last, none, none, np.zeros((0, 3, 3)))
@@ -209,7 +217,8 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
         for part in (log.turned, log.pushed)
     )
     turned = turned - bias * (dt / count)[:, None, None]
-    C, total = np.tile(np.eye(3), (dt.size, 1, 1)), np.zeros((dt.size, 3))
+    C = np.tile(np.eye(3), (dt.size, 1, 1))
+    total = np.zeros((dt.size, 3))
     for k in range(count):
         half = pushed[:, k] + 0.5 * np.cross(turned[:, k], pushed[:, k])
         total += np.einsum("nij,nj->ni", C, half)
@@ -226,11 +235,13 @@ def _unexplained(intervals: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
     blocks = _blocks(intervals, t_fix)
     if not blocks.size:
         return np.zeros(0), np.zeros(0, dtype=np.int64)
-    C, turned = np.tile(np.eye(3), (len(blocks), 1, 1)), np.empty((*blocks.shape, 3))
+    C = np.tile(np.eye(3), (len(blocks), 1, 1))
+    turned = np.empty((*blocks.shape, 3))
     for k in range(blocks.shape[1]):
         turned[:, k] = np.einsum("nij,nj->ni", C, intervals.pushed[blocks[:, k]])
         C = C @ intervals.turn[blocks[:, k]]
-    gained, weight = intervals.gained[blocks], np.ones(blocks.shape)
+    gained = intervals.gained[blocks]
+    weight = np.ones(blocks.shape)
     size = weight
     for _ in range(_PASSES):  # reweighting, so that a wild solution does not bias the attitude
         U, _s, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", weight, gained, turned))
@@ -260,7 +271,8 @@ def _blocks(intervals: _Intervals, t_fix: Floats) -> Ints:
 
 _FEWEST_RESIDUALS = 4  # smallest number of satellites of an epoch for the median that removes the receiver clock
 _CONTRADICTED = (300.0, 10.0)  # m and m/s, limits of the median: above almanac and delay errors, below a wrong time
-_WILD, _SCATTERS_OF_RESIDUALS = (500.0, 10.0), 15.0  # limit of a single residual: m and m/s, and multiple of the median
+_WILD = (500.0, 10.0)
+_SCATTERS_OF_RESIDUALS = 15.0  # limit of a single residual: m and m/s, and multiple of the median
 _MOST_WILD_RESIDUALS = 0.1  # largest fraction of measurements that may be omitted
 _FITS = 0.1  # fraction of the median residual that a fitting interpretation of the column may leave
 _NAMED = 6
@@ -299,7 +311,8 @@ def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools,
     """
     expected = _expected(prepared)
     near = _near_solution(prepared)[:, None] & log.tracked
-    omitted, worst = np.zeros_like(log.tracked), {}
+    omitted = np.zeros_like(log.tracked)
+    worst = {}
     for at in log.needed:
         residuals = _left(log.observed[:, :, at] + log.added[:, :, at] - expected[:, :, at], near)
         seen = np.abs(residuals[np.isfinite(residuals)])

@@ -85,9 +85,11 @@ def read_ranges(card: RangesFile, folder: Path, zero: float) -> Ranges:
     table, places = read_columns(file, [time, *_COLUMNS], card.delimiter, _FEWEST, "a log", blanks=_COLUMNS)
     texts = read_texts(file, "satellite", card.delimiter)
     refuse_first(np.array([not text.strip() for text in texts]), file, places, lambda k: "satellite is empty")
-    t, names = table[:, 0] * scale, tuple(map(satellite_name, texts))
+    t = table[:, 0] * scale
+    names = tuple(map(satellite_name, texts))
     _refuse_second(t, names, file, places)
-    size, rate = table[:, 1], table[:, 2]
+    size = table[:, 1]
+    rate = table[:, 2]
     missing = [~(size > 0.0), ~np.isfinite(rate) | (rate == 0.0)]
     why = ("is empty, zero or below it", "is empty or zero")
     for name, gone, reason in zip(_COLUMNS, missing, why, strict=True):
@@ -229,14 +231,17 @@ def read_recording(card: NavigationLog, folder: Path) -> NavigationData:
 
     InputError names file, row and error.
     """
-    solutions, unit_file = read_solutions(card.gnss, folder), os.fspath(folder / card.imu.file)
-    zero, epoch = solutions.zero, first_row_utc(card, solutions.zero, solutions.file)
+    solutions = read_solutions(card.gnss, folder)
+    unit_file = os.fspath(folder / card.imu.file)
+    zero = solutions.zero
+    epoch = first_row_utc(card, solutions.zero, solutions.file)
     log = read_log(unit_file, card.imu.delimiter, _GAP)
     t = np.concatenate([log.t[:1] - log.dt, log.t]) - card.imu.delay
     if t[-1] <= zero + card.still[1] or t[0] > zero + card.still[0] + 1e-6:
         spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {solutions.file} from {zero:.9g} s on"
         raise InputError(f"{unit_file}: its rows do not span the rest: it has {spans}")
-    step, turn = np.diff(t)[:, None], turning(card.imu.axes).T
+    step = np.diff(t)[:, None]
+    turn = turning(card.imu.axes).T
     turned, pushed = (np.cumsum(np.vstack([np.zeros(3), means * step]), axis=0) for means in (log.gyro, log.accel))
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
     notes = solutions.notes + (ranges.notes if ranges is not None else ())

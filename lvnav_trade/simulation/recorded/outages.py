@@ -69,7 +69,8 @@ def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
     last = int(np.flatnonzero(schedule.hist == at)[0]) + 1
     cut = with_outage(prepared, begin, end)._replace(schedule=type(schedule)(*(part[:last] for part in schedule)))
     error, covariance, failed = end_of_run(cut, at)
-    turn, states = prepared.record.axes[at], slice(VEL, VEL + _MOTION)
+    turn = prepared.record.axes[at]
+    states = slice(VEL, VEL + _MOTION)
     turns = np.kron(np.eye(2), turn)
     failed = failed or not (np.isfinite(error[states]).all() and np.isfinite(covariance).all())
     P = covariance[states, states] + _noise(prepared, end)

@@ -20,16 +20,20 @@ from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Card
 from lvnav_trade.simulation.recorded.imu_log import time_column
 
-PLACE, MOTION = ("latitude_deg", "longitude_deg", "height_m"), ("v_north_m_s", "v_east_m_s", "v_down_m_s")
+PLACE = ("latitude_deg", "longitude_deg", "height_m")
+MOTION = ("v_north_m_s", "v_east_m_s", "v_down_m_s")
 SIGMAS = tuple(f"sigma_{part}" for part in ("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"))
 FEWEST = 3  # solutions of a log
 MOST_WILD = 0.1  # largest fraction of rows omitted as outliers; with more the log contradicts itself
 _NAMED = 5  # rows that a note lists
 _LOWEST, _HIGHEST, _FASTEST = -2e3, 1e9, 2e4  # m, m, m/s
-_SMALLEST, _LARGEST = np.repeat([1e-4, 1e-5], 3), np.repeat([1e5, 1e3], 3)  # sigmas, m and m/s
+_SMALLEST = np.repeat([1e-4, 1e-5], 3)
+_LARGEST = np.repeat([1e5, 1e3], 3)  # sigmas, m and m/s
 _JUMP, _SCATTERS = 10.0, 15.0  # m, and median residuals of the log: thresholds of an outlier
 _UNSEEN = 100.0 / 8.0  # m/s^2; deviation of the path, over dt^2, due to an acceleration of 100 m/s^2 between rows
-_WINDOWS, _FEWEST_WINDOWS, _PATH = (10.0, 30.0), 5, 30.0  # s; number; m, shortest path in a window
+_WINDOWS = (10.0, 30.0)
+_FEWEST_WINDOWS = 5
+_PATH = 30.0  # s; number; m, shortest path in a window
 _MISSED, _FITS = 0.3, 0.1  # residual over path from which velocities contradict positions, and below which they agree
 
 
@@ -202,7 +206,8 @@ def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
     edges = np.concatenate([[0], np.flatnonzero(bad) + 1, [t.size]])
     runs = [range(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
     main = max(range(len(runs)), key=lambda k: len(runs[k]))
-    used, worst = np.zeros(t.size, dtype=bool), 0.0
+    used = np.zeros(t.size, dtype=bool)
+    worst = 0.0
     used[list(runs[main])] = True
     for order, end in ((runs[main + 1 :], runs[main][-1]), (runs[:main][::-1], runs[main][0])):
         last = end
@@ -275,12 +280,16 @@ def _missed(t: Floats, place: Floats, moving: Floats) -> Floats:
     covered = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
     for span in _WINDOWS:
         first, last = _windows(t, span)
-        by_v, by_r = led[last] - led[first], gone[last] - gone[first]
+        by_v = led[last] - led[first]
+        by_r = gone[last] - gone[first]
         path = np.maximum(covered[last] - covered[first], np.linalg.norm(by_r, axis=1))
         moves = path >= _PATH
         if np.count_nonzero(moves) < _FEWEST_WINDOWS:
             continue
-        first, by_v, by_r, path = first[moves], by_v[moves], by_r[moves], path[moves]
+        first = first[moves]
+        by_v = by_v[moves]
+        by_r = by_r[moves]
+        path = path[moves]
         C = rotation_e_n(place[first, 0], place[first, 1])
         v_n, r_n = (np.abs(np.einsum("kij,kj->ki", C, part)) for part in (by_v, by_r))
         off = np.abs(np.einsum("kij,kj->ki", C, by_r - by_v))

@@ -58,7 +58,8 @@ def with_ranges(
     """
     observed = _by_epoch(prepared, ranges, start)
     measurements = measured(prepared.scenario)
-    sky, needed = prepared.sky, [column for column, name in enumerate(_OBSERVABLES) if name in measurements]
+    sky = prepared.sky
+    needed = [column for column, name in enumerate(_OBSERVABLES) if name in measurements]
     tracked = np.isfinite(observed[:, :, needed]).all(axis=2) & sky.tracked
     added = _corrections(prepared, observed[:, :, 0])
     if not (tracked.sum(axis=1) >= _START).any():
@@ -128,7 +129,8 @@ def _clock(
     return np.median(corrected[epoch, on] - expected, axis=0)
 
 
-_SOLUTION, _RANGES = {"position", "velocity"}, {"pseudorange", "range_rate"}
+_SOLUTION = {"position", "velocity"}
+_RANGES = {"pseudorange", "range_rate"}
 _FEWEST = 10  # smallest number of solutions for a replay
 _KNOTS = 0.1  # s between knots of the reference attitude
 _SATELLITES = 4  # number of satellites that marks an epoch with a solution
@@ -179,7 +181,8 @@ def replayed(scenario: Scenario, log: NavigationData, card: NavigationLog, align
     refuse_unable(scenario, card)
     rate = scenario.imu.rate
     first = int(np.argmax(log.t_fix >= aligned.t))
-    start, end = float(log.t_fix[first]), float(min(log.t_fix[-1], log.t[-1]))
+    start = float(log.t_fix[first])
+    end = float(min(log.t_fix[-1], log.t[-1]))
     log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
     if rate > 1.5 * log_rate:
         raise InputError(f"imu.rate: {rate:g} Hz; the log has {log_rate:.4g} rows a second")
@@ -210,7 +213,8 @@ def _reference(
     n = int(np.floor((end - start) * rate + 1e-6))
     t = np.arange(n + 1) / rate
     turned, pushed = (increments_to(log, start + t, part) for part in (log.turned, log.pushed))
-    dtheta, dvel = np.diff(turned, axis=0) - aligned.gyro_bias / rate, np.diff(pushed, axis=0)
+    dtheta = np.diff(turned, axis=0) - aligned.gyro_bias / rate
+    dvel = np.diff(pushed, axis=0)
     theta0 = gmst(epoch)
     at = int(np.argmax(log.t_fix >= start))
     C_i_n = rotation_e_n(log.place[at, 0], log.place[at, 1]) @ _turned(theta0)
@@ -226,7 +230,11 @@ def _reference(
     path: Any = CubicHermiteSpline(t_fix, r_fix - arm, v_fix - swing)
     t_end = float(min(t[-1], t_fix[-1]))
     n = int(np.floor(t_end * rate + 1e-6))
-    t, dtheta, dvel, q, w_b = t[: n + 1], dtheta[:n], dvel[:n], q[: n + 1], w_b[: n + 1]
+    t = t[: n + 1]
+    dtheta = dtheta[:n]
+    dvel = dvel[:n]
+    q = q[: n + 1]
+    w_b = w_b[: n + 1]
     knots = np.unique(np.append(np.arange(0, n, max(1, round(_KNOTS * rate))), n))
     phase = Phase("log", 0.0, float(t[-1]), path, attitude_spline(t[knots], q[knots]))
     f_b = np.vstack([dvel[:1], dvel]) * rate
@@ -235,13 +243,15 @@ def _reference(
 
 def _turned(theta0: float) -> Floats:
     """Return the rotation C_i_e (3, 3) for an Earth rotation angle (rad)."""
-    c, s = np.cos(theta0), np.sin(theta0)
+    c = np.cos(theta0)
+    s = np.sin(theta0)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _accumulated(C: Floats, dtheta: Floats) -> Floats:
     """Return the attitudes C_b_i (n + 1, 3, 3) from the initial attitude C (3, 3) and angle increments (n, 3) rad."""
-    steps, attitudes = Rotation.from_rotvec(dtheta).as_matrix(), np.empty((len(dtheta) + 1, 3, 3))
+    steps = Rotation.from_rotvec(dtheta).as_matrix()
+    attitudes = np.empty((len(dtheta) + 1, 3, 3))
     attitudes[0] = C
     for k, step in enumerate(steps):
         attitudes[k + 1] = attitudes[k] @ step
@@ -252,7 +262,8 @@ def _on_log(
     prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: NavigationData, card: NavigationLog
 ) -> Prepared:
     """Return a prepared case whose IMU and receiver output the contents of the log, without draws."""
-    rate, epochs = prepared.scenario.imu.rate, prepared.sky.t  # times of validity of the measurements
+    rate = prepared.scenario.imu.rate
+    epochs = prepared.sky.t  # times of validity of the measurements
     at = _nearest(fixes[0], epochs)
     matched = np.abs(fixes[0][at] - epochs) < 0.5 / rate
     if np.count_nonzero(matched) < _FEWEST:
@@ -301,7 +312,8 @@ def _nearest(t: Floats, wanted: Floats) -> Ints:
 
 def _variances(log: NavigationData, fixes: tuple[Floats, Floats, Floats], at: Ints, theta0: float) -> Floats:
     """Return the variances (n_epoch, 6) of the log's solutions along the axes of frame i, SI squared."""
-    place, sigma = log.place[at], log.sigma[at]
+    place = log.place[at]
+    sigma = log.sigma[at]
     C_n_e = np.swapaxes(rotation_e_n(place[:, 0], place[:, 1]), 1, 2)
     C_n_i = np.stack([_turned(theta).T @ C for theta, C in zip(earth_angle(theta0, fixes[0][at]), C_n_e, strict=True)])
     return np.hstack([np.einsum("nij,nj->ni", C_n_i**2, part**2) for part in (sigma[:, :3], sigma[:, 3:])])

@@ -40,13 +40,15 @@ class Delays(NamedTuple):
     @property
     def residual(self) -> Floats:
         """Residual delay of the code after the filter's correction, (n_epoch, n_sat, 2) m, m/s."""
-        true, modelled = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
+        true = self.troposphere + self.ionosphere
+        modelled = self.modelled_troposphere + self.modelled_ionosphere
         return np.asarray(true - modelled)
 
     @property
     def left_of_phase(self) -> Floats:
         """Residual delay of the carrier phase after the filter's correction, (n_epoch, n_sat) m."""
-        air, charge = self.troposphere - self.modelled_troposphere, self.ionosphere - self.modelled_ionosphere
+        air = self.troposphere - self.modelled_troposphere
+        charge = self.ionosphere - self.modelled_ionosphere
         return np.asarray(air[..., 0] - charge[..., 0])
 
 
@@ -84,7 +86,8 @@ def delays(
         return np.where(seen.tracked[:, :, None], np.stack([now, carrier * (after - before) / seconds], axis=2), 0.0)
 
     # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
-    air, charge = atmosphere.troposphere, NoIonosphere() if receiver.is_dual else atmosphere.ionosphere
+    air = atmosphere.troposphere
+    charge = NoIonosphere() if receiver.is_dual else atmosphere.ionosphere
     air_hat, charge_hat = correction_models(corrections, atmosphere, not receiver.is_dual)
     return Delays(
         along(air.kind, lambda g: troposphere_delay(air, g), 1.0),

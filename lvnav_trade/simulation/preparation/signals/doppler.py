@@ -24,7 +24,8 @@ def doppler_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
     """
     if not _takes_doppler(scenario):
         return 0.0
-    interval, modelled = scenario.receiver.doppler_interval, scenario.filter.corrections.doppler_interval
+    interval = scenario.receiver.doppler_interval
+    modelled = scenario.filter.corrections.doppler_interval
     modelled = interval if modelled == "matched" else modelled
     lag = 0.5 * modelled * flight.lines.acceleration
     if interval > 0.0:

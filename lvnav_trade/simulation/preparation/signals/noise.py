@@ -36,7 +36,8 @@ def by_channel(
     devices, field
         Sensors other than the receiver, and the field of `Sensor` with their values.
     """
-    table, n = np.empty((n_epoch, channels.n_channel)), channels.n_receiver
+    table = np.empty((n_epoch, channels.n_channel))
+    n = channels.n_receiver
     if channels.tight:
         for observable, value in zip(channels.observables, own, strict=True):
             table[:, channels.of(observable)] = value
@@ -50,7 +51,8 @@ def by_channel(
 
 def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
     """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase."""
-    smoothing, receiver = smoothing_of(scenario), scenario.receiver
+    smoothing = smoothing_of(scenario)
+    receiver = scenario.receiver
     if smoothing is None or smoothing.velocity == "doppler":
         return seen.rate_sigma
     return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(receiver, seen, trajectory)
@@ -77,7 +79,8 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
 
 def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
     """Return the true sigma with the factors of faults; `sigma`, which the filter may use, is not changed."""
-    n, grown = channels.n_receiver, sigma.copy()
+    n = channels.n_receiver
+    grown = sigma.copy()
     n_kind = len(channels.observables)
     factor = np.repeat(failed.noise, n_kind, axis=1) if channels.tight else failed.solution_noise[:, None]
     grown[:, :n] = sigma[:, :n] * factor

@@ -42,8 +42,11 @@ def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
         Whether its phase is continuous since then; a frozen output repeats itself.
     """
     shape = seen.tracked.shape
-    restart, before, going_on = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
-    broken, last = np.ones(shape[1], np.bool_), np.zeros(shape[1], np.bool_)
+    restart = np.zeros(shape, np.bool_)
+    before = np.zeros(shape, np.bool_)
+    going_on = np.zeros(shape, np.bool_)
+    broken = np.ones(shape[1], np.bool_)
+    last = np.zeros(shape[1], np.bool_)
     for epoch in range(shape[0]):
         broken |= ~seen.continuous[epoch]
         use = np.zeros(shape[1], np.bool_)

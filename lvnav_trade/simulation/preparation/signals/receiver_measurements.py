@@ -183,13 +183,17 @@ def received_of(
     tabled
         (n_epoch, 6) m, m/s. Deterministic errors of the solution, frame i.
     """
-    clock, seen, line, failed = scenario.receiver.clock, flight.sky, flight.lines, flight.failed
+    clock = scenario.receiver.clock
+    seen = flight.sky
+    line = flight.lines
+    failed = flight.failed
     used, n_used = slots(seen.tracked)
     noise = true_sigma(scenario, seen, line, flight.ranging)
     sigma = by_channel(flight.ranging, seen.t.size, noise, flight.devices, "sigma")
     interval = epoch_interval(scenario)
     range_error, rate_error = np.moveaxis(flight.biased + left, 2, 0)
-    ranges, rates = np.asarray(line.sight.distance + range_error), np.asarray(line.sight.rate + rate_error)
+    ranges = np.asarray(line.sight.distance + range_error)
+    rates = np.asarray(line.sight.rate + rate_error)
     position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
     velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
     if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
@@ -222,7 +226,8 @@ def assumed_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) ->
     extra = [_extra_partial(block, modelled, channels, flight.devices) for block in filtering.layout.extras]
     _, model, _ = filter_models(scenario)
     variance = assumed_variance(scenario, model, channels, seen, line, flight.devices)
-    cards, course = scenario.filter.underweighting, flight.trajectory.course
+    cards = scenario.filter.underweighting
+    course = flight.trajectory.course
     beta, factor = weights(cards, course, filtering.model.row_type, flight.epochs.t)
     partials = np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel)
     return AssumedNoise(variance * factor, np.sqrt(factor), beta, partials)
@@ -244,7 +249,8 @@ def signals_of(
     reference
         (n_epoch, n_kind). Slot of the reference satellite, -1 none.
     """
-    channels, antenna = flight.channels, flight.sky.antenna
+    channels = flight.channels
+    antenna = flight.sky.antenna
     common = {
         "n_used": in_use.n_used,
         "antenna": antenna if channels.tight else np.zeros_like(antenna),

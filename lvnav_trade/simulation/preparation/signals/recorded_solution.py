@@ -62,7 +62,8 @@ def recorded(
     frozen
         (n_epoch,). Whether the receiver repeats the output, and the error, of the previous epoch.
     """
-    card, n_epoch = table_of(scenario), seen.t.size
+    card = table_of(scenario)
+    n_epoch = seen.t.size
     if card is None or channels.tight:
         return RecordedErrors(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
     table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))

@@ -85,7 +85,8 @@ def simulated(received: TrueSignals, assumed: Floats) -> SolutionErrorModel:
     assumed
         (n_epoch, n_channel) SI squared. Noise variance reported with the solution.
     """
-    n_epoch, axes = len(received.n_used), np.arange(6)
+    n_epoch = len(received.n_used)
+    axes = np.arange(6)
     sigma, variance = (np.ascontiguousarray(table[:, axes]) for table in (received.sigma, assumed))
     return SolutionErrorModel(
         move=np.zeros((n_epoch, 6, 6)),
@@ -104,10 +105,12 @@ def simulated(received: TrueSignals, assumed: Floats) -> SolutionErrorModel:
 def _epoch(point: Floats, received: TrueSignals, epoch: int) -> tuple[Floats, Floats, Ints]:
     """Return Jacobian rows (n_row, 11) at the true point, innovations (n_row,) there, and channels (n_row,)."""
     use = received.used[epoch, : received.n_used[epoch]]
-    r_i, v_i = point[epoch, :3], point[epoch, 3:]
+    r_i = point[epoch, :3]
+    v_i = point[epoch, 3:]
     rows = design(r_i, v_i, received.satellite[epoch, use], received.satellite_velocity[epoch, use])
     seen = sight(received.satellite[epoch, use] - r_i, received.satellite_velocity[epoch, use] - v_i)
-    innovation, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
+    innovation = np.empty(2 * use.size)
+    channels = np.empty(2 * use.size, dtype=np.int64)
     innovation[0::2], innovation[1::2] = (
         received.range[epoch, use] - seen.distance,
         received.rate[epoch, use] - seen.rate,
@@ -123,7 +126,8 @@ _NOTHING = ErrorPropagation(
 
 def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
     """Return whether the receiver's filter outputs a solution at each epoch: after its start, while it may coast."""
-    outputs, idle = np.zeros(n_used.size, dtype=bool), 0.0
+    outputs = np.zeros(n_used.size, dtype=bool)
+    idle = 0.0
     for k in range(begun, n_used.size):
         idle = 0.0 if n_used[k] > 0 else idle + model.interval
         outputs[k] = idle <= model.coast
@@ -187,16 +191,22 @@ def solved(
         (n_epoch, 6). Factor of the filter's tuning on the reported sigmas.
     """
     model: ReceiverFilter | None = solver.filter
-    fixed, n_epoch, n_in = received.n_used >= 4, len(point), 2 * received.used.shape[1] + 2
+    fixed = received.n_used >= 4
+    n_epoch = len(point)
+    n_in = 2 * received.used.shape[1] + 2
     begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
     solved_at = fixed if model is None else _coasts(model, received.n_used, begun)
     slope = nominal_acceleration(point[:, 3:], fixed, received.interval)
     moved = np.zeros((n_epoch, N_STATE))
     if model is not None:
         moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), received)
-    move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
-    variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, received.shared.start.size))
-    push, formal, reported = np.zeros((n_epoch, N_STATE)), np.zeros_like(move), np.tile(np.eye(6), (n_epoch, 1, 1))
+    move = np.zeros((n_epoch, N_STATE, N_STATE))
+    white = np.zeros((n_epoch, N_STATE, n_in))
+    variance = np.zeros((n_epoch, n_in))
+    shared = np.zeros((n_epoch, N_STATE, received.shared.start.size))
+    push = np.zeros((n_epoch, N_STATE))
+    formal = np.zeros_like(move)
+    reported = np.tile(np.eye(6), (n_epoch, 1, 1))
     step = received.clock_step
     clock = np.array([[step[0], 0.0], [step[1], step[2]]])
     out = solver.point.reported if model is None else model.reported
@@ -246,7 +256,13 @@ def _with_output(chain: SolutionErrorModel, frozen: Bools) -> SolutionErrorModel
             move[k, m:, :m] = chain.move[k, chain.pick]
             white[k, m:], shared[k, m:] = chain.white[k, chain.pick], chain.shared[k, chain.pick]
             push[k, m:] = chain.push[k, chain.pick]
-    return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
+    return chain._replace(
+        move=move,
+        white=white,
+        shared=shared,
+        push=push,
+        pick=np.arange(m, m + 6),
+    )
 
 
 def _with_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: TrueSignals) -> SolutionErrorModel:
@@ -261,21 +277,24 @@ def _with_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: T
     the correlated errors c.
     """
     ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
-    m, n_slot, n_smoothed = chain.move.shape[1], received.used.shape[1], ever.size
+    m = chain.move.shape[1]
+    n_slot = received.used.shape[1]
+    n_smoothed = ever.size
     n_in = chain.white.shape[2]
     move = np.pad(chain.move, ((0, 0), (0, n_smoothed), (0, n_smoothed)))
     white = np.pad(chain.white, ((0, 0), (0, n_smoothed), (0, n_slot)))
     variance = np.pad(chain.variance, ((0, 0), (0, n_slot)))
-    shared, push = (
-        np.pad(chain.shared, ((0, 0), (0, n_smoothed), (0, 0))),
-        np.pad(chain.push, ((0, 0), (0, n_smoothed))),
-    )
+    shared = np.pad(chain.shared, ((0, 0), (0, n_smoothed), (0, 0)))
+    push = np.pad(chain.push, ((0, 0), (0, n_smoothed)))
     move[:, range(m, m + n_smoothed), range(m, m + n_smoothed)] = 1.0
     place = {int(satellite): m + number for number, satellite in enumerate(ever)}
     for k in range(len(push)):
         for slot, satellite in enumerate(received.used[k, : received.n_used[k]].tolist()):
-            state, code, phase = place[satellite], 2 * slot, n_in + slot
-            a, gain = smoothing.gain[k, satellite], chain.white[k, :, code]  # minus the solver's gain
+            state = place[satellite]
+            code = 2 * slot
+            phase = n_in + slot
+            a = smoothing.gain[k, satellite]
+            gain = chain.white[k, :, code]  # minus the solver's gain
             differing = _code_minus_carrier(received, smoothing, k, satellite)
             move[k, :m, state], move[k, state, state] = (1.0 - a) * gain, 1.0 - a
             white[k, :m, code], white[k, state, code] = a * gain, a
@@ -284,7 +303,14 @@ def _with_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: T
             shared[k, :m] -= (1.0 - a) * np.outer(gain, differing)
             shared[k, state] = a * differing
     kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
-    return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
+    return chain._replace(
+        move=move,
+        white=white,
+        variance=variance,
+        kind=kind,
+        shared=shared,
+        push=push,
+    )
 
 
 def _code_minus_carrier(received: TrueSignals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
