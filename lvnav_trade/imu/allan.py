@@ -44,17 +44,20 @@ def gauss_markov(process: Process, tau: Floats) -> Floats:
     """Return the Allan deviation (n,) of a Gauss-Markov process at averaging times tau (n,) s."""
     x = np.asarray(tau) / process.time_constant
     # series x^2 / 3 - x^3 / 4 of the bracket for small x, where the difference loses all digits
-    bracket = np.where(x < 1e-3, x * (1.0 / 3.0 - 0.25 * x), 1.0 / np.maximum(x, 1e-3) * _bracket(np.maximum(x, 1e-3)))
+    series = x * (1.0 / 3.0 - 0.25 * x)
+    large_x = np.maximum(x, 1e-3)
+    bracket = np.where(x < 1e-3, series, 1.0 / large_x * _bracket(large_x))
     return np.asarray(process.sigma * np.sqrt(2.0 * bracket))
 
 
 def _bracket(x: Floats) -> Floats:
+    """Return the bracket of the Allan variance of a Gauss-Markov process, as in the module's equation."""
     return 1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * x)
 
 
-def together(*parts: Floats) -> Floats:
+def together(*deviations: Floats) -> Floats:
     """Return the Allan deviation of the sum of independent processes: the root sum of squares."""
-    return np.asarray(np.sqrt(np.sum(np.square(parts), axis=0)))
+    return np.asarray(np.sqrt(np.sum(np.square(deviations), axis=0)))
 
 
 def overlapping(rates: Floats, dt: float, factors: Sequence[int]) -> Floats:
@@ -69,11 +72,13 @@ def overlapping(rates: Floats, dt: float, factors: Sequence[int]) -> Floats:
     factors : sequence of int
         Averaging times in samples, each below n / 2.
     """
-    angle = np.concatenate([np.zeros((1, *rates.shape[1:])), np.cumsum(rates, axis=0)]) * dt
+    start = np.zeros((1, *rates.shape[1:]))
+    angle = np.concatenate([start, np.cumsum(rates, axis=0)]) * dt
     deviations = []
     for factor in factors:
-        second = angle[2 * factor :] - 2.0 * angle[factor:-factor] + angle[: -2 * factor]
-        deviations.append(np.sqrt(0.5 * np.mean(second * second, axis=0)) / (factor * dt))
+        second_difference = angle[2 * factor :] - 2.0 * angle[factor:-factor] + angle[: -2 * factor]
+        variance = 0.5 * np.mean(second_difference * second_difference, axis=0)
+        deviations.append(np.sqrt(variance) / (factor * dt))
     return np.array(deviations)
 
 
@@ -103,27 +108,33 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
     from scipy.optimize import least_squares  # the import takes 0.3 s in every worker, and few IMUs need it
 
     tau = np.geomspace(shortest, longest, 60)
-    edges = np.geomspace(shortest, longest, count + 1)
-    times = np.sqrt(edges[1:] * edges[:-1]) / 1.89
 
     def processes(x: Floats) -> list[Process]:
-        return [Process(float(np.exp(s)), float(np.exp(t))) for s, t in zip(x[:count], x[count:], strict=True)]
+        pairs = zip(x[:count], x[count:], strict=True)
+        return [Process(float(np.exp(log_sigma)), float(np.exp(log_time))) for log_sigma, log_time in pairs]
 
-    def misses(x: Floats) -> Floats:
-        return np.asarray(np.log(together(*(gauss_markov(process, tau) for process in processes(x))) / FLOOR))
+    def log_misfit(x: Floats) -> Floats:
+        deviations = [gauss_markov(process, tau) for process in processes(x)]
+        return np.asarray(np.log(together(*deviations) / FLOOR))
 
-    start = np.concatenate([np.full(count, math.log(0.8)), np.log(times)])
+    # unknowns: logarithms of the sigmas (relative to B), then of the time constants (s)
+    edges = np.geomspace(shortest, longest, count + 1)
+    peaks = np.sqrt(edges[1:] * edges[:-1])
+    guess = np.concatenate([np.full(count, math.log(0.8)), np.log(peaks / 1.89)])
     low = np.full(2 * count, -8.0)
     high = np.full(2 * count, 3.0)
-    low[count:], high[count:] = math.log(0.1 * shortest), math.log(10.0 * longest)
-    fitted = processes(least_squares(misses, start, bounds=(low, high)).x)
-    return tuple(Process(instability * p.sigma, p.time_constant) for p in sorted(fitted, key=lambda p: p[1]))
+    low[count:] = math.log(0.1 * shortest)
+    high[count:] = math.log(10.0 * longest)
+    solution = least_squares(log_misfit, guess, bounds=(low, high))
+    by_time_constant = sorted(processes(solution.x), key=lambda process: process.time_constant)
+    return tuple(Process(instability * sigma, time_constant) for sigma, time_constant in by_time_constant)
 
 
 def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:
     """Return the autocovariance of the sum of Gauss-Markov processes at lags (n,) s."""
     lags = np.abs(np.asarray(lags, dtype=float))
-    return np.asarray(sum(p.sigma**2 * np.exp(-lags / p.time_constant) for p in processes))
+    terms = [process.sigma**2 * np.exp(-lags / process.time_constant) for process in processes]
+    return np.asarray(sum(terms))
 
 
 def autoregressive(processes: Sequence[Process], order: int, dt: float) -> tuple[Floats, float]:
@@ -146,4 +157,5 @@ def autoregressive(processes: Sequence[Process], order: int, dt: float) -> tuple
 
     covariance = autocovariance(processes, np.arange(order + 1) * np.float64(dt))
     coefficients = np.asarray(solve_toeplitz(covariance[:-1], covariance[1:]))
-    return coefficients, math.sqrt(float(covariance[0] - coefficients @ covariance[1:]))
+    driving_variance = float(covariance[0] - coefficients @ covariance[1:])
+    return coefficients, math.sqrt(driving_variance)

@@ -68,11 +68,13 @@ def ladder(n: int, dt: float, shortest: float = 0.0, longest: float = math.inf) 
 
     There are six per decade, up to a ninth of the stream, with averaging times from `shortest` to `longest` (s).
     """
+    # 1e-9: an averaging time that is a multiple of dt stays one after rounding
     first = max(1, math.ceil(shortest / dt - 1e-9))
     last = min(n // _LEAST, math.floor(min(longest, n * dt) / dt + 1e-9))
     if last < first:
         return []
-    count = max(2, math.ceil(_PER_DECADE * math.log10(max(last / first, 1.0001))) + 1)
+    decades = math.log10(max(last / first, 1.0001))
+    count = max(2, math.ceil(_PER_DECADE * decades) + 1)
     return sorted({round(factor) for factor in np.geomspace(first, last, count)})
 
 
@@ -89,24 +91,29 @@ def fit(rates: Floats, dt: float, factors: Sequence[int]) -> AxisFit:
         Averaging times in samples, as from `ladder`.
     """
     m = np.array(factors, dtype=np.int64)
+    n = rates.size
     observed = overlapping(rates, dt, factors) ** 2
     design = np.stack([variances(name, m, dt) for name in NAMES], axis=1)
-    squares, cov, V = _solve(observed, design, m, rates.size, dt)
+    squares, square_variances, V = _solve(observed, design, m, n, dt)
     model = design @ squares
-    residual = observed - model
-    dof = m.size - int(np.count_nonzero(squares))
-    chi2 = float(residual @ np.linalg.solve(V, residual))
-    # chi-square has mean dof and variance 2 dof: widen the intervals beyond four sigmas
-    spread = math.sqrt(chi2 / dof) if dof > 0 and chi2 > dof + 4.0 * math.sqrt(2.0 * dof) else 1.0
+    spread = _interval_factor(observed - model, V, n_fitted=int(np.count_nonzero(squares)))
     coefficients = {}
     for k, name in enumerate(NAMES):
-        sigma = spread * math.sqrt(cov[k])
-        shown = squares[k] > _SHOWN * sigma
-        high = 0.0 if shown else math.sqrt(_bound(squares, k, spread, design, m, rates.size, dt))
-        coefficients[name] = _coefficient(squares[k], sigma) if shown else Coefficient(0.0, 0.0, high, False)
-    tau = dt * m.astype(float)
-    root = np.sqrt(model)
-    return AxisFit(tau, np.sqrt(observed), 0.5 * np.sqrt(np.diag(V)) / root, root, coefficients, spread)
+        sigma = spread * math.sqrt(square_variances[k])
+        if squares[k] > _SHOWN * sigma:
+            coefficients[name] = _coefficient(squares[k], sigma)
+        else:
+            bound = _bound(squares, k, spread, design, m, n, dt)
+            coefficients[name] = Coefficient(value=0.0, low=0.0, high=math.sqrt(bound), shown=False)
+    model_deviation = np.sqrt(model)
+    return AxisFit(
+        tau=dt * m.astype(float),
+        deviation=np.sqrt(observed),
+        sigma=0.5 * np.sqrt(np.diag(V)) / model_deviation,  # of a root: half the relative sigma of the square
+        model=model_deviation,
+        coefficients=coefficients,
+        spread=spread,
+    )
 
 
 def variances(name: str, m: Ints, dt: float) -> Floats:
@@ -115,8 +122,23 @@ def variances(name: str, m: Ints, dt: float) -> Floats:
     name : One of `NAMES`.
     dt : s. Sampling interval.
     """
-    second = 6.0 * _generalised(name, 0 * m, dt) - 8.0 * _generalised(name, m, dt) + 2.0 * _generalised(name, 2 * m, dt)
-    return np.asarray(second / (2.0 * (m * dt) ** 2))
+    at_0 = _generalised(name, 0 * m, dt)
+    at_m = _generalised(name, m, dt)
+    at_2m = _generalised(name, 2 * m, dt)
+    second_difference = 6.0 * at_0 - 8.0 * at_m + 2.0 * at_2m
+    return np.asarray(second_difference / (2.0 * (m * dt) ** 2))
+
+
+def _interval_factor(residual: Floats, V: Floats, n_fitted: int) -> float:
+    """Return the factor on the confidence intervals: root of chi-square per degree of freedom if it is significant.
+
+    Chi-square has mean dof and variance 2 dof; intervals are widened beyond four sigmas.
+    """
+    dof = residual.size - n_fitted
+    chi2 = float(residual @ np.linalg.solve(V, residual))
+    if dof > 0 and chi2 > dof + 4.0 * math.sqrt(2.0 * dof):
+        return math.sqrt(chi2 / dof)
+    return 1.0
 
 
 def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
@@ -133,7 +155,8 @@ def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
         return np.asarray(-0.5 * t)
     if name == "rate_random_walk":
         return np.asarray(t**3 / 12.0)
-    return np.asarray(t**2 * np.log(np.maximum(t, 1e-300)) / (2.0 * math.pi))
+    log_t = np.log(np.maximum(t, 1e-300))  # t^2 ln t is 0 at t = 0
+    return np.asarray(t**2 * log_t / (2.0 * math.pi))
 
 
 def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tuple[Floats, Floats, Floats]:
@@ -143,6 +166,7 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
     """
     from scipy.optimize import nnls  # the import takes 0.3 s in every worker, and few need it
 
+    # first guess: every observation with the same relative error
     scale = 1.0 / observed
     squares = nnls(design * scale[:, None], observed * scale)[0]
     for _ in range(_PASSES):
@@ -150,10 +174,10 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
         L = np.linalg.cholesky(V)
         A = np.linalg.solve(L, design)
         b = np.linalg.solve(L, observed)
-        size = np.linalg.norm(A, axis=0)
-        before = squares
-        squares = nnls(A / size, b)[0] / size
-        if np.allclose(before, squares, rtol=1e-6, atol=0.0):
+        column_norm = np.linalg.norm(A, axis=0)
+        previous = squares
+        squares = nnls(A / column_norm, b)[0] / column_norm
+        if np.allclose(previous, squares, rtol=1e-6, atol=0.0):
             break
     return squares, _square_variances(design, V), V
 
@@ -161,8 +185,9 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
 def _square_variances(design: Floats, V: Floats) -> Floats:
     """Return the variances (4,) of squared coefficients fitted to observations with covariance V: (A' V^-1 A)^-1."""
     A = np.linalg.solve(np.linalg.cholesky(V), design)
-    size = np.linalg.norm(A, axis=0)
-    return np.asarray(np.diag(np.linalg.inv((A / size).T @ (A / size))) / size**2)
+    column_norm = np.linalg.norm(A, axis=0)  # the squares differ by many orders of magnitude
+    scaled = A / column_norm
+    return np.asarray(np.diag(np.linalg.inv(scaled.T @ scaled)) / column_norm**2)
 
 
 def _bound(squares: Floats, k: int, spread: float, design: Floats, m: Ints, n: int, dt: float) -> float:
@@ -172,7 +197,8 @@ def _bound(squares: Floats, k: int, spread: float, design: Floats, m: Ints, n: i
     """
     bounded = squares.copy()
     for _ in range(_PASSES):
-        sigma = math.sqrt(_square_variances(design, covariance(bounded, m.tolist(), n, dt))[k])
+        V = covariance(bounded, m.tolist(), n, dt)
+        sigma = math.sqrt(_square_variances(design, V)[k])
         bounded[k] = squares[k] + _Z_BOUND * spread * sigma
     return float(bounded[k])
 
@@ -183,9 +209,10 @@ def _coefficient(square: float, sigma: float) -> Coefficient:
     The interval is symmetric in the cube root of the square (Wilson and Hilferty), in which a sum of squares is nearly
     Gaussian.
     """
-    part = _Z * sigma / (3.0 * square)
-    low, high = (square * max(0.0, 1.0 + sign * part) ** 3 for sign in (-1.0, 1.0))
-    return Coefficient(math.sqrt(square), math.sqrt(low), math.sqrt(high), True)
+    half_width = _Z * sigma / (3.0 * square)  # of the cube root, relative to it
+    low = square * max(0.0, 1.0 - half_width) ** 3
+    high = square * max(0.0, 1.0 + half_width) ** 3
+    return Coefficient(math.sqrt(square), math.sqrt(low), math.sqrt(high), shown=True)
 
 
 def covariance(squares: Floats, m: Sequence[int], n: int, dt: float) -> Floats:
@@ -196,19 +223,21 @@ def covariance(squares: Floats, m: Sequence[int], n: int, dt: float) -> Floats:
     n : Number of samples.
     dt : s. Sampling interval.
     """
-    return np.einsum("ijkl,k,l->ij", _moments(tuple(m), n, dt), squares, squares)
+    return np.einsum("ijkl,k,l->ij", _quadratic_forms(tuple(m), n, dt), squares, squares)
 
 
 @lru_cache(maxsize=8)
-def _moments(m: tuple[int, ...], n: int, dt: float) -> Floats:
+def _quadratic_forms(m: tuple[int, ...], n: int, dt: float) -> Floats:
     """Return the coefficients (n_factor, n_factor, 4, 4) of the covariance as a quadratic form of the squares."""
     moments = np.empty((len(m), len(m), 4, 4))
     for i, j in combinations_with_replacement(range(len(m)), 2):
-        moments[i, j] = moments[j, i] = _pair(m[i], m[j], n, dt)
+        form = _covariance_form(m[i], m[j], n, dt)
+        moments[i, j] = form
+        moments[j, i] = form
     return moments
 
 
-def _pair(a: int, b: int, n: int, dt: float) -> Floats:
+def _covariance_form(a: int, b: int, n: int, dt: float) -> Floats:
     """Return the quadratic form (4, 4) of the covariance of the Allan variances over a and b samples.
 
     It is twice the sum, over all pairs of second differences, of products of their covariances (Isserlis' theorem).
@@ -216,21 +245,25 @@ def _pair(a: int, b: int, n: int, dt: float) -> Floats:
     n_a = n + 1 - 2 * a
     n_b = n + 1 - 2 * b
     kinks = np.unique([j * b - i * a for i in range(3) for j in range(3)])
-    lags, weights = _lags(kinks, n_a, n_b)
+    lags, weights = _summation_lags(kinks, n_a, n_b)
     smooth = _second_covariances(lags, a, b, dt)
     smooth[0] = 0.0
-    total = np.einsum("l,kl,jl->kj", weights * _pairs(lags, n_a, n_b), smooth, smooth)
-    at = kinks[(kinks > -n_b) & (kinks < n_a)]  # quantisation: white noise of the angle, at single lags
-    single = _second_covariances(at, a, b, dt)
-    discrete = np.einsum("l,l,kl->k", _pairs(at, n_a, n_b), single[0], single)
-    total[0, 1:] = total[1:, 0] = discrete[1:]
+    total = np.einsum("l,kl,jl->kj", weights * _n_pair(lags, n_a, n_b), smooth, smooth)
+    # quantisation is white noise of the angle: its covariances are zero except at single lags
+    single_lags = kinks[(kinks > -n_b) & (kinks < n_a)]
+    single = _second_covariances(single_lags, a, b, dt)
+    discrete = np.einsum("l,l,kl->k", _n_pair(single_lags, n_a, n_b), single[0], single)
+    total[0, 1:] = discrete[1:]
+    total[1:, 0] = discrete[1:]
     total[0, 0] = discrete[0] + 0.5 * _UNIFORM * 36.0 / 144.0 * min(n_a, n_b)
     return np.asarray(2.0 * total / (4.0 * a * a * b * b * dt**4 * n_a * n_b))
 
 
-def _pairs(lags: Floats, n_a: int, n_b: int) -> Floats:
+def _n_pair(lags: Floats, n_a: int, n_b: int) -> Floats:
     """Return the number of pairs of second differences with each lag (start of the first minus start of the second)."""
-    return np.asarray(np.maximum(0.0, np.minimum(n_a, n_b + lags) - np.maximum(0.0, lags)))
+    end = np.minimum(n_a, n_b + lags)
+    start = np.maximum(0.0, lags)
+    return np.asarray(np.maximum(0.0, end - start))
 
 
 def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
@@ -241,28 +274,40 @@ def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
     covariances = np.zeros((len(NAMES), len(lags)))
     for k, name in enumerate(NAMES):
         for (i, p), (j, q) in product(enumerate(_SECOND), repeat=2):
-            covariances[k] += p * q * _generalised(name, lags + i * a - j * b, dt)
+            shifted = lags + i * a - j * b
+            covariances[k] += p * q * _generalised(name, shifted, dt)
     return covariances
 
 
-def _lags(kinks: Ints, n_a: int, n_b: int) -> tuple[Floats, Floats]:
+def _summation_lags(kinks: Ints, n_a: int, n_b: int) -> tuple[Floats, Floats]:
     """Return lags and weights for a sum over all lags of a function that is smooth between kinks.
 
     Short pieces are summed term by term, long pieces by Gauss-Legendre quadrature.
     """
-    first = 1 - n_b
-    last = n_a - 1
-    reach = int(kinks[-1] - kinks[0])
-    edges = [first, int(kinks[0]) - reach, int(kinks[0]) - reach // 8, *map(int, kinks)]
-    edges = sorted({min(max(edge, first), last) for edge in [*edges, 0, n_a - n_b, *(-e for e in edges), last]})
-    nodes, parts = np.polynomial.legendre.leggauss(16)
+    edges = _piece_edges(kinks, n_a, n_b)
+    nodes, node_weights = np.polynomial.legendre.leggauss(16)
     lags = [np.array(edges, dtype=float)]
     weights = [np.ones(len(edges))]
     for low, high in pairwise(edges):
-        if high - low - 1 <= _EXACT:
+        n_term = high - low - 1  # lags between the edges, which have terms of their own
+        if n_term <= _EXACT:
             lags.append(np.arange(low + 1, high, dtype=float))
-            weights.append(np.ones(max(0, high - low - 1)))
+            weights.append(np.ones(max(0, n_term)))
         else:
-            lags.append(0.5 * (low + high) + 0.5 * (high - low - 1) * nodes)
-            weights.append(0.5 * (high - low - 1) * parts)
+            half = 0.5 * n_term
+            lags.append(0.5 * (low + high) + half * nodes)
+            weights.append(half * node_weights)
     return np.concatenate(lags), np.concatenate(weights)
+
+
+def _piece_edges(kinks: Ints, n_a: int, n_b: int) -> list[int]:
+    """Return the lags between which the summed function is smooth, rising, from the smallest to the largest lag."""
+    first = 1 - n_b
+    last = n_a - 1
+    start = int(kinks[0])
+    reach = int(kinks[-1]) - start
+    edges = [first, start - reach, start - reach // 8]  # shorter pieces next to the kinks, where the function is steep
+    edges += [int(kink) for kink in kinks]
+    mirrored = [-edge for edge in edges]
+    edges += [0, n_a - n_b, *mirrored, last]
+    return sorted({min(max(edge, first), last) for edge in edges})

@@ -5,19 +5,17 @@ is x^ = A y with A = (H' W H)^-1 H' W, so an error e of an axis enters as its co
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from operator import attrgetter
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from lvnav_trade.imu.error_model import AccelCard, GyroCard, ImuCard, error_terms
+from lvnav_trade.imu.error_model import ImuCard, error_terms
 from lvnav_trade.imu.redundancy import ParityCard
-from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.conditions import Instant
-from lvnav_trade.quantities.per_axis import PerAxis, rms, squares
+from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.state_layout import ErrorTerm
 from lvnav_trade.quantities.units import NamedCard
@@ -53,17 +51,19 @@ class MountedImu(ImuCard):
     def directions(self) -> Floats:
         """Unit vectors (n, 3) of its sensing axes, body axes."""
         axes = np.eye(3) if self.axes is None else np.array(self.axes, dtype=float)
+        axes = axes / np.linalg.norm(axes, axis=1)[:, None]
         if not any(self.orientation):
-            return np.asarray(axes / np.linalg.norm(axes, axis=1)[:, None])
-        (sr, sp, sy), (cr, cp, cy) = np.sin(self.orientation), np.cos(self.orientation)
-        turn = np.array(
+            return np.asarray(axes)
+        sr, sp, sy = np.sin(self.orientation)
+        cr, cp, cy = np.cos(self.orientation)
+        body_to_imu = np.array(
             [
                 [cp * cy, cp * sy, -sp],
                 [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
                 [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
             ]
         )
-        return np.asarray(axes / np.linalg.norm(axes, axis=1)[:, None] @ turn)
+        return np.asarray(axes @ body_to_imu)
 
 
 class ImuSet(NamedCard):
@@ -96,18 +96,20 @@ class ImuSet(NamedCard):
     def _faults(self) -> Iterable[str]:
         if not self.units:
             yield "units: there is none"
-        yield from _unfit_for_redundancy(self)
+        yield from _redundancy_faults(self)
         for number, unit in enumerate(self.units[1:], start=1):
             if unit.rate != self.rate:
                 yield (
                     f"units.{number}.rate: {unit.rate:g} Hz, the first unit has {self.rate:g} Hz; increments are fused "
                     "sample by sample"
                 )
-        singular = np.linalg.svd(np.vstack([unit.directions for unit in self.units]), compute_uv=False)
+        axes = np.vstack([unit.directions for unit in self.units])
+        singular = np.linalg.svd(axes, compute_uv=False)
         rank = int(np.sum(singular > SMALLEST * singular[0]))
         if rank < 3:
             yield f"units: the sensing axes span {rank} of 3 dimensions: a rate across them is not measured"
-        for label, sizes in (("gyro", _sizes(self, "gyro")), ("accel", _sizes(self, "accel"))):
+        for label in ("gyro", "accel"):
+            sizes = _sizes(self, label)
             if sizes.any() and not sizes.all():
                 yield f"weights: {self.weights}: units.{int(np.argmin(sizes))}.{label} has none; weight them equally"
 
@@ -122,31 +124,26 @@ class ImuSet(NamedCard):
         return max(unit.process_rate for unit in self.units)
 
 
-def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
-    """Yield the input errors of mid-value selection and of the parity test."""
-    spans = [np.linalg.matrix_rank(unit.directions, tol=SMALLEST) for unit in card.units]
+def _redundancy_faults(card: ImuSet) -> Iterable[str]:
+    """Yield the input errors of mid-value selection, of a hand-over and of the parity test."""
+    spans = [int(np.linalg.matrix_rank(unit.directions, tol=SMALLEST)) for unit in card.units]
     if card.selection == "mid_value":
-        if min(spans, default=3) < 3:
-            yield f"selection: mid_value: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
-        if card.weights != "random_walk":
-            yield f"weights: {card.weights}: mid-value selection has no weights"
-        if len(card.units) < 3:
-            yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
-        if any(triad.quantisation > 0.0 for unit in card.units for triad in (unit.gyro, unit.accel)):
-            yield "selection: mid_value: the rounding residual of a unit is lost when another unit is selected"
-    yield from _unfit_for_hand_over(card, spans)
+        yield from _mid_value_faults(card, spans)
+    yield from _hand_over_faults(card, spans)
     if card.parity is not None:
         yield from _untestable(card, card.parity)
     if card.parity is not None and card.parity.window * card.rate < 1.0:
         yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
+    if card.parity is None and card.selection != "mid_value":
+        return
     for number, unit in enumerate(card.units):
         for name, triad in (("gyro", unit.gyro), ("accel", unit.accel)):
-            if (card.parity is not None or card.selection == "mid_value") and rms(triad.random_walk) <= 0.0:
+            if rms(triad.random_walk) <= 0.0:
                 yield f"units.{number}.{name}.random_walk: is zero; thresholds of redundant units need it, give it"
 
 
-def _unfit_for_hand_over(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
-    """Yield what a prime unit and its hand-over lack; spans: dimensions that each unit senses along."""
+def _hand_over_faults(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
+    """Yield the input errors of a prime IMU and its hand-over; spans: dimensions that each IMU senses along."""
     by_parity = card.parity is not None and card.parity.after_detection == "hand_over"
     if card.selection != "prime":
         if by_parity or card.hand_over is not None:
@@ -182,19 +179,34 @@ def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
         )
 
 
+def _mid_value_faults(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
+    """Yield the input errors of mid-value selection; spans: dimensions that each IMU senses along."""
+    if min(spans, default=3) < 3:
+        yield f"selection: mid_value: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
+    if card.weights != "random_walk":
+        yield f"weights: {card.weights}: mid-value selection has no weights"
+    if len(card.units) < 3:
+        yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
+    triads = [triad for unit in card.units for triad in (unit.gyro, unit.accel)]
+    if any(triad.quantisation > 0.0 for triad in triads):
+        yield "selection: mid_value: the rounding residual of a unit is lost when another unit is selected"
+
+
 def _tested_without(card: ImuSet, number: int) -> bool:
     """Return whether the array without IMU `number` has four axes or more that span three dimensions."""
-    others = [unit.directions for at, unit in enumerate(card.units) if at != number]
-    axes = np.vstack(others) if others else np.zeros((0, 3))
+    remaining = [unit.directions for index, unit in enumerate(card.units) if index != number]
+    if not remaining:
+        return False
+    axes = np.vstack(remaining)
     return len(axes) > 3 and int(np.linalg.matrix_rank(axes, tol=SMALLEST)) == 3
 
 
-def _kind_of(value: Any) -> str:
-    several = "units" in value if isinstance(value, dict) else isinstance(value, ImuSet)
-    return "several_units" if several else "one_unit"
+def _card_tag(value: Any) -> str:
+    is_array = "units" in value if isinstance(value, dict) else isinstance(value, ImuSet)
+    return "several_units" if is_array else "one_unit"
 
 
-Imu = Annotated[Annotated[ImuCard, Tag("one_unit")] | Annotated[ImuSet, Tag("several_units")], Discriminator(_kind_of)]
+Imu = Annotated[Annotated[ImuCard, Tag("one_unit")] | Annotated[ImuSet, Tag("several_units")], Discriminator(_card_tag)]
 """An IMU, or an IMU array with a list `units`."""
 
 
@@ -204,7 +216,8 @@ def _sizes(card: ImuSet, sensor: str) -> Floats:
     if card.weights == "equal":
         return np.ones(len(cards))
     if card.weights == "bias":
-        return np.array([math.hypot(rms(triad.bias_repeatability), triad.instability_sigma) for triad in cards])
+        biases = [math.hypot(rms(triad.bias_repeatability), triad.instability_sigma) for triad in cards]
+        return np.array(biases)
     return np.array([rms(triad.random_walk) for triad in cards])
 
 
@@ -241,37 +254,35 @@ def _frames(axes: Floats) -> Floats:
     The frame of an axis of an orthogonal triad is the triad itself in cyclic order, so that its misalignments are
     towards the other two axes.
     """
-    if len(axes) == 3 and np.allclose(axes @ axes.T, np.eye(3), atol=1e-12) and np.linalg.det(axes) > 0.0:
+    is_orthogonal = len(axes) == 3 and np.allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    if is_orthogonal and np.linalg.det(axes) > 0.0:
         return np.array([np.roll(axes, -k, axis=0) for k in range(3)])
-    least = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
-    first = np.cross(axes, least)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([axes, first, np.cross(axes, first)], axis=1)
+    # second direction: across the axis and the body axis that is farthest from it
+    farthest = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    second = np.cross(axes, farthest)
+    second /= np.linalg.norm(second, axis=1)[:, None]
+    return np.stack([axes, second, np.cross(axes, second)], axis=1)
 
 
 def triads_of(card: ImuSet) -> tuple[Triad, ...]:
     """Return the triads of an IMU array, IMU by IMU."""
     directions = [unit.directions for unit in card.units]
-    count = [len(axes) for axes in directions]
-    solved = []
-    for sensor in ("gyro", "accel"):
-        sizes = _sizes(card, sensor)
-        sizes = sizes / sizes[0] if sizes.all() else np.ones(len(sizes))
-        weights = np.repeat(sizes**-2.0, count)
-        if card.selection == "prime":
-            weights[count[0] :] = 0.0
-        solved.append(least_squares(np.vstack(directions), weights))
+    gyro_columns = _fused_columns(card, "gyro", directions)
+    accel_columns = _fused_columns(card, "accel", directions)
     triads = []
-    at = 0
+    column = 0
     for number, axes in enumerate(directions):
         for first in range(0, len(axes), 3):
             members = axes[first : first + 3]
             n = len(members)
             frames = np.zeros((3, 3, 3))
             frames[:n] = _frames(members)
-            gyro, accel = (np.pad(A[:, at : at + n], ((0, 0), (0, 3 - n))) for A in solved)
-            triads.append(Triad(number, n, frames, gyro, accel))
-            at += n
+            gyro = np.zeros((3, 3))
+            gyro[:, :n] = gyro_columns[:, column : column + n]
+            accel = np.zeros((3, 3))
+            accel[:, :n] = accel_columns[:, column : column + n]
+            triads.append(Triad(unit=number, n_axis=n, frames=frames, gyro=gyro, accel=accel))
+            column += n
     return tuple(triads)
 
 
@@ -280,16 +291,32 @@ def keyed(label: str, unit: int) -> str:
     return f"unit {unit + 1} {label}" if unit else label
 
 
+def _fused_columns(card: ImuSet, sensor: str, directions: Sequence[Floats]) -> Floats:
+    """Return A (3, n_axis) of all sensing axes of an array; a prime IMU has all the weight."""
+    n_axis = [len(axes) for axes in directions]
+    sizes = _sizes(card, sensor)
+    relative = sizes / sizes[0] if sizes.all() else np.ones(len(sizes))
+    weights = np.repeat(relative**-2.0, n_axis)
+    if card.selection == "prime":
+        weights[n_axis[0] :] = 0.0
+    return least_squares(np.vstack(directions), weights)
+
+
 def own_solutions(card: ImuSet) -> Floats:
-    """Return the columns (n_triad, 3, 3) by which errors of the axes enter the solution of their own IMU alone."""
-    columns = [np.zeros((3, 3)) for _ in triads_of(card)]
+    """Return the columns (n_triad, 3, 3) by which errors of the axes enter the solution of their own IMU alone.
+
+    An IMU with fewer than three axes has no solution; its columns are not used.
+    """
+    triads = triads_of(card)
+    columns = np.zeros((len(triads), 3, 3))
     for number, unit in enumerate(card.units):
         A = np.linalg.pinv(unit.directions)
-        at = 0  # no solution with fewer than three axes: then it is not used
-        for index, triad in enumerate(triads_of(card)):
+        column = 0
+        for index, triad in enumerate(triads):
             if triad.unit == number:
-                columns[index][:, : triad.n_axis], at = A[:, at : at + triad.n_axis], at + triad.n_axis
-    return np.array(columns)
+                columns[index, :, : triad.n_axis] = A[:, column : column + triad.n_axis]
+                column += triad.n_axis
+    return columns
 
 
 def axis_weights(card: ImuSet) -> Floats:
@@ -298,20 +325,28 @@ def axis_weights(card: ImuSet) -> Floats:
     They are relative to the first IMU, and one for mid-value selection.
     """
     owners = [triad.unit for triad in triads_of(card)]
+    weights = np.ones((2, len(owners)))
     if card.selection != "mean":
-        return np.ones((2, len(owners)))
-    sizes = [_sizes(card, sensor) for sensor in ("gyro", "accel")]
-    return np.array([(sigma / sigma[0] if sigma.all() else np.ones(sigma.size))[owners] ** -2.0 for sigma in sizes])
+        return weights
+    for row, sensor in enumerate(("gyro", "accel")):
+        sigma = _sizes(card, sensor)
+        if sigma.all():
+            weights[row] = (sigma / sigma[0])[owners] ** -2.0
+    return weights
 
 
 def axis_counts(imu: ImuCard | ImuSet) -> tuple[int, ...]:
     """Return the number of sensing axes of each IMU."""
-    return (3,) if isinstance(imu, ImuCard) else tuple(len(unit.directions) for unit in imu.units)
+    if isinstance(imu, ImuCard):
+        return (3,)
+    return tuple(len(unit.directions) for unit in imu.units)
 
 
 def mounted(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
     """Return index (from 0) and card of the IMU of every triad; a single IMU has one triad."""
-    return [(0, imu)] if isinstance(imu, ImuCard) else [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]
+    if isinstance(imu, ImuCard):
+        return [(0, imu)]
+    return [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]
 
 
 def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
@@ -319,91 +354,10 @@ def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
     if isinstance(imu, ImuCard):
         return error_terms(imu)
     owners = mounted(imu)
-    return [
-        term._replace(
-            name=keyed(term.name, unit),
-            part=term.part + 3 * owners[:triad].count((unit, card)),
-            triad=triad,
-        )
-        for triad, (unit, card) in enumerate(owners)
-        for term in error_terms(card)
-    ]
-
-
-def _fused(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> PerAxis:
-    """Return the sigma of the fused triad for an error that is independent between sensing axes.
-
-    It is the root mean square over the body axes if the axes of every IMU are equal, otherwise by axis.
-
-    value : Function that returns the sigma of a gyro or accelerometer card.
-    """
-    variance = np.zeros(3)
-    alike = True
-    for triad in triads_of(imu):
-        A, card = (
-            (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (triad.accel, imu.units[triad.unit].accel)
-        )
-        variance += A**2 @ squares(value(card))
-        alike &= not isinstance(value(card), tuple)
-    if alike:
-        return math.sqrt(float(variance.sum()) / 3.0)
-    x, y, z = np.sqrt(variance).tolist()
-    return x, y, z
-
-
-def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[float, float]:
-    """Return the sigmas of the fused scale-factor and misalignment matrix: diagonal, off-diagonal.
-
-    Each is the root mean square over the entries. The scale factor of a skewed axis contributes to both.
-    """
-    variance = np.zeros((3, 3))
-    for triad in triads_of(imu):
-        unit = imu.units[triad.unit]
-        A, card = (triad.gyro, unit.gyro) if sensor == GYRO else (triad.accel, unit.accel)
-        scale = rms(getattr(card, own)) ** 2
-        skew = rms(getattr(card, across, 0.0)) ** 2 if across else 0.0
-        of_axis = scale * triad.frames[:, 0] ** 2 + skew * (triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2)
-        variance += A**2 @ of_axis
-    diagonal = float(np.trace(variance))
-    return math.sqrt(diagonal / 3.0), math.sqrt((float(variance.sum()) - diagonal) / 6.0)
-
-
-def _fused_card(imu: ImuSet, sensor: int) -> dict[str, Any]:
-    cards = [unit.gyro if sensor == GYRO else unit.accel for unit in imu.units]
-    names = ["random_walk", "rate_random_walk", "bias_repeatability", "quantisation"]
-    fields: dict[str, Any] = {name: _fused(imu, sensor, attrgetter(name)) for name in names}
-    fields["bias_instability"] = _fused(imu, sensor, lambda triad: triad.instability_axes(triad.instability_sigma))
-    fields["scale_factor"], fields["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
-    fields["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift", "")
-    if sensor == GYRO:
-        fields["g_sensitivity"] = _fused(imu, sensor, attrgetter("g_sensitivity"))
-    # driving noise sigma^2 / T of independent Gauss-Markov processes adds up and gives T of their sum
-    drive = (
-        sum(
-            process.sigma**2 / process.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
-            for t in triads_of(imu)
-            for process in [cards[t.unit].instability]
-        )
-        / 3.0
-    )
-    fields["instability_time"] = rms(fields["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
-    return fields
-
-
-def equivalent(imu: ImuCard | ImuSet) -> ImuCard:
-    """Return the IMU equivalent to the fused triad of an array; a single IMU is returned as it is.
-
-    Sigmas are root mean squares over the three axes, or by axis if the axes of an IMU differ. Those of scale factor and
-    misalignment are always root mean squares. Nonlinearity, bandwidth and warming are omitted, because their sum over
-    several IMUs is not an error of the same kind.
-    """
-    if isinstance(imu, ImuCard):
-        return imu
-    return ImuCard.model_construct(
-        name=imu.name,
-        source=imu.source,
-        rate=imu.rate,
-        process_rate=imu.process_rate,
-        gyro=GyroCard.model_construct(**_fused_card(imu, GYRO)),
-        accel=AccelCard.model_construct(**_fused_card(imu, ACCEL)),
-    )
+    terms = []
+    for triad, (unit, card) in enumerate(owners):
+        # an IMU with several triads has three parts of an error in each
+        first_part = 3 * owners[:triad].count((unit, card))
+        for term in error_terms(card):
+            terms.append(term._replace(name=keyed(term.name, unit), part=term.part + first_part, triad=triad))
+    return terms

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.imu.array import ImuSet, least_squares, triads_of
+from lvnav_trade.kernels.transition import GYRO
 from lvnav_trade.quantities.per_axis import PerAxis, rms, squares
 from lvnav_trade.quantities.records import Floats
 
@@ -26,18 +27,16 @@ def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
     list of (2, 3, 3)
         By triad: columns of gyro and accelerometer axes, body axes; zero for other IMUs.
     """
-    columns = [np.zeros((2, 3, 3)) for _ in triads_of(imu)]
-    seen = [0] * len(imu.units)
-    solutions = {
-        n: (sign, least_squares(d := imu.units[n].directions, np.ones(len(d))))
-        for n, sign in ((first, 1.0), (second, -1.0))
-    }
-    for number, triad in enumerate(triads_of(imu)):
-        if triad.unit in solutions:
-            sign, A = solutions[triad.unit]
-            members = slice(seen[triad.unit], seen[triad.unit] + triad.n_axis)
-            columns[number][:, :, : triad.n_axis] = sign * A[:, members]
-            seen[triad.unit] += triad.n_axis
+    triads = triads_of(imu)
+    columns = [np.zeros((2, 3, 3)) for _ in triads]
+    for number, sign in ((first, 1.0), (second, -1.0)):
+        axes = imu.units[number].directions
+        A = least_squares(axes, np.ones(len(axes)))
+        column = 0
+        for index, triad in enumerate(triads):
+            if triad.unit == number:
+                columns[index][:, :, : triad.n_axis] = sign * A[:, column : column + triad.n_axis]
+                column += triad.n_axis
     return columns
 
 
@@ -69,38 +68,48 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
     first, second : int
         IMUs, from 0. The difference is the first minus the second.
     """
-    # variances by axis: noise, bias and walk of the difference, bias of the fused triad (own), and their covariance
-    noise, bias, walk, shared, own, biases_alike = *np.zeros((5, 3)), True
+    # variances by axis: noise, bias and walk of the difference, bias of the fused triad, and covariance of both biases
+    noise, bias, walk, fused_bias, covariance = np.zeros((5, 3))
+    biases_alike = True
     for triad, columns in zip(triads_of(imu), difference(imu, first, second), strict=True):
         unit = imu.units[triad.unit]
         D = columns[sensor]
-        A = (triad.gyro, triad.accel)[sensor]
-        card = (unit.gyro, unit.accel)[sensor]
+        A = triad.gyro if sensor == GYRO else triad.accel
+        card = unit.gyro if sensor == GYRO else unit.accel
         flicker = np.array(squares(card.instability_axes(card.instability_sigma)))
         lasting = np.array(squares(card.bias_repeatability)) + flicker
         drift = np.array(squares(card.rate_random_walk)) + flicker * 2.0 / card.instability.time_constant
-        bias = bias + D**2 @ lasting
-        walk = walk + D**2 @ drift
-        shared = shared + (D * A) @ lasting
-        own = own + A**2 @ lasting
-        biases_alike &= not any(
-            isinstance(size, tuple) for size in (card.bias_repeatability, card.bias_instability, card.rate_random_walk)
-        )
-        # mean over the body axes if the axes of the IMU are equal
-        size = float(np.sum(D**2)) / 3.0
-        alike = not isinstance(card.random_walk, tuple)
-        noise = noise + (rms(card.random_walk) ** 2 * size if alike else D**2 @ squares(card.random_walk))
+        bias += D**2 @ lasting
+        walk += D**2 @ drift
+        covariance += (D * A) @ lasting
+        fused_bias += A**2 @ lasting
+        sizes = (card.bias_repeatability, card.bias_instability, card.rate_random_walk)
+        biases_alike &= not any(isinstance(size, tuple) for size in sizes)
+        if isinstance(card.random_walk, tuple):
+            noise += D**2 @ squares(card.random_walk)
+        else:  # the axes of the IMU are equal: mean over the body axes
+            noise += rms(card.random_walk) ** 2 * (float(np.sum(D**2)) / 3.0)
     if biases_alike:
-        bias, walk, shared, own = (np.full(3, np.mean(variance)) for variance in (bias, walk, shared, own))
-    both = np.sqrt(bias * own)
-    # a correlation between equal IMUs is rounding; without a bias there is none
-    correlated = (both > 0.0) & (np.abs(shared) > 1e-12 * both)
-    correlation = np.divide(shared, both, out=np.zeros(3), where=correlated)
-    by_axis = tuple(np.sqrt(noise).tolist())
-    mean = by_axis[0] if len(set(by_axis)) == 1 else math.sqrt(float(np.mean(noise)))
-    return RelativeErrors(mean, by_axis, _of_axes(np.sqrt(bias)), _of_axes(np.sqrt(walk)), _of_axes(correlation))
+        for variance in (bias, walk, covariance, fused_bias):
+            variance[:] = np.mean(variance)
+    random_walk = np.sqrt(noise).tolist()
+    return RelativeErrors(
+        random_walk=random_walk[0] if len(set(random_walk)) == 1 else math.sqrt(float(np.mean(noise))),
+        by_axis=tuple(random_walk),
+        bias=_per_axis(np.sqrt(bias)),
+        walk=_per_axis(np.sqrt(walk)),
+        correlation=_per_axis(_correlation(covariance, bias, fused_bias)),
+    )
 
 
-def _of_axes(values: Floats) -> PerAxis:
+def _correlation(covariance: Floats, variance: Floats, other_variance: Floats) -> Floats:
+    """Return a correlation by axis (3,), 0 without a bias or if it is a rounding error between equal IMUs."""
+    scale = np.sqrt(variance * other_variance)
+    is_correlated = (scale > 0.0) & (np.abs(covariance) > 1e-12 * scale)
+    return np.divide(covariance, scale, out=np.zeros(3), where=is_correlated)
+
+
+def _per_axis(values: Floats) -> PerAxis:
+    """Return three values as one number if they are equal, otherwise by axis."""
     x, y, z = values.tolist()
     return x if x == y == z else (x, y, z)

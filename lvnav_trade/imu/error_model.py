@@ -93,7 +93,8 @@ class TriadCard(Card):
         """Coefficient B (SI, IEEE 952) of the bias instability by fitted processes, root mean square of the axes."""
         size = per_axis.rms(self.bias_instability)
         fit = self.instability_fit
-        return size / FLOOR if fit is not None and fit.convention == "floor" else size
+        is_floor = fit is not None and fit.convention == "floor"
+        return size / FLOOR if is_floor else size
 
     @property
     def instability(self) -> Process:
@@ -113,7 +114,8 @@ class TriadCard(Card):
         """Return the sigma by axis of a process whose root mean square over the axes is `sigma`."""
         if not isinstance(self.bias_instability, tuple):
             return sigma
-        return each_axis(lambda size: sigma * size / per_axis.rms(self.bias_instability), self.bias_instability)
+        mean = per_axis.rms(self.bias_instability)
+        return each_axis(lambda size: sigma * size / mean, self.bias_instability)
 
     @property
     def nonlinearity_scale(self) -> float:
@@ -179,38 +181,10 @@ class ImuCard(NamedCard):
 
 def error_terms(card: ImuCard) -> list[ErrorTerm]:
     """Return the true error parameters of an IMU, without those whose size is zero."""
-    terms: list[ErrorTerm] = []
-    for name, sensor, triad in (("gyro", GYRO, card.gyro), ("accelerometer", ACCEL, card.accel)):
-        terms += [
-            ErrorTerm(f"{name} bias repeatability", 0, sensor, CONSTANT, triad.bias_repeatability),
-            *(
-                ErrorTerm(
-                    f"{name} bias instability",
-                    part,
-                    sensor,
-                    CONSTANT,
-                    triad.instability_axes(process.sigma),
-                    0.0,
-                    process.time_constant,
-                )
-                for part, process in enumerate(triad.instability_processes)
-            ),
-            ErrorTerm(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, triad.rate_random_walk),
-            ErrorTerm(f"{name} scale factor", 0, sensor, OWN_0, triad.scale_factor),
-            ErrorTerm(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, triad.scale_factor_drift),
-            # misalignment of each axis towards the next axis, and towards the one after it
-            ErrorTerm(f"{name} misalignment", 0, sensor, OWN_1, triad.misalignment),
-            ErrorTerm(f"{name} misalignment", 1, sensor, OWN_1 + 1, triad.misalignment),
-            ErrorTerm(
-                f"{name} nonlinearity",
-                0,
-                sensor,
-                SQUARE,
-                each_axis(lambda size, at=triad.nonlinearity_scale: size / at, triad.nonlinearity),
-            ),
-        ]
-        if isinstance(triad, GyroCard):
-            terms += [ErrorTerm("gyro g-sensitivity", j, GYRO, OTHER_0 + j, triad.g_sensitivity) for j in range(3)]
+    terms = _triad_terms("gyro", GYRO, card.gyro)
+    for axis in range(3):
+        terms.append(ErrorTerm("gyro g-sensitivity", axis, GYRO, OTHER_0 + axis, card.gyro.g_sensitivity))
+    terms += _triad_terms("accelerometer", ACCEL, card.accel)
     return [term for term in terms if term.varies]
 
 
@@ -253,6 +227,32 @@ class DeadElement(NamedTuple):
     last: bool
 
 
+def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[ErrorTerm]:
+    """Return the error parameters that gyro and accelerometer triads have in common, also those of size zero."""
+
+    def term(
+        label: str, part: int, driver: int, sigma: PerAxis, walk: PerAxis = 0.0, time_constant: float = math.inf
+    ) -> ErrorTerm:
+        return ErrorTerm(f"{name} {label}", part, sensor, driver, sigma, walk, time_constant)
+
+    terms = [term("bias repeatability", 0, CONSTANT, triad.bias_repeatability)]
+    for part, process in enumerate(triad.instability_processes):
+        sigma = triad.instability_axes(process.sigma)
+        terms.append(term("bias instability", part, CONSTANT, sigma, time_constant=process.time_constant))
+    full_scale = triad.nonlinearity_scale
+    nonlinearity = each_axis(lambda size: size / full_scale, triad.nonlinearity)
+    terms += [
+        term("rate random walk", 0, CONSTANT, 0.0, triad.rate_random_walk),
+        term("scale factor", 0, OWN_0, triad.scale_factor),
+        term("scale-factor drift", 0, OWN_0, 0.0, triad.scale_factor_drift),
+        # misalignment of each axis towards the next axis, and towards the one after it
+        term("misalignment", 0, OWN_1, triad.misalignment),
+        term("misalignment", 1, OWN_1 + 1, triad.misalignment),
+        term("nonlinearity", 0, SQUARE, nonlinearity),
+    ]
+    return terms
+
+
 def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadElement] = ()) -> Floats:
     """Return the increments after clipping at full scale and dead elements.
 
@@ -273,14 +273,17 @@ def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadE
     (n_tick, 3) rad or m/s
         The array `increments` itself if nothing is clipped or dead.
     """
-    if not dead and float(np.max(np.einsum("ij,ij->i", increments, increments), initial=0.0)) < 0.99 * limit**2:
+    largest_square = float(np.max(np.einsum("ij,ij->i", increments, increments), initial=0.0))
+    if not dead and largest_square < 0.99 * limit**2:
         return increments  # the component along an axis is at most the length of the vector
-    along = increments @ axes.T
-    output = np.clip(along, -limit, limit)
+    components = increments @ axes.T
+    output = np.clip(components, -limit, limit)
     for element in dead:
-        at = np.flatnonzero(element.ticks)
-        if at.size:
-            output[at, element.axis] = output[at[0] - 1, element.axis] if element.last and at[0] > 0 else 0.0
-    if np.array_equal(output, along):
+        ticks = np.flatnonzero(element.ticks)
+        if not ticks.size:
+            continue
+        has_last = element.last and ticks[0] > 0
+        output[ticks, element.axis] = output[ticks[0] - 1, element.axis] if has_last else 0.0
+    if np.array_equal(output, components):
         return increments
-    return np.asarray(increments + (output - along) @ np.linalg.pinv(axes).T)
+    return np.asarray(increments + (output - components) @ np.linalg.pinv(axes).T)

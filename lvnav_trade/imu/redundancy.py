@@ -53,15 +53,17 @@ def _normals(dimension: int, count: int) -> Floats:
 
     A lattice of powers of the generalised golden ratio (Roberts), and its mirror image so that the mean is zero.
     """
+    # root of x^(dimension + 1) = x + 1, by fixed-point iteration
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (dimension + 1.0))
     steps = root ** -np.arange(1.0, dimension + 1.0)
-    points = ndtri(np.mod(0.5 + np.outer(np.arange(1, count + 1), steps), 1.0))
+    lattice = np.mod(0.5 + np.outer(np.arange(1, count + 1), steps), 1.0)
+    points = ndtri(lattice)
     return np.concatenate([points, -points])
 
 
-def _counts(below: Floats) -> Floats:
+def _below_probabilities(below: Floats) -> Floats:
     """Return the probabilities (n + 1, ...) that 0 to n of n independent readings lie below a value.
 
     below : (n, ...). Probability that each reading lies below (Poisson binomial distribution by recursion).
@@ -79,10 +81,12 @@ def _ranks(n: int) -> tuple[int, int]:
     return (n - 1) // 2, n // 2
 
 
-def _places(mean: Floats, sigma: Floats) -> tuple[Floats, Floats]:
+def _integration_points(mean: Floats, sigma: Floats) -> tuple[Floats, Floats]:
     """Return integration points (k, m), rising, and the probabilities (n, k, m) that readings lie below them."""
-    x = np.sort((mean[:, None] + sigma[:, None, None] * _GRID[:, None]).reshape(-1, mean.shape[1]), axis=0)
-    return x, ndtr((x - mean[:, None]) / sigma[:, None, None])
+    spread = sigma[:, None, None]
+    points = mean[:, None] + spread * _GRID[:, None]
+    x = np.sort(points.reshape(-1, mean.shape[1]), axis=0)
+    return x, ndtr((x - mean[:, None]) / spread)
 
 
 def _expected(mean: Floats, sigma: Floats) -> Floats:
@@ -90,24 +94,26 @@ def _expected(mean: Floats, sigma: Floats) -> Floats:
 
     It is the lower end of the range plus the integral of the probability that the median lies above.
     """
-    x, below = _places(mean, sigma)
-    counts = _counts(below)
+    x, below = _integration_points(mean, sigma)
+    counts = _below_probabilities(below)
     total = np.zeros(mean.shape[1])
     for rank in _ranks(len(mean)):
         above = counts[: rank + 1].sum(axis=0)
-        total += 0.5 * (x[0] + np.sum(0.5 * (above[1:] + above[:-1]) * np.diff(x, axis=0), axis=0))
+        trapezoids = 0.5 * (above[1:] + above[:-1]) * np.diff(x, axis=0)
+        total += 0.5 * (x[0] + np.sum(trapezoids, axis=0))
     return total
 
 
 def _gains(mean: Floats, sigma: Floats) -> Floats:
     """Return the probability (n,) that each of n normal readings is the median."""
-    _, below = _places(mean[:, None], sigma)
+    _, below = _integration_points(mean[:, None], sigma)
     below = below[..., 0]
     probability = np.zeros(mean.size)
     for k in range(mean.size):
-        counts = _counts(np.delete(below, k, axis=0))
+        counts = _below_probabilities(np.delete(below, k, axis=0))
         density = 0.5 * sum(counts[rank] for rank in _ranks(mean.size))
-        probability[k] = np.sum(0.5 * (density[1:] + density[:-1]) * np.diff(below[k]))
+        trapezoids = 0.5 * (density[1:] + density[:-1]) * np.diff(below[k])
+        probability[k] = np.sum(trapezoids)
     return np.asarray(probability / probability.sum())  # the sum is one but for the integration error
 
 
@@ -133,14 +139,16 @@ def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
     sigma = np.hypot(white, lasting)
     gains = _gains(mean, sigma)
     errors = sigma * _normals(n, MANY)
-    residual = np.sort(mean + errors, axis=1)[:, list(_ranks(n))].mean(axis=1) - errors @ gains
+    sorted_readings = np.sort(mean + errors, axis=1)
+    median = sorted_readings[:, list(_ranks(n))].mean(axis=1)
+    total = float(np.var(median - errors @ gains))
+    # averaged over white noise, what remains of the residual is its lasting part
     constant = lasting * _normals(n, FEW)
     averaged = _expected((mean + constant).T, white) - constant @ gains
-    total = float(np.var(residual))
     constant_part = float(np.var(averaged))
     return MedianModel(
-        gains,
-        float(_expected(mean[:, None], sigma)[0]),
-        float(np.sum((gains * lasting) ** 2)) + min(constant_part, total),
-        float(np.sum((gains * white) ** 2)) + max(0.0, total - constant_part),
+        gains=gains,
+        mean=float(_expected(mean[:, None], sigma)[0]),
+        lasting=float(np.sum((gains * lasting) ** 2)) + min(constant_part, total),
+        white=float(np.sum((gains * white) ** 2)) + max(0.0, total - constant_part),
     )

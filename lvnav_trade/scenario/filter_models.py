@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.gnss.constellation import parts_of
 from lvnav_trade.gnss.receiver_cards import DirectSolution, SmoothingCard
-from lvnav_trade.imu.array import ImuSet, equivalent
+from lvnav_trade.imu.array import ImuSet
 from lvnav_trade.imu.differences import RelativeErrors, relative_errors
+from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.quantities.per_axis import PerAxis, each_axis

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.imu.array import equivalent
+from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.scenario.filter_models import sensors_measuring

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.imu.array import ImuSet, equivalent, triads_of
+from lvnav_trade.imu.array import ImuSet, triads_of
 from lvnav_trade.imu.differences import difference, relative_errors
-from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.transition import GYRO
 
 CARD: dict[str, Any] = {
@@ -36,28 +35,6 @@ def of_units(*units: dict[str, Any], **fields: Any) -> ImuSet:
     return ImuSet.model_validate({"units": [{**CARD, **unit} for unit in units], **fields})
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 5])
-def test_the_noise_of_n_like_triads_falls_with_the_root_of_n(n):
-    alone = ImuCard.model_validate(CARD)
-    turns = [{"orientation": [f"{20 * k} deg", f"{-35 * k} deg", f"{50 * k} deg"]} for k in range(n)]
-    found = equivalent(of_units(*turns))
-    for name in ("random_walk", "bias_repeatability", "bias_instability"):
-        assert getattr(found.gyro, name) == pytest.approx(getattr(alone.gyro, name) / math.sqrt(n), rel=1e-12)
-    assert found.accel.random_walk == pytest.approx(alone.accel.random_walk / math.sqrt(n), rel=1e-12)
-    assert found.gyro.instability_time == pytest.approx(alone.gyro.instability_time, rel=1e-12)
-
-
-@pytest.mark.parametrize("axes", [cone(3), cone(4), cone(5), cone(6), DODECAHEDRON], ids=len)
-def test_the_noise_of_n_skewed_axes_of_isotropic_geometry_falls_with_the_root_of_n_over_three(axes):
-    alone = ImuCard.model_validate(CARD)
-    for units in ([{"axes": axes}], [{"axes": [axis]} for axis in axes]):  # one box, or one of its own for each axis
-        card = of_units(*units)
-        found = equivalent(card)
-        assert found.gyro.random_walk == pytest.approx(alone.gyro.random_walk * math.sqrt(3.0 / len(axes)), rel=1e-9)
-        covariance = sum(triad.gyro @ triad.gyro.T for triad in triads_of(card))
-        assert covariance == pytest.approx(np.eye(3) * 3.0 / len(axes), abs=1e-9)
-
-
 def test_least_squares_gives_the_rate_back_and_weights_the_better_unit():
     other = {"gyro": {"random_walk": "3e-5 rad/s**0.5"}, "accel": {"random_walk": "2e-3 m/s**1.5"}}
     first, second = triads_of(of_units({}, other))
@@ -68,19 +45,6 @@ def test_least_squares_gives_the_rate_back_and_weights_the_better_unit():
     rate = np.array([0.1, -0.2, 0.3])
     skewed = of_units({"axes": cone(4)}, {"orientation": ["10 deg", "20 deg", "30 deg"]}, other)
     assert sum(t.gyro @ t.frames[:, 0] @ rate for t in triads_of(skewed)) == pytest.approx(rate)
-
-
-def test_a_scale_factor_of_skewed_axes_is_scale_factor_and_misalignment_of_the_fused_triad():
-    """Three axes on a cone: M = H^-1 diag(k) H, drawn; mean squares of its diagonal and beside it."""
-    card = of_units({"axes": cone(3), "gyro": {"scale_factor": "100 ppm"}})
-    rows = np.array(cone(3))
-    k = 1e-4 * np.random.default_rng(1).standard_normal((20000, 3))
-    M = np.linalg.inv(rows) @ (k[:, :, None] * rows)
-    diagonal = np.mean(np.diagonal(M, axis1=1, axis2=2) ** 2)
-    beside = (np.mean(np.sum(M**2, axis=(1, 2))) - 3.0 * diagonal) / 6.0
-    found = equivalent(card).gyro
-    assert found.scale_factor**2 == pytest.approx(diagonal, rel=0.03)
-    assert found.misalignment**2 == pytest.approx(beside, rel=0.03)
 
 
 def test_a_frame_of_each_axis_is_orthonormal_and_begins_with_it():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.imu.array import equivalent
 from lvnav_trade.imu.differences import relative_errors
+from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.kernels.transition import GYRO
 from tests.building import loaded, with_units
 

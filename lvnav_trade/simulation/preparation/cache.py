@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.gnss.faults import delay
 from lvnav_trade.gnss.satellites import content as content_of_sky
 from lvnav_trade.gnss.visibility import ReceivedSatellites, heard_in, with_noise
-from lvnav_trade.imu.array import equivalent
+from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.quantities.reads import remembered, remembered_by_reads
 from lvnav_trade.quantities.records import Floats, Reference, Sky
 from lvnav_trade.scenario.scenario import Scenario

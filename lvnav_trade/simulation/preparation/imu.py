@@ -14,7 +14,8 @@ from lvnav_trade.gnss.fault_cards import (
     GyroScaleFactorStep,
 )
 from lvnav_trade.gnss.faults import periods
-from lvnav_trade.imu.array import ImuSet, equivalent, terms_of, triads_of
+from lvnav_trade.imu.array import ImuSet, terms_of, triads_of
+from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OWN_0
