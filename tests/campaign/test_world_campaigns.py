@@ -49,11 +49,14 @@ def test_whatever_a_campaign_states_has_an_effect(path: Path, tmp_path: Path, mo
 
 @pytest.fixture(scope="module")
 def _each_flight_once() -> Iterator[None]:
-    """Fly once what campaigns share, whatever times they name of it."""
+    """Compute once the trajectories that campaigns share; named times and oscillations are added to them afterwards."""
+
+    def smooth(card: Any) -> Any:
+        return card.model_copy(update={"oscillation": ()}) if hasattr(card, "oscillation") else card
 
     def kept(build: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        flown = remembered(100)(lambda _, card: build(card))
-        return lambda card: flown(flight.identity(card), card)
+        trajectories = remembered(100)(lambda _, card: build(card))
+        return lambda card: trajectories(flight.identity(smooth(card)), card)
 
     builders = {kind: kept(build) for kind, build in flight._BUILDERS.items()}
     with patch.dict(flight._BUILDERS, builders):
