@@ -54,16 +54,26 @@ def orbit_errors(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
         along the position, 90 degrees ahead of it, and along the angular momentum itself. Rows 3, 4: error of the
         eccentricity vector along the position and 90 degrees ahead.
     """
-    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
-    eye = np.eye(3)
-    h_i = np.cross(r_i, v_i)
+    r_i = np.asarray(r_i, dtype=float)
+    v_i = np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i)
-    turn = np.concatenate([np.cross(r_i, eye), np.cross(eye, v_i)]).T  # of h_i, by velocity and by position
-    shift = np.concatenate([np.cross(eye, h_i), np.zeros((3, 3))]).T + np.cross(v_i, turn.T).T
-    shift = shift / GM - np.concatenate([np.zeros((3, 3)), (eye - np.outer(r_i, r_i) / r**2) / r]).T
-    towards, normal = unit(r_i), unit(h_i)
+    h_i = np.cross(r_i, v_i)
+    h = np.linalg.norm(h_i)
+    identity = np.eye(3)
+    zero = np.zeros((3, 3))
+
+    # h = r x v. Derivatives have the columns velocity, position.
+    momentum_slope = np.concatenate([np.cross(r_i, identity), np.cross(identity, v_i)]).T
+    # e = v x h / GM - r / |r|
+    cross_slope = np.concatenate([np.cross(identity, h_i), zero]).T
+    cross_slope = cross_slope + np.cross(v_i, momentum_slope.T).T
+    direction_slope = (identity - np.outer(r_i, r_i) / r**2) / r
+    eccentricity_slope = cross_slope / GM - np.concatenate([zero, direction_slope]).T
+
+    towards = unit(r_i)
+    normal = unit(h_i)
     axes = np.stack([towards, np.cross(normal, towards), normal])
-    return np.concatenate([axes @ turn / np.linalg.norm(h_i), axes[:2] @ shift])
+    return np.concatenate([axes @ momentum_slope / h, axes[:2] @ eccentricity_slope])
 
 
 def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
@@ -81,22 +91,33 @@ def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
     (places, 5, 3) array
         Change of `orbit_errors` per m/s of an impulse; columns: radial, ahead, normal.
     """
-    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
+    r_i = np.asarray(r_i, dtype=float)
+    v_i = np.asarray(v_i, dtype=float)
     orbit = osculating(r_i, v_i)
-    towards, normal = unit(r_i), unit(orbit.h_i)
     h = float(np.linalg.norm(orbit.h_i))
-    ex, ey = float(orbit.e_i @ towards), float(orbit.e_i @ np.cross(normal, towards))
+    towards = unit(r_i)
+    normal = unit(orbit.h_i)
+    ex = float(orbit.e_i @ towards)
+    ey = float(orbit.e_i @ np.cross(normal, towards))
+
+    # Axes of the orbital plane: towards the position, ahead, normal
     angle = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
-    c, s = np.cos(angle), np.sin(angle)
-    radius = h**2 / GM / (1.0 + ex * c + ey * s)
+    c = np.cos(angle)
+    s = np.sin(angle)
     zero = np.zeros(places)
-    radial, along = np.stack([c, s, zero], axis=1), np.stack([-s, c, zero], axis=1)
-    speed = GM / h * np.stack([-(s + ey), c + ex, zero], axis=1)
+    radius = h**2 / GM / (1.0 + ex * c + ey * s)
+    velocity = GM / h * np.stack([-(s + ey), c + ex, zero], axis=1)
+    radial = np.stack([c, s, zero], axis=1)
+    ahead = np.stack([-s, c, zero], axis=1)
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (places, 3))
+
     effect = np.empty((places, 5, 3))
-    for k, push in enumerate((radial, along, np.broadcast_to([0.0, 0.0, 1.0], (places, 3)))):
-        turn = radius[:, None] * np.cross(radial, push)
-        shift = (np.cross(push, np.array([0.0, 0.0, h])) + np.cross(speed, turn)) / GM
-        effect[:, :3, k], effect[:, 3:, k] = turn / h, shift[:, :2]
+    for k, impulse in enumerate((radial, ahead, normals)):
+        # dh = r x dv and de = (dv x h + v x dh) / GM
+        momentum_change = radius[:, None] * np.cross(radial, impulse)
+        cross_change = np.cross(impulse, np.array([0.0, 0.0, h])) + np.cross(velocity, momentum_change)
+        effect[:, :3, k] = momentum_change / h
+        effect[:, 3:, k] = (cross_change / GM)[:, :2]
     return effect
 
 
@@ -123,38 +144,51 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
     are a solution. The vector p, scaled so that max |B_k' p| = 1, is a primer and gives the lower bound p' error.
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
-    parts = [_least(error[k : k + _CHUNK], pushes, tolerance) for k in range(0, len(error), _CHUNK)]
-    return Correction(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    corrections = [_iterate(error[k : k + _CHUNK], pushes, tolerance) for k in range(0, len(error), _CHUNK)]
+    return Correction(
+        delta_v=np.concatenate([correction.delta_v for correction in corrections]),
+        bound=np.concatenate([correction.bound for correction in corrections]),
+    )
 
 
-def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
+def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     """Return the solutions of `least` for errors (n, 5); errors that have converged are dropped from the iteration."""
-    m = len(pushes)
-    flat = np.concatenate([pushes[:, :, axis] for axis in range(3)])
-    squares = np.einsum("kij,klj->ilk", pushes, pushes).reshape(25, m)
+    n, m = len(error), len(pushes)
+    pushes_by_axis = np.concatenate([pushes[:, :, axis] for axis in range(3)])  # (3 m, 5)
+    squares = np.einsum("kij,klj->ilk", pushes, pushes).reshape(25, m)  # B_k B_k'
+
+    # The problem scales with the error: unit errors are solved.
     size = np.linalg.norm(error, axis=1)
-    goal = (np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]).T
-    weight = np.full((m, len(error)), 1.0 / m)  # errors are the last axis: every operation runs along it
-    best, bound = np.full(len(error), np.inf), np.zeros(len(error))
-    active = np.arange(len(error))
-    for turn in range(_ROUNDS):
-        primer = _solved((squares @ weight).reshape(5, 5, -1), goal)
-        length = np.sqrt(np.sum(np.square(flat @ primer).reshape(3, m, -1), axis=0))
+    nonzero = size > 0.0
+    goal = (np.where(nonzero[:, None], error, 1.0) / np.where(nonzero, size, 1.0)[:, None]).T
+
+    weight = np.full((m, n), 1.0 / m)  # errors are the last axis: every operation runs along it
+    best = np.full(n, np.inf)
+    bound = np.zeros(n)
+    active = np.arange(n)
+    for k in range(_ROUNDS):
+        primer = _solve((squares @ weight).reshape(5, 5, -1), goal)
+        along = np.square(pushes_by_axis @ primer).reshape(3, m, -1)
+        length = np.sqrt(np.sum(along, axis=0))  # |B_k' p|
         top = length.max(axis=0)
-        weight *= length
+        weight *= length  # magnitudes of the impulses w_k B_k' p
         best[active] = np.minimum(best[active], weight.sum(axis=0))
         bound[active] = np.maximum(bound[active], np.sum(primer * goal, axis=0) / top)
+
         far = best[active] - bound[active] > tolerance * best[active]
-        active, goal, length, weight = active[far], goal[:, far], length[:, far] / top[far], weight[:, far]
+        active = active[far]
         if not len(active):
             break
-        if _POWERS[turn % len(_POWERS)] > 1:
-            weight *= length ** (_POWERS[turn % len(_POWERS)] - 1)
+        goal = goal[:, far]
+        weight = weight[:, far]
+        power = _POWERS[k % len(_POWERS)]
+        if power > 1:
+            weight *= (length[:, far] / top[far]) ** (power - 1)
         weight = weight / weight.sum(axis=0) + _FLOOR
     return Correction(size * best, size * bound)
 
 
-def _solved(square: Floats, right: Floats) -> Floats:
+def _solve(square: Floats, right: Floats) -> Floats:
     """Return the solution x (k, n) of square x = right by elimination without pivoting.
 
     square : (k, k, n), symmetric positive definite; overwritten
@@ -188,5 +222,6 @@ def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
     if not bool(osculating(r_i, v_i).elliptic):
-        return Correction(np.full(len(error), np.nan), np.full(len(error), np.nan))
+        undefined = np.full(len(error), np.nan)
+        return Correction(undefined, undefined)
     return least(error @ orbit_errors(r_i, v_i).T, control(r_i, v_i))

@@ -16,17 +16,21 @@ SECOND_ORDER_AT_MOST = 0.3
 """Largest second-order effect of the vehicle's dispersions, as share of sigma, for which linear covariance is valid."""
 _CIRCULAR_SIGMAS = 3.0
 _CURVED = 0.1  # ratio of second to first order above which perigee and apogee are sampled
-_LEFT = INJECTION.index("propellant_left")
-_BASE = [INJECTION.index(name) for name in ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node")]
+_PROPELLANT = INJECTION.index("propellant_left")
+_SEMI_MAJOR_AXIS = INJECTION.index("semi_major_axis")
+_ECCENTRICITY_VECTOR = [INJECTION.index("eccentricity_along_node"), INJECTION.index("eccentricity_ahead_of_node")]
+_BASE = [_SEMI_MAJOR_AXIS, *_ECCENTRICITY_VECTOR]  # perigee and apogee are functions of these
 APSIDES = {"perigee": -1.0, "apogee": 1.0}
 """Quantities that are nonlinear near a circular orbit, with the sign of the eccentricity in them."""
 
 
 def share_depleted(law: InjectionLaw) -> float:
     """Return the probability that the last stage is empty before its cut-off."""
-    sigma = float(np.sqrt(law.covariance[:, _LEFT, _LEFT].sum()))
-    propellant = float(law.mean[_LEFT])
-    return float(propellant < 0.0) if sigma == 0.0 else float(special.ndtr(-propellant / sigma))
+    sigma = float(np.sqrt(law.covariance[:, _PROPELLANT, _PROPELLANT].sum()))
+    propellant = float(law.mean[_PROPELLANT])
+    if sigma == 0.0:
+        return float(propellant < 0.0)
+    return float(special.ndtr(-propellant / sigma))
 
 
 def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
@@ -36,11 +40,13 @@ def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
     empty = share_depleted(law)
     if empty > DEPLETED_AT_MOST:
         return f"linear covariance expects {100.0 * empty:.2g} % of the flights to end with an empty stage"
-    at = [INJECTION.index(name) for name in quantities if name not in APSIDES] or _BASE
-    sigma = np.sqrt(law.covariance[:, at, at].sum(axis=0))
-    if np.all(law.second_order[at] <= SECOND_ORDER_AT_MOST * sigma):
+    # Perigee and apogee are sampled if they are nonlinear, so only their arguments have to be linear.
+    linear = [INJECTION.index(name) for name in quantities if name not in APSIDES] or _BASE
+    sigma = np.sqrt(law.covariance[:, linear, linear].sum(axis=0))
+    second_order = law.second_order[linear]
+    if np.all(second_order <= SECOND_ORDER_AT_MOST * sigma):
         return ""
-    share = float(np.max(law.second_order[at] / np.where(sigma > 0.0, sigma, 1e-300)))
+    share = float(np.max(second_order / np.where(sigma > 0.0, sigma, 1e-300)))
     return f"spreads of the vehicle act to second order, {share:.2g} times their sigma to the first"
 
 
@@ -51,16 +57,18 @@ def is_curved(law: InjectionLaw, quantity: str) -> bool:
     the orbit is nearly circular, and if the first order nearly vanishes, such as that of the perigee of an injection at
     perigee. The second order is compared with the first by their sigmas: a sigma_across^2 / (sqrt(2) e).
     """
-    vector = _BASE[1:]
-    reached = law.target[vector] + law.mean[vector]
-    e, spread = float(np.linalg.norm(reached)), law.covariance[:, vector][:, :, vector].sum(axis=0)
-    if e < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, float(np.linalg.eigvalsh(spread)[-1]))):
+    vector = law.target[_ECCENTRICITY_VECTOR] + law.mean[_ECCENTRICITY_VECTOR]
+    e = float(np.linalg.norm(vector))
+    covariance = law.covariance[:, _ECCENTRICITY_VECTOR][:, :, _ECCENTRICITY_VECTOR].sum(axis=0)
+    largest_variance = float(np.linalg.eigvalsh(covariance)[-1])
+    if e < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, largest_variance)):
         return True
-    across = np.array([-reached[1], reached[0]]) / e
-    second = law.target[_BASE[0]] * float(across @ spread @ across) / (np.sqrt(2.0) * e)
-    place = INJECTION.index(quantity)
-    first = np.sqrt(law.covariance[:, place, place].sum())
-    return not second <= _CURVED * first  # `not <=` is also true for NaN, the first order at a circular orbit
+    across = np.array([-vector[1], vector[0]]) / e
+    across_variance = float(across @ covariance @ across)
+    second_order = law.target[_SEMI_MAJOR_AXIS] * across_variance / (np.sqrt(2.0) * e)
+    k = INJECTION.index(quantity)
+    first_order = np.sqrt(law.covariance[:, k, k].sum())
+    return not second_order <= _CURVED * first_order  # `not <=` is true for NaN, the first order at a circular orbit
 
 
 def scaled_law(law: InjectionLaw, sources: Sequence[str], factor: float) -> InjectionLaw:
@@ -87,12 +95,18 @@ def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) 
     (count,) array
         Achieved less target (m).
     """
-    total = law.covariance[:, _BASE][:, :, _BASE].sum(axis=0)
-    drawn = draws(law.mean[_BASE], total, count, np.sqrt(np.diag(total)))
-    reached, target = law.target[_BASE] + drawn, law.target[_BASE]
-    sign = APSIDES[quantity]
+    covariance = law.covariance[:, _BASE][:, :, _BASE].sum(axis=0)
+    sigmas = np.sqrt(np.diag(covariance))
+    target = law.target[_BASE]
+    achieved = target + draws(law.mean[_BASE], covariance, count, sigmas)
+    return _apsis_radius(achieved, APSIDES[quantity]) - _apsis_radius(target, APSIDES[quantity])
 
-    def radius(orbit: Floats) -> Floats:
-        return np.asarray(orbit[..., 0] * (1.0 + sign * np.hypot(orbit[..., 1], orbit[..., 2])))
 
-    return radius(reached) - radius(target)
+def _apsis_radius(orbit: Floats, sign: float) -> Floats:
+    """Return the radius a (1 -+ e) of perigee or apogee, (...,) m.
+
+    orbit : (..., 3). Semi-major axis (m) and the two components of the eccentricity vector.
+    sign : -1 for perigee, 1 for apogee
+    """
+    e = np.hypot(orbit[..., 1], orbit[..., 2])
+    return np.asarray(orbit[..., 0] * (1.0 + sign * e))

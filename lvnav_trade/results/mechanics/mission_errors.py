@@ -17,7 +17,7 @@ from scipy import special
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.mechanics import impulses, orbits
-from lvnav_trade.results.mechanics.orbits import coast, impact, offsets
+from lvnav_trade.results.mechanics.free_fall import coast, impact, offsets
 from lvnav_trade.results.tables.read import Tables, once, pick
 
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
@@ -25,7 +25,7 @@ STEP = np.array([1e-2] * 3 + [10.0] * 3)
 DRAWS = 2**11
 QUANTILE_DRAWS = 2**15  # for the quantile of a requirement: 88 draws lie beyond 99.73 %
 _LEAST_SIGMAS = 3.0
-_OF_ORBIT = (
+_ORBIT_METRICS = (
     "semi_major_axis_error",
     "eccentricity_error",
     "perigee_error",
@@ -34,6 +34,10 @@ _OF_ORBIT = (
     "node_error",
     "eccentricity_vector_error",
 )
+
+
+# Metrics with no derivative at a circular orbit
+_NONLINEAR_METRICS = ("perigee_error", "apogee_error", "eccentricity_error")
 
 
 class State(NamedTuple):
@@ -88,22 +92,42 @@ def states(tables: Tables, case: str) -> list[State]:
     States at events have a name; states in between have none.
     """
     rows = pick(tables.states, case=case)
-    r_i, v_i = rows.filter(regex=r"^position_._m$"), rows.filter(regex=r"^velocity_._m_per_s$")
+    r_i = rows.filter(regex=r"^position_._m$").to_numpy()
+    v_i = rows.filter(regex=r"^velocity_._m_per_s$").to_numpy()
     turns = frames.matrices(rows.filter(regex=r"^axes_q").to_numpy())
-    columns = (rows.event, rows.t_s, r_i.to_numpy(), v_i.to_numpy(), rows.earth_angle_rad, turns)
-    return [State(*values) for values in zip(*columns, strict=True)]
+    columns = zip(rows.event, rows.t_s, r_i, v_i, rows.earth_angle_rad, turns, strict=True)
+    return [
+        State(
+            event=event,
+            t=t,
+            r_i=position,
+            v_i=velocity,
+            earth_angle=earth_angle,
+            turn=turn,
+        )
+        for event, t, position, velocity, earth_angle, turn in columns
+    ]
 
 
 def state_at(tables: Tables, case: str, event: str) -> State | None:
     """Return the true state at an event; None if it is not stored."""
-    return next((state for state in states(tables, case) if state.event == event and event), None)
+    if not event:
+        return None
+    for state in states(tables, case):
+        if state.event == event:
+            return state
+    return None
 
 
 @once
 def laws(tables: Tables, case: str) -> list[ErrorGaussian]:
     """Return the Gaussian of velocity and position by linear covariance at each of `states`."""
     rows = pick(tables.joint_covariances, case=case)
-    return laws_in(*(rows[name].to_numpy(dtype=float) for name in ("mean_si", "true_si2", "formal_si2")))
+    return laws_in(
+        mean=rows.mean_si.to_numpy(dtype=float),
+        true=rows.true_si2.to_numpy(dtype=float),
+        formal=rows.formal_si2.to_numpy(dtype=float),
+    )
 
 
 def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
@@ -113,14 +137,27 @@ def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
     """
     n = len(mean) // 21
     i, j = np.triu_indices(6)
-
-    def matrices(column: Floats) -> Floats:
-        matrix = np.zeros((n, 6, 6))
-        matrix[:, i, j] = matrix[:, j, i] = column.reshape(n, 21)
-        return matrix
-
     means = mean.reshape(n, 21)[:, i == j]
-    return [ErrorGaussian(*parts) for parts in zip(means, matrices(true), matrices(formal), strict=True)]
+    true_covariances = _symmetric_matrices(true)
+    formal_covariances = _symmetric_matrices(formal)
+    return [
+        ErrorGaussian(
+            mean=means[k],
+            true=true_covariances[k],
+            formal=formal_covariances[k],
+        )
+        for k in range(n)
+    ]
+
+
+def _symmetric_matrices(column: Floats) -> Floats:
+    """Return the symmetric matrices (n, 6, 6) whose upper triangles are stored row by row in a column (21 n,)."""
+    triangles = column.reshape(-1, 21)
+    i, j = np.triu_indices(6)
+    matrices = np.zeros((len(triangles), 6, 6))
+    matrices[:, i, j] = triangles
+    matrices[:, j, i] = triangles
+    return matrices
 
 
 def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
@@ -135,21 +172,25 @@ def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
 
 def law_at(tables: Tables, case: str, event: str) -> ErrorGaussian:
     """Return the Gaussian of velocity and position by linear covariance at an event with a stored state."""
-    return laws(tables, case)[[state.event for state in states(tables, case)].index(event)]
+    events = [state.event for state in states(tables, case)]
+    return laws(tables, case)[events.index(event)]
 
 
 def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
     """Return errors of velocity and position (n_run, 6), frame i, at the event of a state, and which runs failed
     (n_run,).
     """
-    chosen, outputs = pick(tables.runs, case=case, event=state.event), pick(tables.outputs, case=case)
-    outputs = outputs[outputs.axis != "3d"]
-    velocity, position = (
-        chosen[[f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]]
-        for quantity, suffix in (("velocity", "m_per_s"), ("position", "m"))
-    )
-    failed = chosen.failure.to_numpy() != ""
-    return turned(state, velocity.to_numpy(dtype=float), position.to_numpy(dtype=float), failed)
+    rows = pick(tables.runs, case=case, event=state.event)
+    outputs = pick(tables.outputs, case=case)
+    axes = outputs[outputs.axis != "3d"]
+
+    def components(quantity: str, suffix: str) -> Floats:
+        """Return the errors (n_run, 3) of a quantity in the reporting axes."""
+        columns = [f"{quantity}_{axis}_error_{suffix}" for axis in axes.axis[axes.quantity == quantity]]
+        return np.asarray(rows[columns].to_numpy(dtype=float))
+
+    failed = rows.failure.to_numpy() != ""
+    return turned(state, components("velocity", "m_per_s"), components("position", "m"), failed)
 
 
 def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> tuple[Floats, Bools]:
@@ -158,7 +199,7 @@ def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> t
     velocity, position : (n_run, 3), m/s and m. Errors in the reporting axes.
     failed : (n_run,). Failed runs; the result adds runs whose error is not finite.
     """
-    error = np.concatenate([component @ state.turn.T for component in (velocity, position)], axis=1)
+    error = np.concatenate([velocity @ state.turn.T, position @ state.turn.T], axis=1)
     return error, failed | ~np.isfinite(error).all(axis=1)
 
 
@@ -168,7 +209,7 @@ def good_errors(tables: Tables, case: str, state: State) -> Floats:
     return error[~failed]
 
 
-# --- errors of the mission's numbers ----------------------------------------------------------------------------------
+# --- errors of mission quantities -------------------------------------------------------------------------------------
 
 
 def mean_orbit(state: State) -> orbits.OrbitVectors:
@@ -186,7 +227,8 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
 
     Each is (n, 1). The error of the eccentricity vector is (n, 2): along the true ascending node, and 90 degrees ahead.
     """
-    return _differences(mean_orbit(state), orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3]))
+    estimated = orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
+    return _element_differences(mean_orbit(state), estimated)
 
 
 def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[str, Floats]:
@@ -196,19 +238,25 @@ def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[
     one epoch less the estimated elements at the other.
     """
     elements = orbits.mean if epochs.is_mean else orbits.osculating
-    true = elements(*(coordinate[0] for coordinate in coast(state.r_i, state.v_i, epochs.true)))
-    estimated = elements(*coast(state.r_i - error[:, 3:], state.v_i - error[:, :3], epochs.estimated))
-    return _differences(true, estimated)
+    true_r_i, true_v_i = coast(state.r_i, state.v_i, epochs.true)
+    true = elements(true_r_i[0], true_v_i[0])
+    estimated_r_i, estimated_v_i = coast(state.r_i - error[:, 3:], state.v_i - error[:, :3], epochs.estimated)
+    return _element_differences(true, elements(estimated_r_i, estimated_v_i))
 
 
-def _differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVectors) -> dict[str, Floats]:
+def _element_differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVectors) -> dict[str, Floats]:
     """Return the elements of an orbit less those of n other orbits, as `orbit_errors`."""
-    node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
-    plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
-    names = [name.removesuffix("_error") for name in _OF_ORBIT[:-1]]
-    differences = {f"{name}_error": (getattr(true, name) - getattr(estimated, name))[:, None] for name in names}
+    differences: dict[str, Floats] = {}
+    for metric in _ORBIT_METRICS[:-1]:
+        element = metric.removesuffix("_error")
+        differences[metric] = (getattr(true, element) - getattr(estimated, element))[:, None]
     differences["node_error"] = np.mod(differences["node_error"] + np.pi, 2.0 * np.pi) - np.pi
-    return differences | {"eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T}
+
+    node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
+    ahead = np.cross(frames.unit(true.h_i), node)
+    plane = np.stack([node, ahead])
+    differences["eccentricity_vector_error"] = (true.e_i - estimated.e_i) @ plane.T
+    return differences
 
 
 def impact_errors(state: State, error: Floats) -> Floats:
@@ -221,17 +269,22 @@ def impacts_errors(states: Sequence[State], errors: Sequence[Floats]) -> list[Fl
 
     All falls are integrated together, which takes hardly longer than one. NaN if the true state has no impact point.
     """
-    r_i, v_i = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
+    r_i = np.array([state.r_i for state in states])
+    v_i = np.array([state.v_i for state in states])
     angle = np.array([state.earth_angle for state in states])
-    true, of = impact(r_i, v_i, angle), np.repeat(np.arange(len(states)), [len(error) for error in errors])
-    off, estimated = np.concatenate(errors), np.full((len(of), 3), np.nan)
-    falls = np.isfinite(true.fall)[of]
+    counts = [len(error) for error in errors]
+    index = np.repeat(np.arange(len(states)), counts)  # state of each error
+    error = np.concatenate(errors)
+
+    true = impact(r_i, v_i, angle)
+    estimated_e = np.full((len(index), 3), np.nan)
+    falls = np.isfinite(true.fall)[index]
     if falls.any():
-        some = of[falls]
-        impacts = impact(r_i[some] - off[falls, 3:], v_i[some] - off[falls, :3], angle[some], lowest=0.0)
-        estimated[falls] = impacts.r_e
-    apart = -offsets(true.r_e[of], estimated, true.heading[of])
-    return np.split(apart, np.cumsum([len(error) for error in errors])[:-1])
+        k = index[falls]
+        estimated = impact(r_i[k] - error[falls, 3:], v_i[k] - error[falls, :3], angle[k], lowest=0.0)
+        estimated_e[falls] = estimated.r_e
+    point_error = -offsets(true.r_e[index], estimated_e, true.heading[index])
+    return np.split(point_error, np.cumsum(counts)[:-1])
 
 
 def signed(state: State, error: Floats, metric: str) -> Floats:
@@ -253,11 +306,14 @@ def signed(state: State, error: Floats, metric: str) -> Floats:
     """
     if metric == "correction_delta_v":
         return impulses.least_at(state.r_i, state.v_i, error).delta_v[:, None]
-    if metric.startswith("impact_error"):
-        point_error = impact_errors(state, error)
-        axis = metric.removeprefix("impact_error_")
-        return point_error[:, [("down", "cross").index(axis)]] if axis in ("down", "cross") else point_error
-    return orbit_errors(state, error)[metric]
+    if not metric.startswith("impact_error"):
+        return orbit_errors(state, error)[metric]
+    point_error = impact_errors(state, error)
+    if metric == "impact_error_down":
+        return point_error[:, [0]]
+    if metric == "impact_error_cross":
+        return point_error[:, [1]]
+    return point_error
 
 
 # --- by linear covariance ---------------------------------------------------------------------------------------------
@@ -265,15 +321,17 @@ def signed(state: State, error: Floats, metric: str) -> Floats:
 
 def jacobian(state: State, metric: str) -> Floats:
     """Return the derivative (k, 6) of a metric's error by velocity and position, with central differences."""
-    if metric in _OF_ORBIT:
-        return _orbit_slopes(state.r_i.tobytes(), state.v_i.tobytes())[metric]
-    return _slope(state.r_i.tobytes(), state.v_i.tobytes(), state.earth_angle, metric)
+    r_i = state.r_i.tobytes()
+    v_i = state.v_i.tobytes()
+    if metric in _ORBIT_METRICS:
+        return _orbit_slopes(r_i, v_i)[metric]
+    return _slope(r_i, v_i, state.earth_angle, metric)
 
 
 @lru_cache(maxsize=256)
 def _slope(r_i: bytes, v_i: bytes, earth_angle: float, metric: str) -> Floats:
     """Return the derivative (k, 6) of an error at a state, cached for all cases with the same trajectory."""
-    state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), earth_angle, np.eye(3))
+    state = _cached_state(r_i, v_i, earth_angle)
     slope = derivative(lambda error: signed(state, error, metric))
     slope.flags.writeable = False
     return slope
@@ -282,23 +340,38 @@ def _slope(r_i: bytes, v_i: bytes, earth_angle: float, metric: str) -> Floats:
 @lru_cache(maxsize=256)
 def _orbit_slopes(r_i: bytes, v_i: bytes) -> dict[str, Floats]:
     """Return the derivatives (k, 6) of all errors of the orbit at a state, cached by its numbers."""
-    state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), 0.0, np.eye(3))
+    state = _cached_state(r_i, v_i, 0.0)
 
     def errors(error: Floats) -> Floats:
-        by_metric = orbit_errors(state, error)
-        return np.concatenate([by_metric[name] for name in _OF_ORBIT], axis=1)
+        """Return the errors (n, k) of all metrics of the orbit."""
+        error_by_metric = orbit_errors(state, error)
+        return np.concatenate([error_by_metric[metric] for metric in _ORBIT_METRICS], axis=1)
 
     slopes = derivative(errors)
     slopes.flags.writeable = False
-    ends = np.cumsum([2 if "vector" in name else 1 for name in _OF_ORBIT])
-    return dict(zip(_OF_ORBIT, np.split(slopes, ends[:-1]), strict=True))
+    sizes = [2 if "vector" in metric else 1 for metric in _ORBIT_METRICS]
+    slope_by_metric = np.split(slopes, np.cumsum(sizes)[:-1])
+    return dict(zip(_ORBIT_METRICS, slope_by_metric, strict=True))
+
+
+def _cached_state(r_i: bytes, v_i: bytes, earth_angle: float) -> State:
+    """Return the state whose position and velocity are the key of a cache."""
+    return State(
+        event="",
+        t=0.0,
+        r_i=np.frombuffer(r_i),
+        v_i=np.frombuffer(v_i),
+        earth_angle=earth_angle,
+        turn=np.eye(3),
+    )
 
 
 def derivative(function: Callable[[Floats], Floats]) -> Floats:
     """Return the derivative (k, 6) at zero error of a function that maps errors (n, 6) to values (n, k)."""
     steps = np.diag(STEP)
     values = function(np.concatenate([steps, -steps]))
-    return np.asarray(((values[:6] - values[6:]) / (2.0 * STEP[:, None])).T)
+    difference = values[:6] - values[6:]
+    return np.asarray((difference / (2.0 * STEP[:, None])).T)
 
 
 def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = STEP) -> Floats:
@@ -310,11 +383,14 @@ def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = 
     """
     from scipy.stats import qmc  # takes half a second, which only the draws need
 
-    points = qmc.Sobol(len(mean), scramble=False).random_base2(round(np.log2(count))) + 0.5 / count
-    unit = np.where(sizes > 0.0, sizes, 1.0)
-    variance, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
-    roots = unit[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
-    return np.asarray(mean + special.ndtri(points) @ roots.T)
+    sobol = qmc.Sobol(len(mean), scramble=False)
+    # Half a step moves the first point away from zero, whose normal deviate is infinite.
+    points = sobol.random_base2(round(np.log2(count))) + 0.5 / count
+    scale = np.where(sizes > 0.0, sizes, 1.0)
+    variance, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+    # R with R R' = covariance
+    root = scale[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
+    return np.asarray(mean + special.ndtri(points) @ root.T)
 
 
 def near_circular(state: State, covariance: Floats) -> str:
@@ -327,7 +403,8 @@ def near_circular(state: State, covariance: Floats) -> str:
     slope = jacobian(state, "eccentricity_vector_error")
     if not np.isfinite(slope).all():
         return "no closed orbit"
-    sigma = float(np.sqrt(np.linalg.eigvalsh(slope @ covariance @ slope.T)[-1]))
+    vector_covariance = slope @ covariance @ slope.T
+    sigma = float(np.sqrt(np.linalg.eigvalsh(vector_covariance)[-1]))
     if e >= _LEAST_SIGMAS * sigma:
         return ""
     return f"the orbit is circular to within {_LEAST_SIGMAS:g} sigma (e = {e:.2g}, sigma {sigma:.2g})"
@@ -335,11 +412,13 @@ def near_circular(state: State, covariance: Floats) -> str:
 
 def applies(state: State, metric: str, covariance: Floats) -> str:
     """Return the reason why first-order covariance does not describe a metric at a state; empty if it does."""
-    if metric in ("perigee_error", "apogee_error", "eccentricity_error"):
+    if metric in _NONLINEAR_METRICS:
         return near_circular(state, covariance)
     if metric == "correction_delta_v":
         return "a sum of impulses is no linear function of the error"
-    return "" if np.isfinite(jacobian(state, metric)).all() else "not defined there"
+    if not np.isfinite(jacobian(state, metric)).all():
+        return "not defined there"
+    return ""
 
 
 def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
@@ -353,12 +432,16 @@ def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
     (n,) array or None
         Magnitudes (SI), increasing. None for other metrics, and for an orbit that is not closed.
     """
-    if metric not in ("perigee_error", "apogee_error", "eccentricity_error"):
+    if metric not in _NONLINEAR_METRICS:
         return None
     if not np.isfinite(jacobian(state, "eccentricity_vector_error")).all():
         return None
-    size = np.sort(np.abs(orbit_errors(state, draws(law.mean, law.true, QUANTILE_DRAWS))[metric][:, 0]))
-    return size if np.isfinite(size).all() else None
+    error = draws(law.mean, law.true, QUANTILE_DRAWS)
+    magnitude = np.abs(orbit_errors(state, error)[metric][:, 0])
+    magnitude.sort()
+    if not np.isfinite(magnitude).all():
+        return None
+    return magnitude
 
 
 def expected_of(state: State, law: ErrorGaussian, metric: str) -> tuple[Floats, Floats] | str:

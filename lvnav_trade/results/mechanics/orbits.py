@@ -1,27 +1,26 @@
-"""Osculating and mean orbits, and free fall to the ground.
+"""Osculating and mean orbits.
 
 J2 changes osculating elements by some 10 km along a low orbit. Perigee and apogee are therefore those of the mean
 orbit: the average over one revolution of energy, angular momentum and eccentricity vector, to first order in J2, with
 the drift over the revolution removed. Vectors are regular for circular and equatorial orbits; angles are computed last.
 (Kozai, Astronomical Journal 64, 1959, has the classical elements, which are singular for both.)
-
-The fall is first a Kepler orbit down to the ellipsoid, in closed form, with iteration on the radius of the ellipsoid.
-For J2 it is then integrated numerically over the same time and adjusted to height zero. Meanwhile the Earth rotates.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lvnav_trade.kernels.earth import ECCENTRICITY_2, GM, J2, OMEGA, SEMI_MAJOR, SEMI_MINOR
-from lvnav_trade.quantities.frames import earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_e_n, unit
+from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
+from lvnav_trade.quantities.frames import unit
 from lvnav_trade.quantities.records import Bools, Floats
 
 # Above it the quadrature over a revolution loses digits; such orbits reach the ground within the revolution.
 MOST_ECCENTRIC = 0.9
-# Nodes of the quadrature up to an eccentricity: the next larger number changes an offset by less than 1e-12 of it
-_NODES = {most: np.polynomial.legendre.leggauss(n) for most, n in ((0.1, 24), (0.5, 40), (1.0, 64))}
+# Number of nodes of the quadrature up to an eccentricity; the next larger number changes a variation by less than 1e-12
+# of it.
+_NODE_COUNTS = {0.1: 24, 0.5: 40, 1.0: 64}
 
 
 class OrbitVectors(NamedTuple):
@@ -74,10 +73,15 @@ class OrbitVectors(NamedTuple):
 
 def osculating(r_i: ArrayLike, v_i: ArrayLike) -> OrbitVectors:
     """Return the orbits that states r_i (m), v_i (m/s), each (..., 3), would follow about a point mass."""
-    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
-    h_i = np.cross(r_i, v_i)
+    r_i = np.asarray(r_i, dtype=float)
+    v_i = np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i, axis=-1)
-    return OrbitVectors(0.5 * np.sum(v_i * v_i, axis=-1) - GM / r, h_i, np.cross(v_i, h_i) / GM - r_i / r[..., None])
+    h_i = np.cross(r_i, v_i)
+    return OrbitVectors(
+        energy=0.5 * np.sum(v_i * v_i, axis=-1) - GM / r,
+        h_i=h_i,
+        e_i=np.cross(v_i, h_i) / GM - r_i / r[..., None],
+    )
 
 
 def mean(r_i: ArrayLike, v_i: ArrayLike) -> OrbitVectors:
@@ -93,8 +97,13 @@ def mean(r_i: ArrayLike, v_i: ArrayLike) -> OrbitVectors:
     OrbitVectors
         Mean orbits; NaN where `OrbitVectors.elliptic` is false.
     """
-    start = osculating(r_i, v_i)
-    return OrbitVectors(*(a - b for a, b in zip(start, _offset(start, np.asarray(r_i, dtype=float)), strict=True)))
+    orbit = osculating(r_i, v_i)
+    variation = _short_periodic(orbit, np.asarray(r_i, dtype=float))
+    return OrbitVectors(
+        energy=orbit.energy - variation.energy,
+        h_i=orbit.h_i - variation.h_i,
+        e_i=orbit.e_i - variation.e_i,
+    )
 
 
 def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats, Floats]:
@@ -113,56 +122,121 @@ def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats,
         Height above the equatorial radius (m), of the mean orbit with its short-periodic variation added.
     """
     average = mean(r_i, v_i)
-    spread = OrbitVectors(average.energy[..., None], average.h_i[..., None, :], average.e_i[..., None, :])
-    towards, ahead = _plane(spread.h_i, np.asarray(r_i, dtype=float)[..., None, :])
-    perigee = np.arctan2(np.sum(spread.e_i * ahead, axis=-1), np.sum(spread.e_i * towards, axis=-1))
-    angles = (perigee + np.linspace(0.0, 2.0 * np.pi, points, endpoint=False))[..., None]
-    line = np.cos(angles) * towards + np.sin(angles) * ahead
-    radius = np.sum(spread.h_i**2, axis=-1) / GM / (1.0 + np.sum(spread.e_i * line, axis=-1))
-    swing = _offset(spread, radius[..., None] * line)
-    h_i, e_i = spread.h_i + swing.h_i, spread.e_i + swing.e_i
-    height = np.sum(h_i**2, axis=-1) / GM / (1.0 + np.sum(e_i * line, axis=-1)) - SEMI_MAJOR
+    # The points along the revolution are the last axis of scalars and the last but one of vectors.
+    orbit = OrbitVectors(
+        energy=average.energy[..., None],
+        h_i=average.h_i[..., None, :],
+        e_i=average.e_i[..., None, :],
+    )
+    towards, ahead = _plane(orbit.h_i, np.asarray(r_i, dtype=float)[..., None, :])
+    ex = np.sum(orbit.e_i * towards, axis=-1)
+    ey = np.sum(orbit.e_i * ahead, axis=-1)
+    perigee = np.arctan2(ey, ex)
+    angle = (perigee + np.linspace(0.0, 2.0 * np.pi, points, endpoint=False))[..., None]
+    direction = np.cos(angle) * towards + np.sin(angle) * ahead
+
+    radius = _radius(orbit.h_i, orbit.e_i, direction)
+    variation = _short_periodic(orbit, radius[..., None] * direction)
+    height = _radius(orbit.h_i + variation.h_i, orbit.e_i + variation.e_i, direction) - SEMI_MAJOR
     return height.min(axis=-1), height.max(axis=-1)
+
+
+def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
+    """Return the radius h^2 / GM / (1 + e . u) of orbits in directions u, (...,) m."""
+    return np.asarray(np.sum(h_i**2, axis=-1) / GM / (1.0 + np.sum(e_i * direction, axis=-1)))
 
 
 def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
     """Return unit vectors in the plane of the orbit: towards the position, and 90 degrees ahead."""
     normal = unit(h_i)
-    towards = unit(r_i - np.sum(r_i * normal, axis=-1, keepdims=True) * normal)
+    out_of_plane = np.sum(r_i * normal, axis=-1, keepdims=True) * normal
+    towards = unit(r_i - out_of_plane)
     return towards, np.cross(normal, towards)
 
 
-def _offset(orbit: OrbitVectors, r_i: Floats) -> OrbitVectors:
+class _Revolution(NamedTuple):
+    """Points of orbits over one revolution from a position, which are the nodes of a quadrature.
+
+    eccentricity : (..., 1)
+    r_i, v_i : (..., n, 3), m and m/s. Position and velocity on the unperturbed orbit, frame i.
+    weight : (..., n), s. Weights of the integral of (1/2 - t/T) dt, with time t from the position and period T.
+    """
+
+    eccentricity: Floats
+    r_i: Floats
+    v_i: Floats
+    weight: Floats
+
+
+def _short_periodic(orbit: OrbitVectors, r_i: Floats) -> OrbitVectors:
     """Return the short-periodic variation of energy, h_i and e_i at a position, to first order in J2.
 
     With the rate g of a quantity along the unperturbed orbit of period T, and time counted from the position, the
     average over a revolution less half its drift is x + 1/T integral of (T/2 - t) g dt. The integral runs over the
     angle from the position, where g r^2 is smooth.
     """
-    fit = orbit.elliptic
-    e_i = np.where(fit[..., None], orbit.e_i, 0.0)
-    towards, ahead = (axis[..., None, :] for axis in _plane(orbit.h_i, r_i))
-    h = np.linalg.norm(orbit.h_i, axis=-1)[..., None]
-    ex, ey = (np.sum(e_i[..., None, :] * axis, axis=-1) for axis in (towards, ahead))
-    largest = np.max(orbit.eccentricity, where=fit, initial=0.0)
-    nodes, weights = next(rule for most, rule in _NODES.items() if largest <= most)
-    angle, weight = np.pi * (nodes + 1.0), np.pi * weights
-    c, s = np.cos(angle), np.sin(angle)
-    r = h**2 / GM / (1.0 + ex * c + ey * s)
-    along_i = r[..., None] * (c[:, None] * towards + s[:, None] * ahead)
-    v_i = (GM / h)[..., None] * (-(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead)
-    e = np.hypot(ex, ey)
-    start = np.arctan2(-ey, ex)  # true anomaly of the position
-    anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)  # increase since the position
-    share = (0.5 - anomaly / (2.0 * np.pi)) * weight * r**2 / h  # (T/2 - t) / T dt
-    pull = oblateness(along_i)
-    turn = np.cross(along_i, pull)
-    change = (np.cross(pull, orbit.h_i[..., None, :]) + np.cross(v_i, turn)) / GM
-    bad = np.where(fit & np.isfinite(np.sqrt(1.0 - e * e)[..., 0]), 0.0, np.nan)
+    is_elliptic = orbit.elliptic
+    largest = float(np.max(orbit.eccentricity, where=is_elliptic, initial=0.0))
+    e_i = np.where(is_elliptic[..., None], orbit.e_i, 0.0)
+    revolution = _revolution(orbit.h_i, e_i, r_i, _quadrature(largest))
+    weight = revolution.weight
+
+    # Rates by the acceleration a of J2: dE/dt = v . a, dh/dt = r x a, de/dt = (a x h + v x (r x a)) / GM
+    acceleration = oblateness(revolution.r_i)
+    energy_rate = np.sum(revolution.v_i * acceleration, axis=-1)
+    h_rate = np.cross(revolution.r_i, acceleration)
+    e_rate = (np.cross(acceleration, orbit.h_i[..., None, :]) + np.cross(revolution.v_i, h_rate)) / GM
+
+    # NaN for orbits that cannot be averaged
+    e = revolution.eccentricity
+    has_anomaly = np.isfinite(np.sqrt(1.0 - e * e)[..., 0])
+    base = np.where(is_elliptic & has_anomaly, 0.0, np.nan)
     return OrbitVectors(
-        bad - np.sum(share * np.sum(v_i * pull, axis=-1), axis=-1),
-        bad[..., None] - np.sum(share[..., None] * turn, axis=-2),
-        bad[..., None] - np.sum(share[..., None] * change, axis=-2),
+        energy=base - np.sum(weight * energy_rate, axis=-1),
+        h_i=base[..., None] - np.sum(weight[..., None] * h_rate, axis=-2),
+        e_i=base[..., None] - np.sum(weight[..., None] * e_rate, axis=-2),
+    )
+
+
+@lru_cache(maxsize=len(_NODE_COUNTS))
+def _gauss_legendre(n_node: int) -> tuple[Floats, Floats]:
+    """Return the nodes in [-1, 1] and weights of a Gauss-Legendre quadrature, each (n_node,)."""
+    nodes, weights = np.polynomial.legendre.leggauss(n_node)
+    return nodes, weights
+
+
+def _quadrature(largest: float) -> tuple[Floats, Floats]:
+    """Return angles over one turn (rad) and their weights, each (n,), for eccentricities up to the largest."""
+    n_node = min(n for limit, n in _NODE_COUNTS.items() if largest <= limit)
+    nodes, weights = _gauss_legendre(n_node)
+    return np.pi * (nodes + 1.0), np.pi * weights
+
+
+def _revolution(h_i: Floats, e_i: Floats, r_i: Floats, quadrature: tuple[Floats, Floats]) -> _Revolution:
+    """Return the points of orbits at the angles of a quadrature, counted from the position."""
+    angle, angle_weight = quadrature
+    c = np.cos(angle)
+    s = np.sin(angle)
+    radial, transverse = _plane(h_i, r_i)
+    towards = radial[..., None, :]
+    ahead = transverse[..., None, :]
+    ex = np.sum(e_i[..., None, :] * towards, axis=-1)
+    ey = np.sum(e_i[..., None, :] * ahead, axis=-1)
+    e = np.hypot(ex, ey)
+
+    h = np.linalg.norm(h_i, axis=-1)[..., None]
+    radius = h**2 / GM / (1.0 + ex * c + ey * s)
+    direction = c[:, None] * towards + s[:, None] * ahead
+    hodograph = -(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead
+
+    # t/T is the increase of the mean anomaly over 2 pi, and dt = r^2 / h d(angle).
+    start = np.arctan2(-ey, ex)  # true anomaly of the position
+    anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)
+    return _Revolution(
+        eccentricity=e,
+        r_i=radius[..., None] * direction,
+        v_i=(GM / h)[..., None] * hodograph,
+        weight=(0.5 - anomaly / (2.0 * np.pi)) * angle_weight * radius**2 / h,
     )
 
 
@@ -176,154 +250,6 @@ def mean_anomaly(true: Floats, e: Floats) -> Floats:
 def oblateness(r_i: Floats) -> Floats:
     """Return the J2 term of the gravitation (..., 3) in m/s^2, frame i."""
     r2 = np.einsum("...i,...i->...", r_i, r_i)[..., None]
-    s2 = r_i[..., 2:] ** 2 / r2
-    k = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
-    return np.asarray(k * r_i * (5.0 * s2 - np.array([1.0, 1.0, 3.0])))
-
-
-# Height in m below which no impact point is reported: it would coincide with the vehicle.
-LOWEST = 1e3
-_STEP = 16.0  # longest step of the numerical fall, s: centimetres over half a revolution
-_FEWEST = 8  # steps of a fall
-
-
-class Impact(NamedTuple):
-    """Impact points. All fields are NaN where there is none.
-
-    r_e : (..., 3), m. Point on the ellipsoid, frame e.
-    latitude, longitude : (...,), rad. Geodetic coordinates.
-    fall : (...,), s. Time from the state to impact.
-    heading : (...,), rad from north. Heading of the ground velocity at impact.
-    """
-
-    r_e: Floats
-    latitude: Floats
-    longitude: Floats
-    fall: Floats
-    heading: Floats
-
-
-def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = True, lowest: float = LOWEST) -> Impact:
-    """Return the impact points of states in free fall.
-
-    Parameters
-    ----------
-    r_i, v_i : (n, 3) array
-        Position (m) and velocity (m/s), frame i.
-    earth_angle : float or (n,) array
-        Angle from the inertial to the Earth-fixed x axis at the time of the states (rad).
-    j2 : bool
-        Whether the Earth's oblateness acts on the fall.
-    lowest : float
-        Height (m) below which a state has no impact point.
-
-    Returns
-    -------
-    Impact
-        NaN where the orbit clears the ground, the vehicle is below `lowest`, or the orbit is open without impact.
-    """
-    r_i, v_i = np.atleast_2d(np.asarray(r_i, dtype=float)), np.atleast_2d(np.asarray(v_i, dtype=float))
-    theta = np.broadcast_to(np.asarray(earth_angle, dtype=float), r_i.shape[:1])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        fall = _kepler_fall(r_i, v_i)
-        _, _, height = geodetic_from_ecef(r_i)  # the height does not depend on the rotation of the Earth
-        fall = np.where(height >= lowest, fall, np.nan)
-        longest = float(np.max(fall, initial=0.0, where=np.isfinite(fall)))
-        end = _fly(r_i, v_i, fall, j2, max(_FEWEST, int(np.ceil(longest / _STEP))))
-        fall, end = _to_ground(fall, end, j2)
-        turned, r_i, v_i = theta + OMEGA * fall, end[:, :3], end[:, 3:]
-        r_e = ecef_from_eci(r_i, turned)
-        latitude, longitude, _ = geodetic_from_ecef(r_e)
-        axes_n = rotation_e_n(latitude, longitude)
-        v_n = np.einsum("nij,nj->ni", axes_n, ecef_from_eci(earth_velocity(r_i, v_i), turned))
-        return Impact(r_e, latitude, longitude, fall, np.arctan2(v_n[:, 1], v_n[:, 0]))
-
-
-def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
-    """Return the time (n,) in s to the next crossing of the ellipsoid on the Kepler orbit; NaN if there is none."""
-    h_i = np.cross(r_i, v_i)
-    h = np.linalg.norm(h_i, axis=1)
-    r = np.linalg.norm(r_i, axis=1)
-    towards, normal = unit(r_i), h_i / h[:, None]
-    ahead = np.cross(normal, towards)
-    e_i = np.cross(v_i, h_i) / GM - towards
-    ex, ey = np.sum(e_i * towards, axis=1), np.sum(e_i * ahead, axis=1)
-    e, p = np.hypot(ex, ey), h**2 / GM
-    anomaly = np.mod(np.arctan2(-ey, ex), 2.0 * np.pi)
-    radius = np.full_like(r, SEMI_MINOR)
-    for _ in range(30):  # each step reduces the error by 300 times the slope of the fall
-        angle = np.mod(2.0 * np.pi - np.arccos((p / radius - 1.0) / e) - anomaly, 2.0 * np.pi)
-        sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]
-        before, radius = radius, SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
-        if not (np.abs(radius - before) > 1e-6).any():
-            break
-    a = p / (1.0 - e * e)
-    return np.asarray((mean_anomaly(anomaly + angle, e) - mean_anomaly(anomaly, e)) * np.sqrt(a**3 / GM))
-
-
-def _pull(state: Floats, j2: bool) -> Floats:
-    """Return the time derivative (n, 6) of states (position, velocity) in free fall."""
-    r_i = state[:, :3]
-    square = np.einsum("ij,ij->i", r_i, r_i)[:, None]
-    pull = -GM * r_i / (square * np.sqrt(square))
-    return np.concatenate([state[:, 3:], pull + oblateness(r_i) if j2 else pull], axis=1)
-
-
-def coast(r_i: ArrayLike, v_i: ArrayLike, seconds: float) -> tuple[Floats, Floats]:
-    """Return states r_i (m), v_i (m/s), each (n, 3), after a time in s of free fall about the oblate Earth (J2)."""
-    r_i, v_i = np.atleast_2d(np.asarray(r_i, dtype=float)), np.atleast_2d(np.asarray(v_i, dtype=float))
-    if seconds == 0.0:
-        return r_i, v_i
-    steps = max(_FEWEST, int(np.ceil(abs(seconds) / _STEP)))
-    state = _fly(r_i, v_i, np.full(len(r_i), seconds), True, steps)
-    return state[:, :3], state[:, 3:]
-
-
-def _fly(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats:
-    """Return the states (n, 6) after times (n,) of free fall, by the classical fourth-order Runge-Kutta method."""
-    state = np.concatenate([r_i, v_i], axis=1)
-    dt = (time / steps)[:, None]
-    for _ in range(steps):
-        first = _pull(state, j2)
-        second = _pull(state + 0.5 * dt * first, j2)
-        third = _pull(state + 0.5 * dt * second, j2)
-        state = state + dt / 6.0 * (first + 2.0 * (second + third) + _pull(state + dt * third, j2))
-    return state
-
-
-def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
-    """Move states near the ground to height zero by Newton's method in time; NaN where this fails."""
-    for _ in range(6):
-        # the height does not depend on the longitude, so inertial components suffice
-        latitude, longitude, height = geodetic_from_ecef(state[:, :3])
-        up = -rotation_e_n(latitude, longitude)[:, 2]
-        step = np.clip(-height / np.sum(state[:, 3:] * up, axis=1), -60.0, 60.0)
-        state = _fly(state[:, :3], state[:, 3:], step, j2, 4)
-        fall = fall + step
-        if not (np.abs(step) > 1e-11).any():  # 0.1 um along the path
-            break
-    _, _, height = geodetic_from_ecef(state[:, :3])
-    sound = (np.abs(height) < 1e-3) & (fall > 0.0)
-    return np.where(sound, fall, np.nan), np.where(sound[:, None], state, np.nan)
-
-
-def offsets(from_e: ArrayLike, to_e: ArrayLike, heading: ArrayLike) -> Floats:
-    """Return the distance of points from reference points on the ground, down-range and cross-range.
-
-    Parameters
-    ----------
-    from_e, to_e : (..., 3) array
-        Reference points and points (m), frame e.
-    heading : (...,) array
-        Heading of down-range (rad from north).
-
-    Returns
-    -------
-    (..., 2) array
-        Down-range along the heading, cross-range to its right (m), in the tangent plane at `from_e`.
-    """
-    from_e, to_e = np.asarray(from_e, dtype=float), np.asarray(to_e, dtype=float)
-    latitude, longitude, _ = geodetic_from_ecef(from_e)
-    north, east, _ = np.moveaxis(np.einsum("...ij,...j->...i", rotation_e_n(latitude, longitude), to_e - from_e), -1, 0)
-    c, s = np.cos(heading), np.sin(heading)
-    return np.stack([c * north + s * east, -s * north + c * east], axis=-1)
+    sine2 = r_i[..., 2:] ** 2 / r2  # squared sine of the geocentric latitude
+    factor = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
+    return np.asarray(factor * r_i * (5.0 * sine2 - np.array([1.0, 1.0, 3.0])))

@@ -12,7 +12,7 @@ from scipy import special
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.mechanics import mission_errors, orbits
+from lvnav_trade.results.mechanics import free_fall, mission_errors
 from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State
 from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.probability import success_verdict
@@ -152,7 +152,7 @@ def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
     only : digest of the only case to evaluate
 
     The impact point is that of a fall without thrust and atmosphere to a rotating Earth with J2 (see
-    `results.mechanics.orbits`). Its error is true less estimated: down-range along the ground velocity at impact,
+    `results.mechanics.free_fall`). Its error is true less estimated: down-range along the ground velocity at impact,
     cross-range to its right; of first order for linear covariance. Columns:
 
     major, minor : semi-axes of the three-sigma ellipse (98.9 % of a Gaussian)
@@ -176,15 +176,15 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     falling = [k for k in np.argsort([state.t for state in states], kind="stable") if np.isfinite(points.fall[k])]
     flown = _runs(tables, case, [states[k] for k in falling], corridor)
     return [
-        _row(states[k], laws[k], orbits.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
+        _row(states[k], laws[k], free_fall.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
         for k, of_runs in zip(falling, flown, strict=True)
     ]
 
 
 @lru_cache(maxsize=64)
-def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> orbits.Impact:
+def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> free_fall.Impact:
     """Return the impact points of states given by their numbers, cached for all cases with the same trajectory."""
-    return orbits.impact(*_numbers(r_i, v_i, earth_angle))
+    return free_fall.impact(*_numbers(r_i, v_i, earth_angle))
 
 
 def _numbers(r_i: bytes, v_i: bytes, earth_angle: bytes) -> tuple[Floats, Floats, Floats]:
@@ -253,16 +253,18 @@ def _outside(state: State, error: Floats, corridor: Corridor) -> Bools:
     """Return which estimated points are outside the corridor; none if the true state has no impact point."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
-    if not good.any() or not np.isfinite(orbits.impact(*_arrays([state])).fall[0]):
+    if not good.any() or not np.isfinite(free_fall.impact(*_arrays([state])).fall[0]):
         return out
-    estimated = orbits.impact(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
+    estimated = free_fall.impact(
+        state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0
+    )
     points = np.stack([estimated.latitude, unwrapped_longitude(estimated.longitude, corridor.corners)], axis=1)
     out[good] = ~contains(corridor.corners, points)
     return out
 
 
 def _row(
-    state: State, law: ErrorGaussian, point: orbits.Impact, slope: Floats, corridor: Corridor | None
+    state: State, law: ErrorGaussian, point: free_fall.Impact, slope: Floats, corridor: Corridor | None
 ) -> dict[str, Any]:
     """Return the impact point and its error by linear covariance at one time, in kilometres and degrees.
 
@@ -317,10 +319,10 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
         """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
         m, n = len(error), len(r)
         off = np.repeat(error, n, axis=0)
-        estimated = orbits.impact(
+        estimated = free_fall.impact(
             np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
         )
-        found = -orbits.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
+        found = -free_fall.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
         return np.asarray(found.reshape(m, n * 2))
 
     slopes = mission_errors.derivative(errors).reshape(len(r), 2, 6) * 1e-3
@@ -328,7 +330,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     return slopes
 
 
-def _inside(corridor: Corridor, point: orbits.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
+def _inside(corridor: Corridor, point: free_fall.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
     """Return probability and margin of the estimated point, which is the true point less the error.
 
     Edges of the corridor are straight lines in latitude and longitude.

@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from lvnav_trade.quantities.frames import ecef_from_geodetic
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.mechanics import mission_errors
-from lvnav_trade.results.mechanics.orbits import offsets
+from lvnav_trade.results.mechanics.free_fall import offsets
 from lvnav_trade.results.mission.impact import contains, corridor_of, ellipse, metres, probability, unwrapped_longitude
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights

@@ -14,7 +14,7 @@ from lvnav_trade.quantities.frames import (
     geodetic_from_ecef,
     rotation_e_n,
 )
-from lvnav_trade.results.mechanics.orbits import coast, impact, offsets
+from lvnav_trade.results.mechanics.free_fall import coast, impact, offsets
 from tests import mission as flights
 
 THETA = 0.7

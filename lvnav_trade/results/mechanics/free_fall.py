@@ -1,0 +1,197 @@
+"""Free fall to the ground: impact points, and states after a time of free fall.
+
+The fall is first a Kepler orbit down to the ellipsoid, in closed form, with iteration on the radius of the ellipsoid.
+For J2 it is then integrated numerically over the same time and adjusted to height zero. Meanwhile the Earth rotates.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, GM, OMEGA, SEMI_MINOR
+from lvnav_trade.quantities.frames import earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_e_n, unit
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.results.mechanics.orbits import mean_anomaly, oblateness
+
+# Height in m below which no impact point is reported: it would coincide with the vehicle.
+LOWEST = 1e3
+_STEP = 16.0  # longest step of the numerical fall, s: centimetres over half a revolution
+_FEWEST = 8  # steps of a fall
+
+
+class Impact(NamedTuple):
+    """Impact points. All fields are NaN where there is none.
+
+    r_e : (..., 3), m. Point on the ellipsoid, frame e.
+    latitude, longitude : (...,), rad. Geodetic coordinates.
+    fall : (...,), s. Time from the state to impact.
+    heading : (...,), rad from north. Heading of the ground velocity at impact.
+    """
+
+    r_e: Floats
+    latitude: Floats
+    longitude: Floats
+    fall: Floats
+    heading: Floats
+
+
+def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = True, lowest: float = LOWEST) -> Impact:
+    """Return the impact points of states in free fall.
+
+    Parameters
+    ----------
+    r_i, v_i : (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+    earth_angle : float or (n,) array
+        Angle from the inertial to the Earth-fixed x axis at the time of the states (rad).
+    j2 : bool
+        Whether the Earth's oblateness acts on the fall.
+    lowest : float
+        Height (m) below which a state has no impact point.
+
+    Returns
+    -------
+    Impact
+        NaN where the orbit clears the ground, the vehicle is below `lowest`, or the orbit is open without impact.
+    """
+    r_i = np.atleast_2d(np.asarray(r_i, dtype=float))
+    v_i = np.atleast_2d(np.asarray(v_i, dtype=float))
+    theta = np.broadcast_to(np.asarray(earth_angle, dtype=float), r_i.shape[:1])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = _kepler_fall(r_i, v_i)
+        _, _, height = geodetic_from_ecef(r_i)  # the height does not depend on the rotation of the Earth
+        fall = np.where(height >= lowest, fall, np.nan)
+        longest = float(np.max(fall, initial=0.0, where=np.isfinite(fall)))
+        state = _propagate(r_i, v_i, fall, j2, _step_count(longest))
+        fall, state = _reach_ground(fall, state, j2)
+
+        r_i = state[:, :3]
+        v_i = state[:, 3:]
+        theta = theta + OMEGA * fall
+        r_e = ecef_from_eci(r_i, theta)
+        latitude, longitude, _ = geodetic_from_ecef(r_e)
+        v_e = ecef_from_eci(earth_velocity(r_i, v_i), theta)
+        v_n = np.einsum("nij,nj->ni", rotation_e_n(latitude, longitude), v_e)
+        return Impact(
+            r_e=r_e,
+            latitude=latitude,
+            longitude=longitude,
+            fall=fall,
+            heading=np.arctan2(v_n[:, 1], v_n[:, 0]),
+        )
+
+
+def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
+    """Return the time (n,) in s to the next crossing of the ellipsoid on the Kepler orbit; NaN if there is none."""
+    h_i = np.cross(r_i, v_i)
+    h = np.linalg.norm(h_i, axis=1)
+    towards = unit(r_i)
+    ahead = np.cross(h_i / h[:, None], towards)
+    e_i = np.cross(v_i, h_i) / GM - towards
+    ex = np.sum(e_i * towards, axis=1)
+    ey = np.sum(e_i * ahead, axis=1)
+    e = np.hypot(ex, ey)
+    p = h**2 / GM
+    anomaly = np.mod(np.arctan2(-ey, ex), 2.0 * np.pi)  # true anomaly of the state
+
+    radius = np.full(len(r_i), SEMI_MINOR)
+    for _ in range(30):  # each step reduces the error by 300 times the slope of the fall
+        # r = p / (1 + e cos(true anomaly)), on the descending half of the orbit
+        impact_anomaly = 2.0 * np.pi - np.arccos((p / radius - 1.0) / e)
+        angle = np.mod(impact_anomaly - anomaly, 2.0 * np.pi)
+        sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]  # of the geocentric latitude
+        previous = radius
+        radius = SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
+        if not (np.abs(radius - previous) > 1e-6).any():
+            break
+
+    a = p / (1.0 - e * e)
+    mean_angle = mean_anomaly(anomaly + angle, e) - mean_anomaly(anomaly, e)
+    return np.asarray(mean_angle * np.sqrt(a**3 / GM))
+
+
+def _state_rate(state: Floats, j2: bool) -> Floats:
+    """Return the time derivative (n, 6) of states (position, velocity) in free fall."""
+    r_i = state[:, :3]
+    square = np.einsum("ij,ij->i", r_i, r_i)[:, None]
+    gravitation = -GM * r_i / (square * np.sqrt(square))
+    if j2:
+        gravitation = gravitation + oblateness(r_i)
+    return np.concatenate([state[:, 3:], gravitation], axis=1)
+
+
+def coast(r_i: ArrayLike, v_i: ArrayLike, seconds: float) -> tuple[Floats, Floats]:
+    """Return states r_i (m), v_i (m/s), each (n, 3), after a time in s of free fall about the oblate Earth (J2)."""
+    r_i = np.atleast_2d(np.asarray(r_i, dtype=float))
+    v_i = np.atleast_2d(np.asarray(v_i, dtype=float))
+    if seconds == 0.0:
+        return r_i, v_i
+    time = np.full(len(r_i), seconds)
+    state = _propagate(r_i, v_i, time, True, _step_count(abs(seconds)))
+    return state[:, :3], state[:, 3:]
+
+
+def _step_count(seconds: float) -> int:
+    """Return the number of integration steps for a time of free fall."""
+    return max(_FEWEST, int(np.ceil(seconds / _STEP)))
+
+
+def _propagate(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats:
+    """Return the states (n, 6) after times (n,) of free fall, by the classical fourth-order Runge-Kutta method."""
+    state = np.concatenate([r_i, v_i], axis=1)
+    dt = (time / steps)[:, None]
+    for _ in range(steps):
+        first = _state_rate(state, j2)
+        second = _state_rate(state + 0.5 * dt * first, j2)
+        third = _state_rate(state + 0.5 * dt * second, j2)
+        fourth = _state_rate(state + dt * third, j2)
+        state = state + dt / 6.0 * (first + 2.0 * (second + third) + fourth)
+    return state
+
+
+def _reach_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
+    """Move states near the ground to height zero by Newton's method in time; NaN where this fails.
+
+    fall : (n,), s. Time of fall to the states.
+    state : (n, 6). Position and velocity near the ground, frame i.
+    """
+    for _ in range(6):
+        # the height does not depend on the longitude, so inertial components suffice
+        latitude, longitude, height = geodetic_from_ecef(state[:, :3])
+        up = -rotation_e_n(latitude, longitude)[:, 2]
+        climb_rate = np.sum(state[:, 3:] * up, axis=1)
+        step = np.clip(-height / climb_rate, -60.0, 60.0)
+        state = _propagate(state[:, :3], state[:, 3:], step, j2, 4)
+        fall = fall + step
+        if not (np.abs(step) > 1e-11).any():  # 0.1 um along the path
+            break
+    _, _, height = geodetic_from_ecef(state[:, :3])
+    is_impact = (np.abs(height) < 1e-3) & (fall > 0.0)
+    return np.where(is_impact, fall, np.nan), np.where(is_impact[:, None], state, np.nan)
+
+
+def offsets(from_e: ArrayLike, to_e: ArrayLike, heading: ArrayLike) -> Floats:
+    """Return the distance of points from reference points on the ground, down-range and cross-range.
+
+    Parameters
+    ----------
+    from_e, to_e : (..., 3) array
+        Reference points and points (m), frame e.
+    heading : (...,) array
+        Heading of down-range (rad from north).
+
+    Returns
+    -------
+    (..., 2) array
+        Down-range along the heading, cross-range to its right (m), in the tangent plane at `from_e`.
+    """
+    from_e = np.asarray(from_e, dtype=float)
+    to_e = np.asarray(to_e, dtype=float)
+    latitude, longitude, _ = geodetic_from_ecef(from_e)
+    offset_n = np.einsum("...ij,...j->...i", rotation_e_n(latitude, longitude), to_e - from_e)
+    north = offset_n[..., 0]
+    east = offset_n[..., 1]
+    c = np.cos(heading)
+    s = np.sin(heading)
+    return np.stack([c * north + s * east, -s * north + c * east], axis=-1)
