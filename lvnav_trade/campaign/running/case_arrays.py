@@ -25,7 +25,7 @@ from lvnav_trade.results.statistics.case_results import (
 from lvnav_trade.simulation.statistics import BlockSummary, add_norms, columns
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State
+    from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 
 # Quantities whose covariance is stored at events
 _KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
@@ -164,7 +164,7 @@ class CaseArrays(CaseResults):
         They are computed through the columns of the stored tables. So a verdict before storing has exactly the same
         numbers as a verdict on stored results.
         """
-        from lvnav_trade.results.mechanics.mission_errors import State, laws_in
+        from lvnav_trade.results.mechanics.stored_states import State, laws_in
         from lvnav_trade.results.tables.flight_tables import state_columns
 
         stored = state_columns(self.prepared, self.covariance)

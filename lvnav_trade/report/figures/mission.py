@@ -6,7 +6,7 @@ import pandas as pd
 from lvnav_trade.quantities.records import INJECTION, Floats, InjectionLaw
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas
 from lvnav_trade.report.figures.style import PALETTE, drawing, message, over_time, scale_up
-from lvnav_trade.results.mechanics import mission_errors, orbits
+from lvnav_trade.results.mechanics import mission_errors, orbits, stored_states
 from lvnav_trade.results.mechanics.injection_law import APSIDES, apsis_errors, is_curved, why_no_law
 from lvnav_trade.results.metrics.mission import MISSION
 from lvnav_trade.results.mission.impact import corridor_of, ellipse, run_impacts
@@ -44,12 +44,12 @@ def orbit(tables: Tables, case: str) -> Figure:
     orbit, draws of the Gaussian replace the ellipse of perigee and apogee.
     """
     event = final_event(tables, case)
-    state = mission_errors.state_at(tables, case, event)
+    state = stored_states.state_at(tables, case, event)
     if state is None or not bool(orbits.osculating(state.r_i, state.v_i).elliptic):
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
-    law = mission_errors.law_at(tables, case, event)
+    law = stored_states.law_at(tables, case, event)
     figure, grid = canvas(2, 2, 2.9, title=f"{tables.labels[case]}, {event.replace('_', ' ')}")
-    of_runs = mission_errors.orbit_errors(state, mission_errors.good_errors(tables, case, state))
+    of_runs = mission_errors.orbit_errors(state, stored_states.good_errors(tables, case, state))
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
         _plane(ax, state, law, of_runs, pair)
     _cost(grid[1, 1], costs(tables, case, event))
@@ -58,8 +58,8 @@ def orbit(tables: Tables, case: str) -> Figure:
 
 def _plane(
     ax: Panel,
-    state: mission_errors.State,
-    law: mission_errors.ErrorGaussian,
+    state: stored_states.State,
+    law: stored_states.ErrorGaussian,
     of_runs: _Errors,
     pair: tuple[_Component, _Component],
 ) -> None:

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from lvnav_trade.quantities import frames
-from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.mechanics import impulses, orbits
 from lvnav_trade.results.mechanics.free_fall import coast, impact, offsets
-from lvnav_trade.results.tables.read import Tables, once, pick
+from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
 STEP = np.array([1e-2] * 3 + [10.0] * 3)
@@ -34,29 +34,8 @@ _ORBIT_METRICS = (
     "node_error",
     "eccentricity_vector_error",
 )
-
-
 # Metrics with no derivative at a circular orbit
 _NONLINEAR_METRICS = ("perigee_error", "apogee_error", "eccentricity_error")
-
-
-class State(NamedTuple):
-    """True state at an event or time.
-
-    event : Name of the event; empty between events.
-    t : Time (s).
-    r_i : (3,), m. Position, frame i.
-    v_i : (3,), m/s. Velocity, frame i.
-    earth_angle : rad. Angle from the inertial to the Earth-fixed x axis.
-    turn : (3, 3). Rotation from the reporting axes to frame i.
-    """
-
-    event: str
-    t: float
-    r_i: Floats
-    v_i: Floats
-    earth_angle: float
-    turn: Floats
 
 
 class ElementEpochs(NamedTuple):
@@ -72,94 +51,6 @@ class ElementEpochs(NamedTuple):
     true: float = 0.0
 
 
-class ErrorGaussian(NamedTuple):
-    """Gaussian of the error of velocity and position by linear covariance, frame i, SI.
-
-    mean : (6,). Mean of the true error.
-    true : (6, 6). Covariance of the true error.
-    formal : (6, 6). Covariance assumed by the filter.
-    """
-
-    mean: Floats
-    true: Floats
-    formal: Floats
-
-
-@once
-def states(tables: Tables, case: str) -> list[State]:
-    """Return the stored true states of a case, in stored order.
-
-    States at events have a name; states in between have none.
-    """
-    rows = pick(tables.states, case=case)
-    r_i = rows.filter(regex=r"^position_._m$").to_numpy()
-    v_i = rows.filter(regex=r"^velocity_._m_per_s$").to_numpy()
-    turns = frames.matrices(rows.filter(regex=r"^axes_q").to_numpy())
-    columns = zip(rows.event, rows.t_s, r_i, v_i, rows.earth_angle_rad, turns, strict=True)
-    return [
-        State(
-            event=event,
-            t=t,
-            r_i=position,
-            v_i=velocity,
-            earth_angle=earth_angle,
-            turn=turn,
-        )
-        for event, t, position, velocity, earth_angle, turn in columns
-    ]
-
-
-def state_at(tables: Tables, case: str, event: str) -> State | None:
-    """Return the true state at an event; None if it is not stored."""
-    if not event:
-        return None
-    for state in states(tables, case):
-        if state.event == event:
-            return state
-    return None
-
-
-@once
-def laws(tables: Tables, case: str) -> list[ErrorGaussian]:
-    """Return the Gaussian of velocity and position by linear covariance at each of `states`."""
-    rows = pick(tables.joint_covariances, case=case)
-    return laws_in(
-        mean=rows.mean_si.to_numpy(dtype=float),
-        true=rows.true_si2.to_numpy(dtype=float),
-        formal=rows.formal_si2.to_numpy(dtype=float),
-    )
-
-
-def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
-    """Return the Gaussians stored in columns of length 21 n_state.
-
-    The columns contain the upper triangles of the covariances row by row; `mean` contains the mean on their diagonals.
-    """
-    n = len(mean) // 21
-    i, j = np.triu_indices(6)
-    means = mean.reshape(n, 21)[:, i == j]
-    true_covariances = _symmetric_matrices(true)
-    formal_covariances = _symmetric_matrices(formal)
-    return [
-        ErrorGaussian(
-            mean=means[k],
-            true=true_covariances[k],
-            formal=formal_covariances[k],
-        )
-        for k in range(n)
-    ]
-
-
-def _symmetric_matrices(column: Floats) -> Floats:
-    """Return the symmetric matrices (n, 6, 6) whose upper triangles are stored row by row in a column (21 n,)."""
-    triangles = column.reshape(-1, 21)
-    i, j = np.triu_indices(6)
-    matrices = np.zeros((len(triangles), 6, 6))
-    matrices[:, i, j] = triangles
-    matrices[:, j, i] = triangles
-    return matrices
-
-
 def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
     """Return biases (...,) rounded to a millionth of their sigmas (...,).
 
@@ -168,45 +59,6 @@ def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
     has_sigma = np.asarray(sigma) > 0.0
     unit = np.where(has_sigma, sigma, 1.0)
     return np.where(has_sigma, np.round(bias / unit, 6) * unit + 0.0, bias)
-
-
-def law_at(tables: Tables, case: str, event: str) -> ErrorGaussian:
-    """Return the Gaussian of velocity and position by linear covariance at an event with a stored state."""
-    events = [state.event for state in states(tables, case)]
-    return laws(tables, case)[events.index(event)]
-
-
-def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
-    """Return errors of velocity and position (n_run, 6), frame i, at the event of a state, and which runs failed
-    (n_run,).
-    """
-    rows = pick(tables.runs, case=case, event=state.event)
-    outputs = pick(tables.outputs, case=case)
-    axes = outputs[outputs.axis != "3d"]
-
-    def components(quantity: str, suffix: str) -> Floats:
-        """Return the errors (n_run, 3) of a quantity in the reporting axes."""
-        columns = [f"{quantity}_{axis}_error_{suffix}" for axis in axes.axis[axes.quantity == quantity]]
-        return np.asarray(rows[columns].to_numpy(dtype=float))
-
-    failed = rows.failure.to_numpy() != ""
-    return turned(state, components("velocity", "m_per_s"), components("position", "m"), failed)
-
-
-def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> tuple[Floats, Bools]:
-    """Return state errors (n_run, 6), frame i, and which runs failed.
-
-    velocity, position : (n_run, 3), m/s and m. Errors in the reporting axes.
-    failed : (n_run,). Failed runs; the result adds runs whose error is not finite.
-    """
-    error = np.concatenate([velocity @ state.turn.T, position @ state.turn.T], axis=1)
-    return error, failed | ~np.isfinite(error).all(axis=1)
-
-
-def good_errors(tables: Tables, case: str, state: State) -> Floats:
-    """Return `run_errors` of the runs that did not fail, (n_good, 6)."""
-    error, failed = run_errors(tables, case, state)
-    return error[~failed]
 
 
 # --- errors of mission quantities -------------------------------------------------------------------------------------

@@ -117,7 +117,8 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs |
 
     epochs : type and epochs of the orbital elements; None for mean elements at the event
     """
-    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs, orbit_errors_at, signed, turned
+    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs, orbit_errors_at, signed
+    from lvnav_trade.results.mechanics.stored_states import turned
 
     state = case.state(event)
     if state is None:

@@ -12,8 +12,8 @@ from scipy import special
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.mechanics import free_fall, mission_errors
-from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State
+from lvnav_trade.results.mechanics import free_fall, mission_errors, stored_states
+from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.probability import success_verdict
 from lvnav_trade.results.statistics.select import once, pick
@@ -168,7 +168,7 @@ def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
 @once
 def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     corridor = corridor_of(tables)
-    states, laws = mission_errors.states(tables, case), mission_errors.laws(tables, case)
+    states, laws = stored_states.states(tables, case), stored_states.laws(tables, case)
     if not states:
         return []
     true = [column.tobytes() for column in _arrays(states)]
@@ -241,8 +241,8 @@ def corridor_verdicts(tables: Tables) -> pd.DataFrame:
 def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
     """Return the number of runs that failed or were outside the corridor at an event, and the number of all runs."""
     errors = [
-        (state, *mission_errors.run_errors(tables, case, state))
-        for state in mission_errors.states(tables, case)
+        (state, *stored_states.run_errors(tables, case, state))
+        for state in stored_states.states(tables, case)
         if state.event
     ]
     bad = [failed | _outside(state, error, corridor) for state, error, failed in errors]
@@ -356,8 +356,8 @@ def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
 
     Down-range and cross-range, (n, 2), m; NaN if the true state has no impact point.
     """
-    states = [state for state in mission_errors.states(tables, case) if state.event]
-    good = [mission_errors.good_errors(tables, case, state) for state in states]
+    states = [state for state in stored_states.states(tables, case) if state.event]
+    good = [stored_states.good_errors(tables, case, state) for state in states]
     off = mission_errors.impacts_errors(states, good) if states else []
     return {state.event: errors for state, errors in zip(states, off, strict=True)}
 
@@ -376,7 +376,7 @@ def _of_runs(tables: Tables, case: str, state: State, off: Floats, corridor: Cor
     if corridor is None:
         return statistics
     return statistics | {
-        "mc_outside": int(_outside(state, mission_errors.good_errors(tables, case, state), corridor).sum())
+        "mc_outside": int(_outside(state, stored_states.good_errors(tables, case, state), corridor).sum())
     }
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 from scipy import stats
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.mechanics import impulses, mission_errors, orbits
+from lvnav_trade.results.mechanics import impulses, mission_errors, orbits, stored_states
 from lvnav_trade.results.metrics.mission import MISSION
 from lvnav_trade.results.statistics.probability import holm
 from lvnav_trade.results.statistics.select import final_event, flight_events, once
@@ -87,18 +87,18 @@ def orbit(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def orbital_states(tables: Tables, case: str) -> list[mission_errors.State]:
+def orbital_states(tables: Tables, case: str) -> list[stored_states.State]:
     """Return the states at the final event, and at earlier events whose orbit clears the ground.
 
     Events at the time of the final event are omitted.
     """
     final = final_event(tables, case)
-    last = mission_errors.state_at(tables, case, final)
+    last = stored_states.state_at(tables, case, final)
     if last is None:
         return []
     clear = []
     for event in flight_events(tables, case).event:
-        state = last if event == final else mission_errors.state_at(tables, case, str(event))
+        state = last if event == final else stored_states.state_at(tables, case, str(event))
         if state is None or (event != final and abs(state.t - last.t) < 1e-6):
             continue
         average = mission_errors.mean_orbit(state)
@@ -124,10 +124,10 @@ def values(orbit_of: orbits.OrbitVectors) -> dict[str, float]:
     return {name: float(value) for name, value in zip(QUANTITIES, elements, strict=True)}
 
 
-def _rows(tables: Tables, case: str, state: mission_errors.State) -> list[dict[str, Any]]:
-    law = mission_errors.law_at(tables, case, state.event)
+def _rows(tables: Tables, case: str, state: stored_states.State) -> list[dict[str, Any]]:
+    law = stored_states.law_at(tables, case, state.event)
     now, average = values(orbits.osculating(state.r_i, state.v_i)), values(mission_errors.mean_orbit(state))
-    good = mission_errors.good_errors(tables, case, state)
+    good = stored_states.good_errors(tables, case, state)
     of_runs, drawn = (
         mission_errors.orbit_errors(state, some) for some in (good, mission_errors.draws(law.mean, law.true))
     )
@@ -168,7 +168,7 @@ def normality(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         for state in orbital_states(tables, case)[-1:]:
-            good = mission_errors.good_errors(tables, case, state)
+            good = stored_states.good_errors(tables, case, state)
             if len(good) < _LEAST_RUNS:
                 continue
             errors = mission_errors.orbit_errors(state, good)
@@ -237,12 +237,12 @@ def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
 
     Each is (3, n), m/s: for the whole error, for that of velocity alone, and for that of position alone.
     """
-    state = mission_errors.state_at(tables, case, event)
+    state = stored_states.state_at(tables, case, event)
     assert state is not None
-    law = mission_errors.law_at(tables, case, event)
+    law = stored_states.law_at(tables, case, event)
     of = {
         "linear covariance": mission_errors.draws(law.mean, law.true, _DRAWS),
-        "Monte Carlo": mission_errors.good_errors(tables, case, state),
+        "Monte Carlo": stored_states.good_errors(tables, case, state),
     }
     masks = np.array([np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)])[:, None]
     errors = np.concatenate([error * masks for error in of.values()], axis=1)

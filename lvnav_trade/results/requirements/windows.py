@@ -13,7 +13,8 @@ from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.evaluate import metric_in
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.evaluation.protection_levels import series_of
-from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State, drawn_of, expected_of, laws, states
+from lvnav_trade.results.mechanics.mission_errors import drawn_of, expected_of
+from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State, laws, states
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.metrics.mission import MissionError
 from lvnav_trade.results.metrics.normalised import SIGMAS, NormalisedError, whitening

@@ -13,7 +13,7 @@ from lvnav_trade.quantities.records import OUTCOMES, Bools, Floats, InjectionLaw
 from lvnav_trade.quantities.units import parse
 
 if TYPE_CHECKING:
-    from lvnav_trade.results.mechanics.mission_errors import ErrorGaussian, State
+    from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 
 SAME_TIME = 1e-6  # s; times that differ by less are the same instant
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")

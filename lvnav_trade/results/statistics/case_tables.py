@@ -3,7 +3,7 @@
 import numpy as np
 
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Bools, Floats, InjectionLaw, Output
-from lvnav_trade.results.mechanics import mission_errors
+from lvnav_trade.results.mechanics import stored_states
 from lvnav_trade.results.statistics.case_results import CaseResults, Gaussian, History, Injections, finite_sizes
 from lvnav_trade.results.statistics.gaussian import formal_covariance, gaussian
 from lvnav_trade.results.statistics.select import ends_of, flight_events, history_columns, instant, phase, rows_between
@@ -146,13 +146,13 @@ class CaseTables(CaseResults):
         """Return the filter's own covariance (3, 3) at an event."""
         return formal_covariance(self.tables, self.case, event, quantity)
 
-    def state(self, event: str) -> mission_errors.State | None:
+    def state(self, event: str) -> stored_states.State | None:
         """Return the true state at an event."""
-        return mission_errors.state_at(self.tables, self.case, event)
+        return stored_states.state_at(self.tables, self.case, event)
 
-    def joint(self, event: str) -> mission_errors.ErrorGaussian:
+    def joint(self, event: str) -> stored_states.ErrorGaussian:
         """Return linear covariance of velocity and position at an event."""
-        return mission_errors.law_at(self.tables, self.case, event)
+        return stored_states.law_at(self.tables, self.case, event)
 
     def injections(self, quantity: str) -> Injections | None:
         """Return what guided ascents achieve of a number of the orbit."""

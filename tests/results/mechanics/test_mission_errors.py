@@ -11,11 +11,10 @@ from lvnav_trade.quantities.frames import (
     eci_from_ecef,
     elements_from_state,
     rotation_e_n,
-    state_from_elements,
     unit,
 )
 from lvnav_trade.results.evaluate import errors_at
-from lvnav_trade.results.mechanics import mission_errors, orbits
+from lvnav_trade.results.mechanics import mission_errors, orbits, stored_states
 from lvnav_trade.results.metrics.mission import MISSION, expected_at
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load
@@ -47,27 +46,7 @@ def falling():
 
 
 def state_of(tables):
-    return mission_errors.state_at(tables, flights.CASE, "injection")
-
-
-def test_the_true_state_at_an_event_is_that_of_the_flight(orbit):
-    r_i, v_i = state_from_elements(flights.SUN_SYNCHRONOUS)
-    state = state_of(orbit)
-    np.testing.assert_allclose(state.r_i, r_i, atol=1e-3)
-    np.testing.assert_allclose(state.v_i, v_i, atol=1e-6)
-    assert state.earth_angle == pytest.approx(OMEGA * 99.5)
-    assert mission_errors.state_at(orbit, flights.CASE, "no such event") is None
-
-
-def test_the_joint_covariance_is_that_of_the_history_turned_to_the_inertial_frame(orbit):
-    law, state = mission_errors.law_at(orbit, flights.CASE, "injection"), state_of(orbit)
-    growth = 1.0 + 0.01 * 99.5
-    C = np.kron(np.eye(2), state.turn)
-    sigma, mean = growth * synthetic.SIGMA[3:9], growth * synthetic.MEAN[3:9]
-    np.testing.assert_allclose(law.true, C @ np.diag(sigma**2) @ C.T, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(law.mean, C @ mean, rtol=1e-9, atol=1e-9)
-    down = state.turn[:, 2]
-    assert down @ unit(state.r_i) == pytest.approx(-1.0, abs=1e-5)  # the ellipsoid's normal is 0.2 deg off at most
+    return stored_states.state_at(tables, flights.CASE, "injection")
 
 
 def test_a_bias_is_resolved_to_a_millionth_of_its_sigma():
@@ -106,7 +85,7 @@ def test_the_plane_turns_by_the_out_of_plane_velocity_over_the_speed(orbit):
 
 @pytest.fixture(scope="module")
 def drawn(orbit):
-    state, law = state_of(orbit), mission_errors.law_at(orbit, flights.CASE, "injection")
+    state, law = state_of(orbit), stored_states.law_at(orbit, flights.CASE, "injection")
     errors = np.random.default_rng(5).multivariate_normal(law.mean, law.true, 100_000)
     parts = [mission_errors.orbit_errors(state, part) for part in np.array_split(errors, 50)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -122,7 +101,7 @@ def test_the_first_order_covariance_is_that_of_many_draws(orbit, drawn, metric):
 
 
 def test_the_first_order_covariance_of_an_impact_is_that_of_many_draws(fall):
-    state, law = state_of(fall), mission_errors.law_at(fall, flights.CASE, "injection")
+    state, law = state_of(fall), stored_states.law_at(fall, flights.CASE, "injection")
     drawn = np.random.default_rng(6).multivariate_normal(law.mean, law.true, 40_000)
     found = np.concatenate([mission_errors.impact_errors(state, part) for part in np.array_split(drawn, 20)])
     mean, covariance = expected_at(CaseTables(fall, flights.CASE), "injection", "impact_error")
@@ -132,7 +111,7 @@ def test_the_first_order_covariance_of_an_impact_is_that_of_many_draws(fall):
 
 
 def test_sobols_draws_have_the_mean_and_the_covariance(orbit):
-    law = mission_errors.law_at(orbit, flights.CASE, "injection")
+    law = stored_states.law_at(orbit, flights.CASE, "injection")
     drawn = mission_errors.draws(law.mean, law.true)
     sigma = np.sqrt(np.diag(law.true))
     assert drawn.shape == (mission_errors.DRAWS, 6)
@@ -162,7 +141,7 @@ def test_runs_have_errors_of_every_metric_and_a_failed_one_is_infinite(orbit, me
 def test_the_errors_of_runs_are_those_of_the_assumed_orbit(orbit):
     """Truth minus estimate, so the assumed state is truth minus error: energy by hand for one run."""
     state = state_of(orbit)
-    error, _ = mission_errors.run_errors(orbit, flights.CASE, state)
+    error, _ = stored_states.run_errors(orbit, flights.CASE, state)
     row = orbit.runs[(orbit.runs.event == "injection") & (orbit.runs.run_number == 7)].iloc[0]
     north_east_down = row[[f"velocity_{axis}_error_m_per_s" for axis in ("north", "east", "down")]].to_numpy(float)
     np.testing.assert_allclose(error[7, :3], state.turn @ north_east_down, rtol=1e-12)

@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.campaign.definition.published_cards import MeasuredMetric
 from lvnav_trade.campaign.definition.schema import Requirement
 from lvnav_trade.results.evaluate import evaluate, evaluate_single
-from lvnav_trade.results.mechanics.mission_errors import State, run_errors, state_at
+from lvnav_trade.results.mechanics.stored_states import State, run_errors, state_at
 from lvnav_trade.results.registry import find
 from lvnav_trade.results.requirements.confirmation import expected_verdicts, verdicts
 from lvnav_trade.results.requirements.windows import unevaluated

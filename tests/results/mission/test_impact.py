@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from lvnav_trade.quantities.frames import ecef_from_geodetic
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.mechanics import mission_errors
+from lvnav_trade.results.mechanics import stored_states
 from lvnav_trade.results.mechanics.free_fall import offsets
 from lvnav_trade.results.mission.impact import contains, corridor_of, ellipse, metres, probability, unwrapped_longitude
 from lvnav_trade.results.tables.read import load
@@ -121,7 +121,7 @@ def test_without_a_corridor_there_is_no_verdict(good):
     found = METRICS["impact"](good)
     assert found.corridor_probability.isna().all()
     assert np.isfinite(found.down_sigma_km).all()
-    assert mission_errors.state_at(good, "aaaaaaaaaaaa", "injection").t == pytest.approx(99.5)
+    assert stored_states.state_at(good, "aaaaaaaaaaaa", "injection").t == pytest.approx(99.5)
 
 
 @pytest.mark.parametrize("turned", [1, -1], ids=["counter-clockwise", "clockwise"])
