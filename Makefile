@@ -74,7 +74,7 @@ smoke: lint
 	@echo "a small campaign from end to end: good"
 
 unit: smoke
-	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --dist loadfile --no-header
+	@$(bin)/python -m tests.by_room $(JOBS)
 
 # The report in a browser and on paper, and the manual; needs chromium and poppler-utils (apt-get install chromium poppler-utils).
 browser: $(VENV)/.installed-test
@@ -102,8 +102,7 @@ lowest test-lowest: | $(bin)/python
 	@$(bin)/python tests/lowest.py > "$(VENV)-lowest/constraints.txt"
 	@"$(VENV)-lowest/bin/python" -m pip --disable-pip-version-check -qq install $(from_wheels) \
 	    --constraint "$(VENV)-lowest/constraints.txt" --editable '.[test]'
-	@NUMBA_CACHE_DIR="$(CURDIR)/$(VENV)-lowest/kernels" "$(VENV)-lowest/bin/python" -m pytest -m "not slow" \
-	    --numprocesses $(JOBS) --dist loadfile --no-header
+	@NUMBA_CACHE_DIR="$(CURDIR)/$(VENV)-lowest/kernels" "$(VENV)-lowest/bin/python" -m tests.by_room $(JOBS)
 
 # The manual, in site/; needs no network once installed.
 docs: $(VENV)/.installed-docs

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import resource
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import pytest
@@ -56,31 +55,6 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-@pytest.fixture
-def record_property(record_property: Callable[[str, object], None]) -> Callable[[str, object], None]:
-    """Record a measured value as words: numbers of numpy cannot be handed from one process of the tests to another."""
-    return lambda name, value: record_property(name, str(value))
-
-
-_PEAKS: list[int] = []
-"""Largest resident memory (kB) of each process of the tests that has ended."""
-
-
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Hand the largest memory of this process to the one that prints the summary."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["peak"] = peak
-    else:
-        _PEAKS.append(peak)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any) -> None:
-    """Take the memory of a worker that has ended; one that crashed has no output."""
-    _PEAKS.append(getattr(node, "workeroutput", {}).get("peak", 0))
-
-
 @pytest.hookimpl(hookwrapper=True)
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Iterator[None]:
     """Show what tests measured; count and name what was skipped: a run without reference data is not a full one."""
@@ -88,9 +62,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Iterat
     for report in terminalreporter.stats.get("passed", []):
         for name, value in report.user_properties:
             terminalreporter.write_line(f"measured: {name}: {value}")
-    terminalreporter.write_line(
-        f"measured: largest memory of a process of the tests: {max(_PEAKS, default=0) / 1024:.0f} MB"
-    )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    terminalreporter.write_line(f"measured: largest memory of the process: {peak:.0f} MB")
     reasons: dict[str, int] = {}
     for report in terminalreporter.stats.get("skipped", []):
         text = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)

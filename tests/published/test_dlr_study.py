@@ -26,15 +26,18 @@ KEPT = FOLDER.parents[1] / "reports" / "dlr" / "references.csv"
 CAMPAIGNS = sorted(path.stem for path in FOLDER.glob("*.yaml") if path.stem != "study")
 LONG = {
     "compensation_locus",
+    "coupling",
     "ekf_ukf",
     "fdir",
     "fdir_alarms",
+    "fdir_divergence",
     "smoothed_solution",
     "smoothing_locus",
     "strapdown_drift",
     "strapdown_outage",
+    "strapdown_rates",
 }
-"""Each takes 7 to 14 s: kernels of its own, or dense histories. `make slow` flies them."""
+"""Each takes 7 to 16 s: kernels of its own, or dense histories. `make slow` flies them."""
 BY_COVARIANCE = (
     "monte_carlo=null", "covariance={budget: false, adjoint: false, observability: false, nonlinearity: false}"
 )  # fmt: skip

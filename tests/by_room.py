@@ -1,0 +1,75 @@
+"""Run the tests of each room in a process of its own: `python -m tests.by_room 2` runs two rooms at a time.
+
+Compiled kernels remain in the memory of a process until it ends. One process for all tests grows to 5 GB; a room needs
+1 GB at most.
+"""
+
+from __future__ import annotations
+
+import re
+import resource
+import subprocess
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+TESTS = Path(__file__).parent
+LONG = ("simulation", "published", "trajectory", "campaign", "report", "filter", "covariance", "both_engines")
+"""Rooms that take longest. They start first, so that no processor waits at the end."""
+NO_TESTS = 5  # exit code of pytest if all tests are left out as slow
+
+
+class Outcome(NamedTuple):
+    """Result of the tests of a room.
+
+    room : Name of the room.
+    failed : Whether a test failed, or pytest itself.
+    counts : Number of tests by outcome, in the words of pytest (passed, skipped, failed, ...).
+    """
+
+    room: str
+    failed: bool
+    counts: Counter[str]
+
+
+def rooms() -> dict[str, list[Path]]:
+    """Return the folders of tests by name, long ones first, and the tests outside folders."""
+    folders = {path.name: [path] for path in sorted(TESTS.iterdir()) if any(path.rglob("test_*.py"))}
+    long_first = {name: folders[name] for name in LONG}
+    return long_first | folders | {"others": sorted(TESTS.glob("test_*.py"))}
+
+
+def run(room: str, paths: list[Path]) -> Outcome:
+    """Run the tests of a room; write what they measured, and everything if one fails."""
+    command = [sys.executable, "-m", "pytest", "-m", "not slow", "--quiet", "--no-header", *map(str, paths)]
+    finished = subprocess.run(command, cwd=TESTS.parent, capture_output=True, text=True)
+    lines = (finished.stdout + finished.stderr).splitlines()
+    failed = finished.returncode not in (0, NO_TESTS)
+    shown = lines if failed else [line for line in lines if line.startswith(("measured:", "skipped tests: "))]
+    sys.stdout.write("\n".join([*shown, f"tests/{room}: {lines[-1]}", ""]))
+    sys.stdout.flush()
+    counts = Counter({outcome: int(number) for number, outcome in re.findall(r"(\d+) ([a-z]+)", lines[-1])})
+    return Outcome(room, failed, counts)
+
+
+def main(processes: int) -> int:
+    """Run all rooms, `processes` at a time. Returns 1 if a test fails."""
+    start = time.monotonic()
+    work = rooms()
+    with ThreadPoolExecutor(processes) as pool:
+        outcomes = list(pool.map(run, work.keys(), work.values()))
+    total = sum((outcome.counts for outcome in outcomes), Counter())
+    counts = ", ".join(f"{total[word]} {word}" for word in ("failed", "errors", "passed", "skipped") if total[word])
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    failed = [f"tests/{outcome.room}" for outcome in outcomes if outcome.failed]
+    sys.stdout.write(f"largest memory of a process of the tests: {peak:.0f} MB\n")
+    sys.stdout.write(f"failed: {' '.join(failed)}\n" if failed else "")
+    sys.stdout.write(f"===== {counts} in {time.monotonic() - start:.2f}s =====\n")
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(int(sys.argv[1])))
