@@ -75,19 +75,17 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
             super()._optimize_functions(ll_module)
             return
         ll_module.data_layout = self._codegen._data_layout
-        found = self._codegen._function_pass_manager(opt=1)
-        passes, *builder = found if isinstance(found, tuple) else (found,)  # alone up to numba 0.61
+        passes, builder = self._codegen._function_pass_manager(opt=1)
         for function in defined:
-            passes.run(function, *builder)
+            passes.run(function, builder)
 
     def _optimize_final_module(self) -> None:
         if not self.is_part:
             super()._optimize_final_module()
             return
         light = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}  # numba's own first step
-        found = self._codegen._module_pass_manager(**light)
-        passes, *builder = found if isinstance(found, tuple) else (found,)
-        passes.run(self._final_module, *builder)
+        passes, builder = self._codegen._module_pass_manager(**light)
+        passes.run(self._final_module, builder)
 
     def _finalize_final_module(self) -> None:
         if self.is_part:
