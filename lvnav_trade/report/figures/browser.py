@@ -11,6 +11,7 @@ from lvnav_trade.report.figures.figure import Figure, Mark, Panel, alt_text, uni
 
 MOST_POINTS = 1500
 """Largest number of points of a line; a longer line is reduced to the extremes of segments of equal length."""
+# Lengths of dashes and gaps by the style of matplotlib
 _DASHES = {"-": (), "--": (6, 3), ":": (1.5, 2.5), "-.": (7, 3, 1.5, 3)}
 _STYLES = (
     "color",
@@ -52,39 +53,47 @@ def data_of(figure: Figure) -> str:
 
 
 def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
-    events = panel.events and {"points": panel.events.points, "faults": panel.events.faults}
-    limits: dict[str, Any] = {
-        side: [None if at is None or not np.isfinite(at) else float(at) for at in panel.axes[side]]
-        for side in ("xlim", "ylim")
-        if side in panel.axes
-    }
-    marks = [_mark(mark, arrays) for mark in panel.marks if mark.kind != "limit" or np.isfinite(mark.data["at"])]
-    units = {f"{side}unit": unit_of(panel.axes.get(f"{side}label", "")) for side in ("x", "y")}
-    labels = {f"{side}label": label for side in ("x", "y") if (label := panel.label(side))}
-    over_time = panel.events is not None
-    if over_time:  # only the lowest panel of a column has a label
-        units["xunit"], labels["xname"] = "s", "t"
-    words = {"alt": alt_text(panel), "linked": over_time}
+    """Return a panel as data for JSON, with its arrays replaced by their indices in `arrays`."""
+    content = dict(panel.axes)
+    for side in ("x", "y"):
+        if f"{side}lim" in panel.axes:
+            content[f"{side}lim"] = [_finite_number(limit) for limit in panel.axes[f"{side}lim"]]
+        content[f"{side}unit"] = unit_of(panel.axes.get(f"{side}label", ""))
+        label = panel.label(side)
+        if label:
+            content[f"{side}label"] = label
+    content["events"] = None
+    if panel.events is not None:
+        content["events"] = {"points": panel.events.points, "faults": panel.events.faults}
+        # Only the lowest panel of a column has a label
+        content["xunit"] = "s"
+        content["xname"] = "t"
+    marks = [mark for mark in panel.marks if mark.kind != "limit" or np.isfinite(mark.data["at"])]
     return {
-        **panel.axes,
-        **limits,
-        **units,
-        **labels,
-        **words,
-        "events": events,
-        "marks": marks,
+        **content,
+        "alt": alt_text(panel),
+        "linked": panel.events is not None,
+        "marks": [_mark(mark, arrays) for mark in marks],
         "filled": panel.filled,
     }
+
+
+def _finite_number(value: float | None) -> float | None:
+    """Return a limit of an axis as a number for JSON, which has no infinity; None for a limit that is not set."""
+    return float(value) if value is not None and np.isfinite(value) else None
 
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
     """Return a mark with its arrays replaced by their indices in `arrays`."""
     encoded = {name: mark.style[name] for name in _STYLES if name in mark.style}
     dashes = mark.style.get("ls", "-")
-    encoded["ls"] = _DASHES.get(dashes) if isinstance(dashes, str) else [2.0 * length for length in dashes[1]]
+    if isinstance(dashes, str):
+        encoded["ls"] = _DASHES.get(dashes)
+    else:
+        encoded["ls"] = [2.0 * length for length in dashes[1]]
     if mark.style.get("hatch"):
         encoded["hatch"] = True
-    content = mark.data if mark.kind not in ("line", "band") else _thinned(mark.data)
+    content = _thinned(mark.data) if mark.kind in ("line", "band") else mark.data
     for name, values in content.items():
         if isinstance(values, np.ndarray):
             packed = np.asarray(values, dtype="<f4").tobytes()
@@ -101,12 +110,22 @@ def _thinned(data: dict[str, Floats]) -> dict[str, Floats]:
     x = data["x"]
     if x.size <= MOST_POINTS or not (np.diff(x) >= 0.0).all():
         return data
-    selected = [np.array([0, x.size - 1])]
-    for values in (values for name, values in data.items() if name != "x"):
-        for block in np.array_split(np.arange(x.size), MOST_POINTS // (2 * (len(data) - 1))):
-            here = values[block]
-            if np.isfinite(here).any():
-                selected.append(block[[np.nanargmin(here), np.nanargmax(here)]])
-            selected.append(block[np.isnan(here)][:1])
-    chosen = np.unique(np.concatenate(selected))
-    return {name: values[chosen] for name, values in data.items()}
+    ordinates = [values for name, values in data.items() if name != "x"]
+    # Each line contributes two points of every block, its minimum and its maximum
+    n_blocks = MOST_POINTS // (2 * len(ordinates))
+    indices = [np.array([0, x.size - 1])]
+    for block in np.array_split(np.arange(x.size), n_blocks):
+        for values in ordinates:
+            indices += _extremes(values, block)
+    selection = np.unique(np.concatenate(indices))
+    return {name: values[selection] for name, values in data.items()}
+
+
+def _extremes(values: Floats, block: Any) -> list[Any]:
+    """Return the indices of the minimum and the maximum in a block of indices, and of its first NaN (a gap)."""
+    block_values = values[block]
+    gap = block[np.isnan(block_values)][:1]
+    if not np.isfinite(block_values).any():
+        return [gap]
+    extremes = [np.nanargmin(block_values), np.nanargmax(block_values)]
+    return [block[extremes], gap]

@@ -32,37 +32,60 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     """
     rows = pick(tables.budget, case=case, event="", quantity=quantity, axis="3d")
     share = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0
-    layers = _layers(share, _order(tables))
+    order = _source_order(tables)
+    layers = _layers(share, order)
+    colours = _colours(list(layers), order)
+
     unit, factor = tables.people[quantity, "3d"]
     history = history_of(tables, case, quantity, "3d").set_index("t_s")
-    true, formal, mean = ((history[f"lincov_{name}_si"] * factor) ** 2 for name in ("true", "formal", "mean"))
+    true_variance = (history.lincov_true_si * factor) ** 2
+    formal_variance = (history.lincov_formal_si * factor) ** 2
+    mean_square = (history.lincov_mean_si * factor) ** 2
+    variances = layers.mul(true_variance.reindex(layers.index), axis=0) / 100.0
+    top = [variances.sum(axis=1).max(), formal_variance.max(), 0.0]
+
     figure, grid = canvas(2, 1, 2.35, sharex=True)
-    pile, parts = grid[:, 0]
-    variance = layers.mul(true.reindex(layers.index), axis=0) / 100.0
-    colours = _colours(list(layers), _order(tables))
-    _stack(pile, variance, colours)
-    pile.plot(formal.index, formal, color="black", lw=2.6)
-    pile.plot(formal.index, formal, color="white", lw=1.1, ls="--", label="filter's own sigma (white on black)")
-    biased = bool((mean >= _BIASED * (mean + true)).any())
-    if biased:
-        pile.plot(mean.index, mean, color="black", lw=1.0, ls="-.", label="mean, the same in every run")
-    _root_axis(pile, float(max(variance.sum(axis=1).max(), formal.max(), mean.max() if biased else 0.0)))
-    pile.set(ylabel=f"{quantity} error, 3D\n({unit}, 1 sigma)")
-    _stack(parts, layers, colours)
-    parts.set(ylim=(0.0, 100.0), ylabel="part of the true\nvariance (%)")
+    stack, shares = grid[:, 0]
+    _draw_layers(stack, variances, colours)
+    stack.plot(formal_variance.index, formal_variance, color="black", lw=2.6)
+    stack.plot(
+        formal_variance.index,
+        formal_variance,
+        color="white",
+        lw=1.1,
+        ls="--",
+        label="filter's own sigma (white on black)",
+    )
+    if (mean_square >= _BIASED * (mean_square + true_variance)).any():
+        stack.plot(
+            mean_square.index,
+            mean_square,
+            color="black",
+            lw=1.0,
+            ls="-.",
+            label="mean, the same in every run",
+        )
+        top[-1] = mean_square.max()
+    _set_root_axis(stack, float(max(top)))
+    stack.set(ylabel=f"{quantity} error, 3D\n({unit}, 1 sigma)")
+    _draw_layers(shares, layers, colours)
+    shares.set(ylim=(0.0, 100.0), ylabel="part of the true\nvariance (%)")
     over_time(grid[:, 0], tables, case, margin=0.0)
     return figure
 
 
 @once
-def _order(tables: Tables) -> list[str]:
+def _source_order(tables: Tables) -> list[str]:
     """Return the sources of all cases and quantities, largest mean share first: all stacks of a report agree."""
     rows = pick(tables.budget, event="", axis="3d")
-    return list(rows.groupby("source", sort=False).share_ratio.mean().sort_values(ascending=False, kind="stable").index)
+    mean_share = rows.groupby("source", sort=False).share_ratio.mean()
+    return list(mean_share.sort_values(ascending=False, kind="stable").index)
 
 
 def _layers(share: pd.DataFrame, order: list[str]) -> pd.DataFrame:
-    largest = list(share.mean().sort_values(ascending=False, kind="stable").index[:MOST_SOURCES])
+    """Return the shares over time of the largest sources, in an order of all sources, and of all others together."""
+    mean_share = share.mean().sort_values(ascending=False, kind="stable")
+    largest = list(mean_share.index[:MOST_SOURCES])
     layers = share[sorted(largest, key=order.index)].copy()
     if share.shape[1] > MOST_SOURCES:
         layers[REST] = share.drop(columns=largest).sum(axis=1)
@@ -74,31 +97,51 @@ def _colours(names: list[str], order: list[str]) -> list[str]:
     another.
     """
     colours: dict[str, str] = {REST: _REST}
-    for name in (name for name in names if name != REST):
-        place = order.index(name)
-        turned = (*_SOURCES[place % len(_SOURCES) :], *_SOURCES[: place % len(_SOURCES)])
-        colours[name] = next(colour for colour in turned if colour not in colours.values())
+    for name in names:
+        if name == REST:
+            continue
+        first = order.index(name) % len(_SOURCES)
+        candidates = (*_SOURCES[first:], *_SOURCES[:first])
+        unused = [colour for colour in candidates if colour not in colours.values()]
+        colours[name] = unused[0]
     return [colours[name] for name in names]
 
 
-def _stack(ax: Panel, layers: pd.DataFrame, colours: list[str]) -> None:
+def _draw_layers(ax: Panel, layers: pd.DataFrame, colours: list[str]) -> None:
     ax.set(grid=False)
     upper = layers.cumsum(axis=1)
     lower = upper.shift(axis=1, fill_value=0.0)
     for name, colour, hatch in zip(layers.columns, colours, _HATCHES, strict=False):
-        ax.fill_between(layers.index, lower[name], upper[name], color=colour, hatch=hatch, ec="white", label=name)
+        ax.fill_between(
+            layers.index,
+            lower[name],
+            upper[name],
+            color=colour,
+            hatch=hatch,
+            ec="white",
+            label=name,
+        )
 
 
-def _root_axis(ax: Panel, top: float) -> None:
+def _set_root_axis(ax: Panel, top: float) -> None:
+    """Set the ordinate of a panel of variances, labelled with their square roots.
+
+    top : largest variance
+    """
     step = _round_step(np.sqrt(top) / 4.0) if top > 0 else 1.0
-    sigmas = np.arange(0.0, np.sqrt(max(top, 0.0)) * 1.04 + 1e-12, step)
-    ax.set(yscale="root", ylim=(0.0, max(top * 1.08, 1e-300)), yticks=[(s**2, f"{s:.4g}") for s in map(float, sigmas)])
+    largest_sigma = np.sqrt(max(top, 0.0))
+    sigmas = np.arange(0.0, largest_sigma * 1.04 + 1e-12, step)
+    ticks = [(sigma**2, f"{sigma:.4g}") for sigma in map(float, sigmas)]
+    ax.set(yscale="root", ylim=(0.0, max(top * 1.08, 1e-300)), yticks=ticks)
 
 
 def _round_step(step: float) -> float:
     """Return the next larger number of the form 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(step))
-    return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= step * 0.999))
+    for multiple in (1.0, 2.0, 5.0):
+        if multiple * power >= step * 0.999:
+            return float(multiple * power)
+    return float(10.0 * power)
 
 
 @drawing
@@ -109,29 +152,48 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     first column, the start. The sum is at the right.
     """
     rows = pick(contributions(tables), case=tables.labels[case], metric=f"{quantity}_error")
-    total = rows.groupby("source", sort=False).share_ratio.sum().sort_values(ascending=False, kind="stable") * 100.0
-    names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
-    others = [name for name in total.index if name not in names]
-    edges = np.unique(np.concatenate([rows.t_start_s, rows.t_end_s]))
-    wide = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False) * 100.0
-    if others:
-        wide.loc[REST] = wide.loc[others].sum()
-        total[REST] = total[others].sum()
-        names.append(REST)
-    image = wide.reindex(index=names, columns=edges[:-1]).to_numpy()
     event = rows.event.iloc[0].replace("_", " ")
-    figure, grid = canvas(1, 2, 1.15 + 0.25 * max(2, len(names)), sharey=True, widths=[1, 18])
-    start, ax = grid[0]
-    scale = _LEAST, max(float(np.nanmax(image)), 10 * _LEAST)
+    edges = np.unique(np.concatenate([rows.t_start_s, rows.t_end_s]))
+    shares, totals = _source_shares(rows)
+    image = shares.reindex(columns=edges[:-1]).to_numpy()
+    largest = float(np.nanmax(image))
+    scale = (_LEAST, max(largest, 10 * _LEAST))
     image = np.where(image >= _LEAST, image, np.nan)
-    rows_edges = np.arange(len(names) + 1)
-    start.cells([0.0, 1.0], rows_edges, image[:, :1], scale, cmap=_MAP)
+
+    figure, grid = canvas(1, 2, 1.15 + 0.25 * max(2, len(shares)), sharey=True, widths=[1, 18])
+    start, ax = grid[0]
+    row_edges = np.arange(len(shares) + 1)
+    start.cells([0.0, 1.0], row_edges, image[:, :1], scale, cmap=_MAP)
     label = f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)"
-    ax.cells(edges[1:], rows_edges, image[:, 1:], scale, cmap=_MAP, label=label)
-    limits = {"ylim": (float(len(names)), 0.0), "yticks": named_ticks(names, 0.5), "grid": False}
-    start.set(xticks=[(0.5, "start")], xlim=(0.0, 1.0), xlabel="drawn", ylabel="error source", **limits)
-    sums = [f"{total[name]:.1f} %" for name in names]
-    ax.text(1.01, np.arange(len(names)) + 0.5, sums, x_part=True, ha="left")
-    ax.set(xlim=(float(edges[1]), float(edges[-1])), **limits)
+    ax.cells(edges[1:], row_edges, image[:, 1:], scale, cmap=_MAP, label=label)
+    for axes in (start, ax):
+        axes.set(
+            ylim=(float(len(shares)), 0.0),
+            yticks=named_ticks(list(shares.index), 0.5),
+            grid=False,
+        )
+    start.set(xticks=[(0.5, "start")], xlim=(0.0, 1.0), xlabel="drawn", ylabel="error source")
+    totals_text = [f"{total:.1f} %" for total in totals]
+    ax.text(1.01, row_edges[:-1] + 0.5, totals_text, x_part=True, ha="left")
+    ax.set(xlim=(float(edges[1]), float(edges[-1])))
     over_time([ax], tables, case, margin=0.0, label="time since lift-off (s) at which the error enters")
     return figure
+
+
+def _source_shares(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
+    """Return the share of the variance (%) by source and start of the interval, and the total of each source.
+
+    The largest sources come first; the others are combined.
+
+    rows : rows of `contributions` for one case and quantity
+    """
+    total = rows.groupby("source", sort=False).share_ratio.sum()
+    total = total.sort_values(ascending=False, kind="stable") * 100.0
+    names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
+    smaller = [name for name in total.index if name not in names]
+    shares = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False) * 100.0
+    if smaller:
+        shares.loc[REST] = shares.loc[smaller].sum()
+        total[REST] = total[smaller].sum()
+        names.append(REST)
+    return shares.reindex(index=names), [total[name] for name in names]

@@ -1,8 +1,9 @@
 """Errors along a numeric axis with their limits and crossings; tornado plot of axes varied one at a time."""
 
 import numpy as np
+import pandas as pd
 
-from lvnav_trade.report.figures.figure import GREY, Figure, canvas, named_ticks, panel
+from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import drawing, line_of, scale_up
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
@@ -19,25 +20,42 @@ def curves(tables: Tables, axis: str) -> Figure:
     """
     frame = METRICS["curves"](tables)
     frame = frame[frame.axis == axis]
-    crossing = METRICS["crossings"](tables)
-    crossing = crossing[(crossing.axis == axis) & (crossing.by == "linear covariance")]
+    crossings = METRICS["crossings"](tables)
+    crossings = crossings[(crossings.axis == axis) & (crossings.by == "linear covariance")]
     names = list(dict.fromkeys(frame.requirement))
     figure, grid = canvas(len(names), 1, 2.6)
     for ax, name in zip(grid[:, 0], names, strict=True):
         rows = frame[frame.requirement == name]
-        for number, (other_levels, curve) in enumerate(list(rows.groupby("others", sort=False))[:_MOST]):
-            ax.plot(curve.value, curve.lincov, label=other_levels or "linear covariance", **line_of(number))
-            dots = {"ls": "none", "marker": "o", "ms": 3, "color": line_of(number)["color"]}
-            ax.plot(curve.value, curve.monte_carlo.replace(np.inf, np.nan), **dots)
-        limit, unit = float(rows.limit.iloc[0]), rows.unit.iloc[0]
-        ax.axhline(limit, color=GREY, ls="--", lw=1.0)
-        crossings = crossing[crossing.requirement == name].crossing
-        ax.plot(crossings, np.full(len(crossings), limit), ls="none", marker="x", color="black", ms=5)
-        errors = [*rows.lincov, *rows.monte_carlo.replace(np.inf, np.nan), limit]
-        scale_up(ax, "y", errors)
-        scale_up(ax, "x", rows.value, from_zero=False)
-        ax.set(ylabel=f"{name} ({unit})", xlabel=f"{axis.replace('_', ' ')} ({rows.axis_unit.iloc[0] or '-'})")
+        _draw_curves(ax, rows, crossings[crossings.requirement == name])
+        axis_unit = rows.axis_unit.iloc[0] or "-"
+        ax.set(
+            xlabel=f"{axis.replace('_', ' ')} ({axis_unit})",
+            ylabel=f"{name} ({rows.unit.iloc[0]})",
+        )
     return figure
+
+
+def _draw_curves(ax: Panel, rows: pd.DataFrame, crossings: pd.DataFrame) -> None:
+    """Draw the curves of one requirement, one for each combination of the other axes, with limit and crossings."""
+    groups = list(rows.groupby("others", sort=False))
+    for number, (other_levels, curve) in enumerate(groups[:_MOST]):
+        style = line_of(number)
+        ax.plot(curve.value, curve.lincov, label=other_levels or "linear covariance", **style)
+        run_errors = curve.monte_carlo.replace(np.inf, np.nan)  # infinite where a run failed
+        ax.plot(curve.value, run_errors, ls="none", marker="o", ms=3, color=style["color"])
+    limit = float(rows.limit.iloc[0])
+    ax.axhline(limit, color=GREY, ls="--", lw=1.0)
+    ax.plot(
+        crossings.crossing,
+        np.full(len(crossings), limit),
+        ls="none",
+        marker="x",
+        color="black",
+        ms=5,
+    )
+    run_errors = rows.monte_carlo.replace(np.inf, np.nan)
+    scale_up(ax, "y", [*rows.lincov, *run_errors, limit])
+    scale_up(ax, "x", rows.value, from_zero=False)
 
 
 @drawing
@@ -46,16 +64,19 @@ def tornado(tables: Tables, requirement: str) -> Figure:
     frame = METRICS["tornado"](tables)
     frame = frame[frame.requirement == requirement].iloc[::-1]
     figure, ax = panel(0.9 + 0.3 * len(frame))
-    at = np.arange(len(frame))
-    ax.boxes(frame.low, frame.high, at - 0.3, at + 0.3, color=line_of(0)["color"])
+    heights = np.arange(len(frame))
+    ax.boxes(frame.low, frame.high, heights - 0.3, heights + 0.3, color=line_of(0)["color"])
     ax.axvline(float(frame.base.iloc[0]), color="black", lw=1.0)
     ax.axvline(float(frame.limit.iloc[0]), color=GREY, ls="--", lw=1.0)
-    for row, low, high in zip(at, frame.low_level, frame.high_level, strict=True):
-        ends = frame.iloc[row]
-        ax.text(ends.low, row, f"{low} ", ha="right")
-        ax.text(ends.high, row, f" {high}", ha="left")
-    ax.set(yticks=named_ticks([name.replace("_", " ") for name in frame.axis]), margin=0.25)
-    ax.set(xlabel=f"{requirement} ({frame.unit.iloc[0]})")
+    for height, row in enumerate(frame.itertuples()):
+        ax.text(row.low, height, f"{row.low_level} ", ha="right")
+        ax.text(row.high, height, f" {row.high_level}", ha="left")
+    axis_names = [name.replace("_", " ") for name in frame.axis]
+    ax.set(
+        xlabel=f"{requirement} ({frame.unit.iloc[0]})",
+        yticks=named_ticks(axis_names),
+        margin=0.25,
+    )
     return figure
 
 
@@ -66,13 +87,18 @@ def pareto(tables: Tables) -> Figure:
     Dominated cases are grey; a cross marks a violated requirement.
     """
     frame = METRICS["pareto"](tables)
-    column, label = ("cost", "cost") if frame.cost.notna().all() else ("mass_kg", "mass (kg)")
+    if frame.cost.notna().all():
+        column, label = "cost", "cost"
+    else:
+        column, label = "mass_kg", "mass (kg)"
     figure, ax = panel(3.4)
     for number, row in enumerate(frame.sort_values(column).itertuples()):
         colour = line_of(0)["color"] if row.front else GREY
+        marker = "o" if row.meets else "x"
         x = float(getattr(row, column))
-        ax.plot([x], [row.error_ratio], ls="none", marker="o" if row.meets else "x", color=colour, ms=5)
-        ax.text(x, row.error_ratio, f"  {row.case}", ha="left", va=("bottom", "top")[number % 2], color=colour)
+        ax.plot([x], [row.error_ratio], ls="none", marker=marker, color=colour, ms=5)
+        alignment = "bottom" if number % 2 == 0 else "top"  # names of neighbours do not overlap
+        ax.text(x, row.error_ratio, f"  {row.case}", ha="left", va=alignment, color=colour)
     ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
     scale_up(ax, "x", frame[column], from_zero=False)
     scale_up(ax, "y", frame.error_ratio)

@@ -19,11 +19,10 @@ from lvnav_trade.results.statistics.select import cases_of, history_of, lincov_r
 from lvnav_trade.results.tables.read import Tables
 
 MOST_COMPARED = 12  # largest number of cases in one panel; of more cases the best and the two worst are drawn
-_MARKED = 12  # number of markers on a line without its own dashes
+_MARKERS = 12  # number of markers on a line without its own dashes
 MOST_RANKED = 30  # largest number of cases in the ranking
 _LEAST = 0.2  # smallest range of autocorrelation in a panel, so that random values are not magnified
-_ONE_FLIGHT = 600  # innovations of a channel in one flight, one per second
-_SLOW_FAST = "each range, position, attitude", "each range rate, velocity"  # channels in the first and second colour
+_INNOVATION_COUNT = 600  # of a channel in one run, one per second
 _OWN = "dots: filter's own sigma over its true error"
 Cases = Sequence[Mapping[str, str]]
 # Style of each mode; hatching distinguishes them in grey prints
@@ -43,13 +42,20 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     The lines are the Monte Carlo RMS with its 95 % interval, the formal sigma of the runs, and by linear covariance the
     formal sigma and the true RMS error (sigma and mean combined).
     """
-    axes_names = list(dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis))
-    single = [name for name in axes_names if name != "3d"][:3] or axes_names
-    unit, factor = tables.people[quantity, single[0]]
-    figure, grid = canvas(len(single), 1, 1.95, sharex=True)
-    for ax, axis in zip(grid[:, 0], single, strict=True):
+    outputs = tables.outputs[tables.outputs.quantity == quantity]
+    axes_names = list(dict.fromkeys(outputs.axis))
+    single_axes = [name for name in axes_names if name != "3d"][:3] or axes_names
+    unit, factor = tables.people[quantity, single_axes[0]]
+    covariance_applies = tables.labels[case] not in _not_applicable(tables)
+    figure, grid = canvas(len(single_axes), 1, 1.95, sharex=True)
+    for ax, axis in zip(grid[:, 0], single_axes, strict=True):
         rows = history_of(tables, case, quantity, axis)
-        _lines(ax, rows, factor, tables.labels[case] in _outside(tables))
+        _draw_run_errors(ax, rows, factor)
+        if covariance_applies:
+            formal = rows.lincov_formal_si * factor
+            true_rms = lincov_rms(rows) * factor
+            ax.plot(rows.t_s, formal, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
+            ax.plot(rows.t_s, true_rms, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]) * factor)
         mark_decisions(ax, tables, case)
@@ -57,75 +63,90 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     return figure
 
 
+def _draw_run_errors(ax: Panel, rows: pd.DataFrame, factor: float) -> None:
+    """Draw the RMS error of the runs with its interval, and the filter's own sigma; nothing without runs.
+
+    rows : rows of the table `history`
+    factor : from SI to the unit of the figure
+    """
+    n_runs = int(rows.run_count.iloc[0])
+    if not n_runs:
+        return
+    low, high = rms_interval(rows.rms_si, rows.run_count * rows.dof_ratio)
+    ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2)
+    ax.plot(
+        rows.t_s,
+        rows.rms_si * factor,
+        color=PALETTE[0],
+        label=f"Monte Carlo RMS, {n_runs} runs (95 % band)",
+    )
+    ax.plot(rows.t_s, rows.filter_sigma_si * factor, color=PALETTE[2], lw=1.0, label="filter's own sigma")
+
+
 @drawing
 def worst_run(tables: Tables, case: str, run: str) -> Figure:
     """Draw the errors of one stored run over time, with three formal sigmas and the RMS of all runs."""
-    rows = pick(tables.traces, case=case)
-    rows = rows[rows.run_number == int(run)]
-    if rows.empty:
+    traces = pick(tables.traces, case=case)
+    traces = traces[traces.run_number == int(run)]
+    if traces.empty:
         return message(f"run {run} is not kept over time", "time since lift-off (s)", "error")
-    quantities = list(dict.fromkeys(rows.quantity))
+    quantities = list(dict.fromkeys(traces.quantity))
     figure, grid = canvas(len(quantities), 1, 1.95, sharex=True)
     for ax, quantity in zip(grid[:, 0], quantities, strict=True):
-        of_run, of_all = rows[rows.quantity == quantity], history_of(tables, case, quantity, "3d")
+        trace = traces[traces.quantity == quantity]
+        history = history_of(tables, case, quantity, "3d")
         unit, factor = tables.people[quantity, "3d"]
-        ax.plot(of_run.t_s, of_run.error_si * factor, color=PALETTE[1], label=f"run {run}")
-        ax.plot(of_run.t_s, 3.0 * of_run.sigma_si * factor, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
-        ax.plot(of_all.t_s, of_all.rms_si * factor, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
+        bound = 3.0 * trace.sigma_si * factor
+        rms = history.rms_si * factor
+        ax.plot(trace.t_s, trace.error_si * factor, color=PALETTE[1], label=f"run {run}")
+        ax.plot(trace.t_s, bound, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
+        ax.plot(history.t_s, rms, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
         ax.set(ylabel=f"{quantity},\n3D ({unit})")
-        scale_up(ax, "y", pd.concat([of_run.error_si, of_all.rms_si]) * factor)
+        scale_up(ax, "y", pd.concat([trace.error_si, history.rms_si]) * factor)
     over_time(grid[:, 0], tables, case)
     return figure
 
 
-def _outside(tables: Tables) -> set[str]:
+def _not_applicable(tables: Tables) -> set[str]:
     """Return the labels of the cases with runs to which linear covariance is not applicable."""
     frame = by_case(tables)
     return set(frame.case[frame.verdict == "not applicable"])
 
 
-def _lines(ax: Panel, rows: pd.DataFrame, factor: float, runs_alone: bool) -> None:
-    n = int(rows.run_count.iloc[0])
-    if n:
-        low, high = rms_interval(rows.rms_si, rows.run_count * rows.dof_ratio)
-        ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2)
-        ax.plot(rows.t_s, rows.rms_si * factor, color=PALETTE[0], label=f"Monte Carlo RMS, {n} runs (95 % band)")
-        ax.plot(rows.t_s, rows.filter_sigma_si * factor, color=PALETTE[2], lw=1.0, label="filter's own sigma")
-    if runs_alone:
-        return
-    ax.plot(rows.t_s, rows.lincov_formal_si * factor, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
-    ax.plot(rows.t_s, lincov_rms(rows) * factor, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
-
-
 @drawing
 def comparison(tables: Tables, quantity: str) -> Figure:
     """Draw the 3-D error of all cases over time in one panel: RMS of the runs, or of linear covariance without runs."""
+    ranking = list(METRICS["ranking"](tables).case)
+    selected = {*ranking[: MOST_COMPARED - 2], *ranking[-2:]}
+    frames = _error_histories(tables, quantity, (), "3d", None)
+    frames = {case: rows for case, rows in frames.items() if tables.labels[case] in selected}
     unit, factor = tables.people[quantity, "3d"]
-    label = f"{quantity} error,\n3D RMS ({unit})"
-    order = list(METRICS["ranking"](tables).case)
-    selected = {*order[: MOST_COMPARED - 2], *order[-2:]}
-    every = _frames(tables, quantity, (), "3d", None)
-    frames = {case: rows for case, rows in every.items() if tables.labels[case] in selected}
-    figure = _together(tables, frames, factor, label, 3.0, dashes=False)
-    (ax,) = figure.panels
+    figure, ax = panel(3.0 + 0.09 * len(frames))
+    _draw_cases(ax, tables, frames, factor, dashes=False)
+    ax.set(ylabel=f"{quantity} error,\n3D RMS ({unit})")
     limits = mark_limits(ax, tables, next(iter(frames)), quantity)
     scale_up(ax, "y", [*ax.spans.get("y", ()), *limits])
     return figure
 
 
-def _together(
-    tables: Tables, frames: dict[str, pd.DataFrame], factor: float, label: str, height: float, dashes: bool
-) -> Figure:
-    (figure, ax), all_values = panel(height + 0.09 * len(frames)), []
+def _draw_cases(ax: Panel, tables: Tables, frames: dict[str, pd.DataFrame], factor: float, dashes: bool) -> None:
+    """Draw the RMS errors of cases over time, of the runs or without runs of linear covariance.
+
+    frames : from `_error_histories`
+    factor : from SI to the unit of the figure
+    dashes : whether to add linear covariance as thin dashes to the errors of the runs
+    """
+    errors = []
     for number, (case, rows) in enumerate(frames.items()):
-        expected, has_runs = rows.expected_si * factor, _has_runs(rows)
-        values = rows.rms_si * factor if has_runs else expected
-        _line(ax, number, rows.t_s, values, expected if has_runs and dashes else None, tables.labels[case])
-        all_values += [values, expected] if dashes else [values]
-    scale_up(ax, "y", pd.concat(all_values))
-    ax.set(ylabel=label)
+        expected = rows.expected_si * factor
+        has_runs = _has_runs(rows)
+        error = rows.rms_si * factor if has_runs else expected
+        _draw_case(ax, number, error, expected if has_runs and dashes else None, rows.t_s, tables.labels[case])
+        errors.append(error)
+        if dashes:
+            errors.append(expected)
+    scale_up(ax, "y", pd.concat(errors))
     over_time([ax], tables, next(iter(frames)))
-    return figure
 
 
 @drawing
@@ -137,14 +158,20 @@ def rank(tables: Tables) -> Figure:
     frame = METRICS["ranking"](tables).head(MOST_RANKED)
     quantities = [name for name in ("velocity", "position") if name in frame]
     figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
-    place = np.arange(len(frame))
+    heights = np.arange(len(frame))
     for ax, quantity in zip(grid[0], quantities, strict=False):
-        value = frame[quantity].to_numpy(dtype=float)
-        ax.barh(place, value, 0.6, color=PALETTE[0])
-        ax.hlines(place, frame[f"{quantity}_low"], frame[f"{quantity}_high"], color="black", lw=1.4)
-        ax.set(xlabel=f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
-        scale_up(ax, "x", [*value, *mark_quantiles(ax, tables, frame, quantity)])
-        ax.set(ylim=(len(frame) - 0.5, -0.5), yticks=named_ticks(frame.case), grid=False)
+        error = frame[quantity].to_numpy(dtype=float)
+        unit = frame[f"{quantity}_unit"].iloc[0]
+        ax.barh(heights, error, 0.6, color=PALETTE[0])
+        ax.hlines(heights, frame[f"{quantity}_low"], frame[f"{quantity}_high"], color="black", lw=1.4)
+        bounds = mark_quantiles(ax, tables, frame, quantity)
+        scale_up(ax, "x", [*error, *bounds])
+        ax.set(
+            xlabel=f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({unit})",
+            ylim=(len(frame) - 0.5, -0.5),
+            yticks=named_ticks(frame.case),
+            grid=False,
+        )
     grid[0, 0].set(ylabel="case")
     return figure
 
@@ -156,9 +183,12 @@ def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", d
     cases : levels of the cases; all cases if empty
     during : phase; the whole history if None
     """
+    frames = _error_histories(tables, quantity, cases, axis, during)
     unit, factor = tables.people[quantity, axis]
-    label = f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)"
-    return _together(tables, _frames(tables, quantity, cases, axis, during), factor, label, 3.2, dashes=True)
+    figure, ax = panel(3.2 + 0.09 * len(frames))
+    _draw_cases(ax, tables, frames, factor, dashes=True)
+    ax.set(ylabel=f"{_error_name(quantity, axis)}\n({unit}; short dashes: LinCov)")
+    return figure
 
 
 @drawing
@@ -168,65 +198,95 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
     The dotted line is the formal sigma over the true error, which is one for a consistent filter. The arguments are
     those of `errors`.
     """
-    frames = _frames(tables, quantity, cases, axis, during or "flight")
+    frames = _error_histories(tables, quantity, cases, axis, during or "flight")
     first, base = next(iter(frames.items()))
-    (figure, ax), all_values = panel(3.2 + 0.09 * len(frames)), []
+    figure, ax = panel(3.2 + 0.09 * len(frames))
+    all_ratios: list[float] = []
     for number, (case, rows) in enumerate(frames.items()):
-        if number:
-            expected = _over(rows, "expected_si", base)
-            values = _over(rows, "rms_si", base) if _has_runs(rows) and _has_runs(base) else expected
-            _line(ax, number, rows.t_s, values, expected, tables.labels[case])
-            all_values += [*values, *expected]
-        formal = rows.lincov_formal_si / rows.expected_si
-        ax.plot(rows.t_s, formal, color=line_of(number)["color"], ls=":", lw=1.2, label=None if number else _OWN)
-        all_values += [*formal]
+        if number > 0:
+            expected = _base_ratio(rows, "expected_si", base)
+            ratio = expected
+            if _has_runs(rows) and _has_runs(base):
+                ratio = _base_ratio(rows, "rms_si", base)
+            _draw_case(ax, number, ratio, expected, rows.t_s, tables.labels[case])
+            all_ratios += [*ratio, *expected]
+        formal_ratio = rows.lincov_formal_si / rows.expected_si
+        ax.plot(
+            rows.t_s,
+            formal_ratio,
+            color=line_of(number)["color"],
+            ls=":",
+            lw=1.2,
+            label=_OWN if number == 0 else None,
+        )
+        all_ratios += [*formal_ratio]
     ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
-    scale_up(ax, "y", all_values, from_zero=max(all_values, default=0.0) > 1.5)  # a few percent should be seen
-    ax.set(ylabel=f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
+    is_large = max(all_ratios, default=0.0) > 1.5
+    scale_up(ax, "y", all_ratios, from_zero=is_large)  # a few percent should be seen
+    ax.set(ylabel=f"{_error_name(quantity, axis)},\nover the base (-; short dashes: LinCov)")
     over_time([ax], tables, first)
     return figure
 
 
-def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None) -> dict[str, pd.DataFrame]:
+def _error_histories(
+    tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None
+) -> dict[str, pd.DataFrame]:
     """Return the history of an error of several cases in a phase, by digest, with the RMS error by linear covariance.
 
     The latter is NaN for a case to which linear covariance is not applicable.
     """
+    not_applicable = _not_applicable(tables)
+    digests = [case for levels in cases for case in cases_of(tables, levels)]
     frames = {}
-    for case in dict.fromkeys(case for levels in cases for case in cases_of(tables, levels)) or tables.labels:
+    for case in dict.fromkeys(digests) or tables.labels:
         rows = history_of(tables, case, quantity, axis)
         if during is not None:
-            rows = rows[rows.t_s.between(*phase(tables, case, during))]
-        alone = tables.labels[case] in _outside(tables)
-        frames[case] = rows.assign(expected_si=np.nan if alone else lincov_rms(rows))
+            start, end = phase(tables, case, during)
+            rows = rows[rows.t_s.between(start, end)]
+        expected = np.nan if tables.labels[case] in not_applicable else lincov_rms(rows)
+        frames[case] = rows.assign(expected_si=expected)
     return frames
+
+
+def _draw_case(
+    ax: Panel,
+    number: int,
+    error: pd.Series[float],
+    expected: pd.Series[float] | None,
+    t: pd.Series[float],
+    label: str,
+) -> None:
+    """Draw the line of a case by its number, and the expectation of linear covariance as a second line unless None."""
+    style = line_of(number)
+    if expected is None:
+        ax.plot(t, error, label=label, **style)
+        return
+    # Dashes mark the expectation, so cases are distinguished by markers
+    ax.plot(
+        t,
+        error,
+        label=label,
+        color=style["color"],
+        marker=MARKERS[number % len(MARKERS)],
+        ms=4.5,
+        every=max(1, len(t) // _MARKERS),
+    )
+    ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
+
+
+def _error_name(quantity: str, axis: str) -> str:
+    axis_name = "3D" if axis == "3d" else axis
+    return f"{quantity.replace('_', ' ')} error, {axis_name} RMS"
+
+
+def _base_ratio(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
+    """Return a column over that of the base at the same times."""
+    base_values = base.set_index("t_s")[column].reindex(rows.t_s)
+    return rows[column] / base_values.to_numpy()
 
 
 def _has_runs(rows: pd.DataFrame) -> bool:
     return bool(len(rows) and rows.run_count.iloc[0])
-
-
-def _line(
-    ax: Panel, number: int, t: pd.Series[float], shown: pd.Series[float], expected: pd.Series[float] | None, label: str
-) -> None:
-    """Draw the line of a case, and the expectation of linear covariance as a second line if it is given."""
-    style = line_of(number)
-    if expected is not None:  # dashes mark the expectation, so cases are distinguished by markers
-        interval = max(1, len(t) // _MARKED)
-        ax.plot(
-            t, shown, label=label, color=style["color"], marker=MARKERS[number % len(MARKERS)], ms=4.5, every=interval
-        )
-        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
-    else:
-        ax.plot(t, shown, label=label, **style)
-
-
-def _named(quantity: str, axis: str) -> str:
-    return f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
-
-
-def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
-    return rows[column] / base.set_index("t_s")[column].reindex(rows.t_s).to_numpy()
 
 
 @drawing
@@ -243,24 +303,35 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     if frame.empty:
         return message("there are no runs to correlate", "lag (epochs)", "autocorrelation (-)")
     selected = list(dict.fromkeys(labels or frame.case))
-    columns = min(3, len(selected))
-    figure, grid = canvas(-(-len(selected) // columns), columns, 2.3)
-    bound = 1.96 / np.sqrt(_ONE_FLIGHT)
-    extent = [-_LEAST, _LEAST, *frame[frame.case.isin(selected) & (frame.lag_number > 0)].autocorrelation_ratio]
+    is_drawn = frame.case.isin(selected) & (frame.lag_number > 0)
+    extent = [-_LEAST, _LEAST, *frame.autocorrelation_ratio[is_drawn]]
     limits = 1.1 * float(np.min(extent)), 1.1 * float(np.max(extent))
+    n_columns = min(3, len(selected))
+    figure, grid = canvas(-(-len(selected) // n_columns), n_columns, 2.3)
     for ax, label in zip(grid.ravel(), selected, strict=False):
-        ax.axhspan(-bound, bound, color=SHADE, alpha=0.35, label="95 % of one run, if white")
-        for channel, rows in frame[frame.case == label].groupby("channel", sort=False):
-            lags = rows[rows.lag_number > 0]
-            colour = PALETTE[1] if "rate" in str(channel) or "vel" in str(channel) else PALETTE[0]
-            legend_entry = _SLOW_FAST[colour == PALETTE[1]]
-            ax.plot(
-                lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3, label=legend_entry
-            )
+        _draw_autocorrelation(ax, frame[frame.case == label])
         ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=limits)
     for ax in grid[:, 0]:
         ax.set(ylabel="autocorrelation (-)")
     return figure
+
+
+def _draw_autocorrelation(ax: Panel, rows: pd.DataFrame) -> None:
+    """Draw the autocorrelation of every channel of a case; channels of velocities have a colour of their own."""
+    bound = 1.96 / np.sqrt(_INNOVATION_COUNT)  # standard deviation of a white sequence: 1 / sqrt(n)
+    ax.axhspan(-bound, bound, color=SHADE, alpha=0.35, label="95 % of one run, if white")
+    for channel, channel_rows in rows.groupby("channel", sort=False):
+        lags = channel_rows[channel_rows.lag_number > 0]
+        is_velocity = "rate" in str(channel) or "vel" in str(channel)
+        ax.plot(
+            lags.lag_number,
+            lags.autocorrelation_ratio,
+            color=PALETTE[1] if is_velocity else PALETTE[0],
+            lw=0.8,
+            marker=".",
+            ms=3,
+            label="each range rate, velocity" if is_velocity else "each range, position, attitude",
+        )
 
 
 @drawing
@@ -270,55 +341,73 @@ def consistency(tables: Tables, case: str) -> Figure:
     A case with a gate has a third panel: the share of rejected measurements, and its expectation by linear covariance
     for the measurement with the largest. ANIS is of accepted measurements, relative to its expectation after the gate.
     """
-    gated = not pd.isna(tables.cases.set_index("case").gate_ratio[case])
-    errors, innovations = (with_gaps(pick(METRICS[name](tables), case=tables.labels[case])) for name in ("nees", "nis"))
-    figure, grid = canvas(2 + gated, 1, 2.1, sharex=True)
-    _panel(grid[0, 0], errors, "anees_ratio", "ANEES per degree\nof freedom (-)")
-    _panel(
-        grid[1, 0],
-        innovations,
-        "anis_ratio",
-        "ANIS per measurement,\ncorrected (-)" if gated else "ANIS per measurement (-)",
-    )
+    label = tables.labels[case]
+    has_gate = not pd.isna(tables.cases.set_index("case").gate_ratio[case])
+    errors = with_gaps(pick(METRICS["nees"](tables), case=label))
+    innovations = with_gaps(pick(METRICS["nis"](tables), case=label))
+    figure, grid = canvas(2 + has_gate, 1, 2.1, sharex=True)
+    _draw_consistency(grid[0, 0], errors, "anees_ratio")
+    grid[0, 0].set(ylabel="ANEES per degree\nof freedom (-)")
+    _draw_consistency(grid[1, 0], innovations, "anis_ratio")
+    grid[1, 0].set(ylabel="ANIS per measurement,\ncorrected (-)" if has_gate else "ANIS per measurement (-)")
     mark_decisions(grid[1, 0], tables, case)
-    if gated:
-        _gate(grid[2, 0], innovations)
+    if has_gate:
+        _draw_rejections(grid[2, 0], innovations)
     over_time(grid[:, 0], tables, case)
     return figure
 
 
-def _gate(ax: Panel, rows: pd.DataFrame) -> None:
+def _draw_rejections(ax: Panel, rows: pd.DataFrame) -> None:
+    """Draw the share of measurements that the gate rejects, and the limit of linear covariance."""
     ax.plot(rows.t_s, 100.0 * rows.rejected_ratio, color=PALETTE[0], lw=1.0)
     ax.plot(rows.t_s, 100.0 * rows.false_rejection_ratio, color=PALETTE[1], ls="--", lw=1.1)
     ax.axhline(100.0 * REJECTS_TOO_MUCH, color="black", ls=":", lw=0.9)
     ax.set(ylabel="measurements rejected (%)\ndotted: LinCov's limit", ylim=(0.0, None))
 
 
-def _panel(ax: Panel, rows: pd.DataFrame, value: str, name: str) -> None:
-    if rows[value].notna().any():
-        bounds = {"color": SHADE, "alpha": 0.35, "label": "95 % of a matched filter"}
-        ax.fill_between(rows.t_s, rows.low_ratio, rows.high_ratio, **bounds)
-        ax.plot(rows.t_s, rows[value], color=PALETTE[0], lw=1.0, label="Monte Carlo")
+def _draw_consistency(ax: Panel, rows: pd.DataFrame, column: str) -> None:
+    """Draw a normalised square of errors or innovations with its bounds and its expectation."""
+    if rows[column].notna().any():
+        ax.fill_between(
+            rows.t_s,
+            rows.low_ratio,
+            rows.high_ratio,
+            color=SHADE,
+            alpha=0.35,
+            label="95 % of a matched filter",
+        )
+        ax.plot(rows.t_s, rows[column], color=PALETTE[0], lw=1.0, label="Monte Carlo")
     ax.plot(rows.t_s, rows.expected_ratio, color=PALETTE[1], ls="--", lw=1.1, label="LinCov expectation")
-    scale_up(ax, "y", pd.concat([rows[value], rows.expected_ratio]), from_zero=False)
-    ax.set(ylabel=name)
+    scale_up(ax, "y", pd.concat([rows[column], rows.expected_ratio]), from_zero=False)
 
 
 @drawing
 def logic(tables: Tables, case: str) -> Figure:
     """Draw the fraction of runs in each mode over time as stacked areas, with events as lines and faults shaded."""
-    wide = pick(METRICS["modes"](tables), case=tables.labels[case]).pivot(
-        index="t_s", columns="filter_mode", values="run_ratio"
-    )
-    upper = 100.0 * wide.reindex(columns=list(MODES)).astype(float).cumsum(axis=1)
+    rows = pick(METRICS["modes"](tables), case=tables.labels[case])
+    ratios = rows.pivot(index="t_s", columns="filter_mode", values="run_ratio")
+    percentages = 100.0 * ratios.reindex(columns=list(MODES)).astype(float)
+    upper = percentages.cumsum(axis=1)
     lower = upper.shift(axis=1, fill_value=0.0)
-    history = pick(tables.history, case=case)
-    figure, axes = panel(2.2)
+    figure, ax = panel(2.2)
     for mode in MODES:
         if (upper[mode] > lower[mode]).any():
-            axes.fill_between(wide.index, lower[mode], upper[mode], step=True, label=mode, ec="white", **_LOOKS[mode])
-    if wide.empty:
-        axes.text(0.5, 0.5, "the filter has no mode logic", x_part=True, y_part=True, ha="center", color=GREY)
-    axes.set(xlim=(history.t_s.min(), history.t_s.max()), ylim=(0.0, 100.0), ylabel="runs (%)")
-    over_time([axes], tables, case, margin=0.0)
+            ax.fill_between(
+                ratios.index,
+                lower[mode],
+                upper[mode],
+                step=True,
+                label=mode,
+                ec="white",
+                **_LOOKS[mode],
+            )
+    if ratios.empty:
+        ax.text(0.5, 0.5, "the filter has no mode logic", x_part=True, y_part=True, ha="center", color=GREY)
+    history = pick(tables.history, case=case)
+    ax.set(
+        xlim=(history.t_s.min(), history.t_s.max()),
+        ylim=(0.0, 100.0),
+        ylabel="runs (%)",
+    )
+    over_time([ax], tables, case, margin=0.0)
     return figure

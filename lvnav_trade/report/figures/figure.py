@@ -6,7 +6,6 @@ kinds to the panel. Both renderers draw any method that adds a mark of these kin
 
 import re
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from textwrap import wrap
 from typing import Any, NamedTuple
 
@@ -21,7 +20,10 @@ _SCALES = {"log": "log", "root": "quadratic"}  # word in the axis label for a sc
 _IN_BRACKETS = re.compile(r"\((?P<unit>[^(),;]*)[^()]*\)")
 _AXES = {*"xlabel ylabel title xlim ylim xscale yscale xticks yticks equal grid margin".split()}  # noqa: SIM905
 _ROOM = 0.02  # width of the number of an event, as a fraction of the width of a panel
-_APART, _KEY_LENGTH = " · ", 105  # separator of events in a key; characters across an A4 page
+_SEPARATOR = " · "  # of the events in a key
+_KEY_LENGTH = 105  # characters across an A4 page
+# Arrays of a mark with coordinates along each axis
+_COORDINATES = {"x": ("x", "x0", "x1"), "y": ("y", "low", "high", "y0", "y1")}
 
 
 class Mark(NamedTuple):
@@ -51,42 +53,55 @@ class Events(NamedTuple):
 
     def groups(self, low: float, high: float, columns: int = 1) -> list[tuple[float, str]]:
         """Return time (s) and number of the events between two times; close events have a common label, as "3-5"."""
-        visible = [(k, t) for k, (_, t) in enumerate(self.points, 1) if low <= t <= high]
-        firsts: list[int] = []
-        for index, (_, t) in enumerate(visible):
-            if not firsts or t - visible[firsts[-1]][1] >= _ROOM * columns * (high - low):
-                firsts.append(index)
+        least_distance = _ROOM * columns * (high - low)
+        groups: list[tuple[float, list[int]]] = []  # time of the first event, numbers of all events
+        for number, (_, t) in enumerate(self.points, start=1):
+            if not low <= t <= high:
+                continue
+            if not groups or t - groups[-1][0] >= least_distance:
+                groups.append((t, []))
+            groups[-1][1].append(number)
         labels = []
-        for first, following in pairwise([*firsts, len(visible)]):
-            (start, t), (end, _) = visible[first], visible[following - 1]
-            labels.append((t, str(start) if start == end else f"{start}-{end}"))
+        for t, numbers in groups:
+            first, last = numbers[0], numbers[-1]
+            labels.append((t, str(first) if first == last else f"{first}-{last}"))
         return labels
 
     def key(self) -> str:
         """Return the key to the numbers of the events, in lines that fit the width of a page."""
-        names = [f"{number} {name.replace('_', ' ')}" for number, (name, _) in enumerate(self.points, start=1)]
-        kinds: dict[str, list[str]] = {}  # numbers of the faults by kind
-        for name in dict.fromkeys(name.replace("_", " ") for name, _, _ in self.faults):
-            fault_type, _, number = name.rpartition(" ")
-            kinds.setdefault(fault_type, []).append(number)
-        faults = ", ".join(f"{fault_type} {' '.join(numbers)}".strip() for fault_type, numbers in kinds.items())
-        names += wrap(f"shaded: {faults}", _KEY_LENGTH) if faults else []
+        entries = [f"{number} {name.replace('_', ' ')}" for number, (name, _) in enumerate(self.points, start=1)]
+        faults = self._fault_names()
+        if faults:
+            entries += wrap(f"shaded: {faults}", _KEY_LENGTH)
         lines: list[str] = []
-        for name in names:
-            if lines and len(lines[-1]) + len(_APART) + len(name) <= _KEY_LENGTH:
-                lines[-1] += _APART + name
+        for entry in entries:
+            if lines and len(lines[-1]) + len(_SEPARATOR) + len(entry) <= _KEY_LENGTH:
+                lines[-1] += _SEPARATOR + entry
             else:
-                lines.append(name)
+                lines.append(entry)
         return "\n".join(lines)
+
+    def _fault_names(self) -> str:
+        """Return the faults in words, with the numbers of faults of the same type: "outage 1 2, jamming"."""
+        names = dict.fromkeys(name.replace("_", " ") for name, _, _ in self.faults)
+        numbers_of_type: dict[str, list[str]] = {}
+        for name in names:
+            fault_type, _, number = name.rpartition(" ")
+            numbers_of_type.setdefault(fault_type, []).append(number)
+        texts = [f"{fault_type} {' '.join(numbers)}".strip() for fault_type, numbers in numbers_of_type.items()]
+        return ", ".join(texts)
 
 
 def events_of(rows: pd.DataFrame) -> Events:
     """Return the events of a case from its rows of the table `events`."""
-    points = rows[rows.kind == "event"].sort_values(["t_s", "event"], kind="stable")
-    faults = rows[rows.kind == "fault"]
+    event_rows = rows[rows.kind == "event"].sort_values(["t_s", "event"], kind="stable")
+    fault_rows = rows[rows.kind == "fault"]
+    times = map(float, event_rows.t_s)
+    starts = map(float, fault_rows.t_s)
+    ends = map(float, fault_rows.t_end_s)
     return Events(
-        tuple(zip(points.event, map(float, points.t_s), strict=True)),
-        tuple(zip(faults.event, map(float, faults.t_s), map(float, faults.t_end_s), strict=True)),
+        points=tuple(zip(event_rows.event, times, strict=True)),
+        faults=tuple(zip(fault_rows.event, starts, ends, strict=True)),
     )
 
 
@@ -129,14 +144,15 @@ class Panel:
 
     def label(self, side: str) -> str:
         """Return the label of an axis ("x" or "y"), with the scale after the unit if it is not linear."""
-        text, scale = str(self.axes.get(f"{side}label", "")), _SCALES.get(str(self.axes.get(f"{side}scale")), "")
+        text = str(self.axes.get(f"{side}label", ""))
+        scale = _SCALES.get(str(self.axes.get(f"{side}scale")), "")
         if not text or not scale:
             return text
         brackets = list(_IN_BRACKETS.finditer(text))
         if not brackets:
             return f"{text} ({scale})"
-        at = brackets[-1].end("unit")
-        return f"{text[:at]}, {scale}{text[at:]}"
+        unit_end = brackets[-1].end("unit")
+        return f"{text[:unit_end]}, {scale}{text[unit_end:]}"
 
     def _add(self, kind: str, data: dict[str, Any], style: dict[str, Any]) -> None:
         label = str(style.pop("label", None) or "")
@@ -157,8 +173,8 @@ class Panel:
 
     def boxes(self, x0: Any, x1: Any, y0: Any, y1: Any, **style: Any) -> None:
         """Draw rectangles; an infinite side is the edge of the panel."""
-        sides = np.broadcast_arrays(*map(np.atleast_1d, map(_floats, (x0, x1, y0, y1))))
-        self._add("boxes", dict(zip(("x0", "x1", "y0", "y1"), sides, strict=True)), {"lw": 0.0, **style})
+        x0, x1, y0, y1 = _equal_lengths(x0, x1, y0, y1)
+        self._add("boxes", {"x0": x0, "x1": x1, "y0": y0, "y1": y1}, {"lw": 0.0, **style})
 
     def axvspan(self, low: float, high: float, **style: Any) -> None:
         """Shade the panel between two abscissas."""
@@ -188,15 +204,19 @@ class Panel:
 
     def hlines(self, y: Any, low: Any, high: Any, **style: Any) -> None:
         """Draw horizontal pieces of lines, as one line with gaps."""
-        y, low, high = np.broadcast_arrays(*map(np.atleast_1d, map(_floats, (y, low, high))))
+        y, low, high = _equal_lengths(y, low, high)
         gap = np.full(y.shape, np.nan)
-        self.plot(np.stack([low, high, gap], axis=1).ravel(), np.stack([y, y, gap], axis=1).ravel(), **style)
+        abscissas = np.stack([low, high, gap], axis=1)
+        ordinates = np.stack([y, y, gap], axis=1)
+        self.plot(abscissas.ravel(), ordinates.ravel(), **style)
 
     def vlines(self, x: Any, low: Any, high: Any, **style: Any) -> None:
         """Draw vertical pieces of lines, as one line with gaps."""
-        x, low, high = np.broadcast_arrays(*map(np.atleast_1d, map(_floats, (x, low, high))))
+        x, low, high = _equal_lengths(x, low, high)
         gap = np.full(x.shape, np.nan)
-        self.plot(np.stack([x, x, gap], axis=1).ravel(), np.stack([low, high, gap], axis=1).ravel(), **style)
+        abscissas = np.stack([x, x, gap], axis=1)
+        ordinates = np.stack([low, high, gap], axis=1)
+        self.plot(abscissas.ravel(), ordinates.ravel(), **style)
 
     def text(self, x: Any, y: Any, texts: str | Iterable[str], **style: Any) -> None:
         """Write texts at positions.
@@ -204,7 +224,8 @@ class Panel:
         x_part, y_part in the style : whether the coordinate is a fraction of the axis
         """
         labels = [texts] if isinstance(texts, str) else list(texts)
-        x, y = (np.broadcast_to(_floats(place), len(labels)) for place in (x, y))
+        x = np.broadcast_to(_floats(x), len(labels))
+        y = np.broadcast_to(_floats(y), len(labels))
         self._add("text", {"x": x, "y": y, "texts": labels}, style)
 
     def cells(self, x: Any, y: Any, values: Any, scale: tuple[float, float], **style: Any) -> None:
@@ -214,7 +235,12 @@ class Panel:
         values : (n_row, n_column)
         scale : smallest and largest value of the colour scale
         """
-        data = {"x": _floats(x), "y": _floats(y), "values": np.asarray(values, dtype=float), "scale": scale}
+        data = {
+            "x": _floats(x),
+            "y": _floats(y),
+            "values": np.asarray(values, dtype=float),
+            "scale": scale,
+        }
         self._add("cells", data, style)
 
 
@@ -233,7 +259,10 @@ class Figure(NamedTuple):
     @property
     def key(self) -> str:
         """Key to the numbers of the events, if the figure shows events of one case."""
-        return next((panel.events.key() for panel in self.panels if panel.events), "")
+        for panel in self.panels:
+            if panel.events:
+                return panel.events.key()
+        return ""
 
     def legend(self) -> list[Mark]:
         """Return one mark for each label, in the order of drawing."""
@@ -277,20 +306,27 @@ def panel(height: float, **options: Any) -> tuple[Figure, Panel]:
 def unit_of(label: str) -> str:
     """Return the unit in the last parentheses of the label of an axis; empty for a dimensionless number."""
     units = [match["unit"].strip() for match in _IN_BRACKETS.finditer(label)]
-    return "" if not units or units[-1] in ("-", "number") else units[-1]
+    if not units or units[-1] in ("-", "number"):
+        return ""
+    return units[-1]
 
 
 def alt_text(panel: Panel) -> str:
     """Return the description of a panel for screen readers: axes with the range of the data, names in the legend."""
     parts = [one_line(panel.axes.get("title", ""))]
     for side, name in (("y", "ordinate"), ("x", "abscissa")):
-        text = one_line(panel.label(side)) or ("time since lift-off (s)" if panel.events and side == "x" else "")
-        ends = _range_of(panel, side)
-        if text:
-            parts.append(f"{name}: {text}" + (f" from {ends[0]:.4g} to {ends[1]:.4g}" if ends else ""))
-    names = list(dict.fromkeys(one_line(mark.label) for mark in panel.marks if mark.label))
-    parts.append(f"shown: {', '.join(names)}" if names else "")
-    return "; ".join(item for item in parts if item)
+        label = one_line(panel.label(side))
+        if not label and panel.events and side == "x":  # only the lowest panel of a column has a label
+            label = "time since lift-off (s)"
+        limits = _data_range(panel, side)
+        if label and limits:
+            parts.append(f"{name}: {label} from {limits[0]:.4g} to {limits[1]:.4g}")
+        elif label:
+            parts.append(f"{name}: {label}")
+    names = dict.fromkeys(one_line(mark.label) for mark in panel.marks if mark.label)
+    if names:
+        parts.append(f"shown: {', '.join(names)}")
+    return "; ".join(part for part in parts if part)
 
 
 def one_line(text: Any) -> str:
@@ -298,18 +334,29 @@ def one_line(text: Any) -> str:
     return " ".join(str(text).split())
 
 
-def _range_of(panel: Panel, side: str) -> tuple[float, float] | None:
-    names = {"x": ("x", "x0", "x1"), "y": ("y", "low", "high", "y0", "y1")}[side]
-    drawn = [mark.data[name] for mark in panel.marks if mark.kind != "text" for name in names if name in mark.data]
-    values = np.concatenate([np.ravel(each) for each in drawn]) if drawn else np.empty(0)
+def _data_range(panel: Panel, side: str) -> tuple[float, float] | None:
+    """Return the smallest and the largest coordinate of all marks along an axis; None without data."""
+    coordinates = [np.empty(0)]
+    for mark in panel.marks:
+        if mark.kind != "text":
+            coordinates += [np.ravel(mark.data[name]) for name in _COORDINATES[side] if name in mark.data]
+    values = np.concatenate(coordinates)
     values = values[np.isfinite(values)]
+    if not values.size:
+        return None
     if panel.axes.get(f"{side}scale") == "root":
         values = np.sqrt(np.maximum(values, 0.0))
-    return (float(values.min()), float(values.max())) if values.size else None
+    return float(values.min()), float(values.max())
 
 
 def _floats(values: Any) -> Floats:
     return np.asarray(values, dtype=float)
+
+
+def _equal_lengths(*values: Any) -> list[Floats]:
+    """Return numbers and arrays as arrays of one common length."""
+    arrays = [np.atleast_1d(_floats(value)) for value in values]
+    return list(np.broadcast_arrays(*arrays))
 
 
 def named_ticks(names: Sequence[str], first: float = 0.0) -> list[tuple[float, str]]:

@@ -15,7 +15,12 @@ from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import history_of, pick
 from lvnav_trade.results.tables.read import Tables
 
-_BANDS = (("q50_si", "q95_si", 0.28, "50 to 95 % of runs"), ("q95_si", "q997_si", 0.14, "95 to 99.7 % of runs"))
+# Lower and upper quantile of a band, opacity, legend entry
+_BANDS = (
+    ("q50_si", "q95_si", 0.28, "50 to 95 % of runs"),
+    ("q95_si", "q997_si", 0.14, "95 to 99.7 % of runs"),
+)
+_QUANTILE = "quantile that the limit bounds"
 
 
 class Limit(NamedTuple):
@@ -43,8 +48,13 @@ def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> lis
         place = where(requirement)
         value = number_in(requirement["below"], error.unit) * error.label_factor
         percent = f"{100.0 * float(requirement['probability']):.6g} % of runs"
-        label = f"limit: {percent} below {value:.4g} {error.label_unit}, {place.replace('_', ' ')}"
-        limits.append(Limit(str(requirement["name"]), value, "" if requirement.get("during") else place, label))
+        limit = Limit(
+            requirement=str(requirement["name"]),
+            value=value,
+            at="" if requirement.get("during") else place,
+            label=f"limit: {percent} below {value:.4g} {error.label_unit}, {place.replace('_', ' ')}",
+        )
+        limits.append(limit)
     return limits
 
 
@@ -55,7 +65,8 @@ def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[flo
         style: dict[str, Any] = {"color": "black", "group": limit.label}
         ax.axhline(limit.value, ls=(0, (5, 2)), lw=1.0, label=limit.label, **style)
         times = pick(tables.events, case=case, event=limit.at).t_s
-        ax.plot(times, np.full(len(times), limit.value), ls="none", marker="v", ms=6, **style)
+        values = np.full(len(times), limit.value)
+        ax.plot(times, values, ls="none", marker="v", ms=6, **style)
     return [limit.value for limit in limits]
 
 
@@ -64,24 +75,30 @@ def mark_quantiles(ax: Panel, tables: Tables, frame: pd.DataFrame, quantity: str
 
     Return all values drawn.
     """
-    case = next((case for case, label in tables.labels.items() if label == frame.case.iloc[0]), "")
+    digests = {label: case for case, label in tables.labels.items()}
+    case = digests.get(frame.case.iloc[0])
+    if case is None:
+        return []
+    all_margins = margins(tables)
     values: list[float] = []
-    for limit in limits_of(tables, case, quantity) if case else ():
+    for limit in limits_of(tables, case, quantity):
         if limit.at != frame.event.iloc[0]:
             continue
-        all_margins = margins(tables)
-        all_margins = (
-            all_margins[all_margins.requirement == limit.requirement].set_index("case").estimate.reindex(frame.case)
-        )
-        sizes = all_margins.to_numpy(dtype=float)
-        sizes = np.where(np.isfinite(sizes), sizes, np.nan)
+        of_requirement = all_margins[all_margins.requirement == limit.requirement].set_index("case")
+        estimates = of_requirement.estimate.reindex(frame.case).to_numpy(dtype=float)
+        estimates = np.where(np.isfinite(estimates), estimates, np.nan)
         ax.axvline(limit.value, color="black", ls=(0, (5, 2)), lw=1.0, label=limit.label)
-        ax.plot(sizes, np.arange(len(frame)), ls="none", marker="D", ms=4.5, color=PALETTE[1], label=_QUANTILE)
-        values += [limit.value, *sizes[np.isfinite(sizes)]]
+        ax.plot(
+            estimates,
+            np.arange(len(frame)),
+            ls="none",
+            marker="D",
+            ms=4.5,
+            color=PALETTE[1],
+            label=_QUANTILE,
+        )
+        values += [limit.value, *estimates[np.isfinite(estimates)]]
     return values
-
-
-_QUANTILE = "quantile that the limit bounds"
 
 
 @drawing
@@ -91,11 +108,19 @@ def quantiles(tables: Tables, case: str, quantity: str) -> Figure:
     rows = history_of(tables, case, quantity, "3d")
     figure, ax = panel(2.6)
     for low, high, alpha, label in _BANDS:
-        ax.fill_between(rows.t_s, rows[low] * factor, rows[high] * factor, color=PALETTE[0], alpha=alpha, label=label)
+        ax.fill_between(
+            rows.t_s,
+            rows[low] * factor,
+            rows[high] * factor,
+            color=PALETTE[0],
+            alpha=alpha,
+            label=label,
+        )
+    rms = rows.rms_si * factor
     ax.plot(rows.t_s, rows.q95_si * factor, color=PALETTE[0], lw=1.2, label="95 % of runs")
-    ax.plot(rows.t_s, rows.rms_si * factor, color="black", ls="--", lw=1.1, label="RMS")
-    values = [*(rows.rms_si * factor), *(rows.q997_si * factor), *mark_limits(ax, tables, case, quantity)]
-    scale_up(ax, "y", values)
+    ax.plot(rows.t_s, rms, color="black", ls="--", lw=1.1, label="RMS")
+    limits = mark_limits(ax, tables, case, quantity)
+    scale_up(ax, "y", [*rms, *(rows.q997_si * factor), *limits])
     ax.set(ylabel=f"{quantity} error,\n3D ({unit})")
     over_time([ax], tables, case)
     return figure

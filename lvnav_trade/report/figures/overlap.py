@@ -20,18 +20,21 @@ def widen_covered(figure: Figure) -> Figure:
 
 
 def _widen(panel: Panel, lines: list[Mark]) -> None:
+    """Widen the lines of a panel, given in the order of drawing, that later lines cover."""
     heights = [_heights(panel, mark.data["y"]) for mark in lines]
-    ordinates = np.concatenate([each[np.isfinite(each)] for each in heights])
-    if not len(ordinates) or np.ptp(ordinates) == 0.0:
+    all_heights = np.concatenate(heights)
+    finite_heights = all_heights[np.isfinite(all_heights)]
+    if not len(finite_heights) or np.ptp(finite_heights) == 0.0:
         return
-    near = _SAME * float(np.ptp(ordinates))
+    near = _SAME * float(np.ptp(finite_heights))
     for number, mark in enumerate(lines):
-        above = sum(
-            _solid(upper) and _covers(mark, upper, heights[number], heights[k], near)
-            for k, upper in enumerate(lines[number + 1 :], number + 1)
-        )
-        if above:
-            mark.style["lw"] = min(float(mark.style.get("lw", _WIDTH)) + _STEP * above, _WIDEST)
+        n_above = 0
+        for k in range(number + 1, len(lines)):
+            if _is_solid(lines[k]) and _covers(mark, lines[k], heights[number], heights[k], near):
+                n_above += 1
+        if n_above:
+            width = float(mark.style.get("lw", _WIDTH))
+            mark.style["lw"] = min(width + _STEP * n_above, _WIDEST)
 
 
 def _heights(panel: Panel, y: Floats) -> Floats:
@@ -41,13 +44,16 @@ def _heights(panel: Panel, y: Floats) -> Floats:
     return np.log(np.where(y > 0.0, y, np.nan))
 
 
-def _solid(mark: Mark) -> bool:
+def _is_solid(mark: Mark) -> bool:
     return mark.style.get("ls", "-") == "-"
 
 
-def _covers(lower: Mark, upper: Mark, y: Floats, other: Floats, near: float) -> bool:
+def _covers(lower: Mark, upper: Mark, lower_y: Floats, upper_y: Floats, near: float) -> bool:
     """Return whether a line covers a sufficient fraction of another; False for lines over different abscissas."""
     if not np.array_equal(lower.data["x"], upper.data["x"]):
         return False
-    finite = np.isfinite(y) & np.isfinite(other)
-    return bool(finite.any() and np.mean(np.abs(y - other)[finite] < near) >= _PART)
+    finite = np.isfinite(lower_y) & np.isfinite(upper_y)
+    if not finite.any():
+        return False
+    distance = np.abs(lower_y - upper_y)[finite]
+    return bool(np.mean(distance < near) >= _PART)

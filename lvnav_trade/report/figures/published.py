@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.report.figures.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, scale_up
@@ -15,10 +16,16 @@ from lvnav_trade.results.evaluation.published import at_an_edge
 from lvnav_trade.results.requirements.limit_crossings import BASE, base_level
 from lvnav_trade.results.tables.read import Tables
 
-_DRAWN = 0.02, 50.0  # limits of the axis of ratios; ratios beyond are drawn as arrows at its ends
+_RATIO_LIMITS = 0.02, 50.0  # of the axis of ratios; ratios beyond are drawn as arrows at its ends
 _AT_AN_EDGE = "in band, published flight outside our runs"
-_FLOWN = "used in the study"
-_ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
+_STUDY_LEVEL = "used in the study"
+# Error, SI unit in the names of columns, factor to the display unit, display unit
+_ERRORS = (
+    ("attitude", "rad", 1e3, "mrad"),
+    ("velocity", "m_per_s", 1.0, "m/s"),
+    ("position", "m", 1.0, "m"),
+)
+_LONGEST_NAME = 62  # characters of an item on the axis of ratios
 
 
 class PublishedValue(NamedTuple):
@@ -35,49 +42,97 @@ def ratios(references: pd.DataFrame) -> Figure:
     below 0.02 or above 50 is an arrow at the end of the axis. A missing result, or one of opposite sign, is a cross.
     """
     frame = references[references.published.notna()].reset_index(drop=True)
-    lacks = (frame.ratio.isna() | (frame.ratio <= 0.0)).to_numpy()
-    alone = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
-    names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
-    place = np.arange(len(frame))
-    clipped = frame.ratio.mask(lacks, _DRAWN[0])
-    low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, clipped))
+    is_missing = (frame.ratio.isna() | (frame.ratio <= 0.0)).to_numpy()
+    places = np.arange(len(frame))
+    ratio = frame.ratio.mask(is_missing, _RATIO_LIMITS[0])
+    clipped = ratio.clip(*_RATIO_LIMITS)
     figure, ax = panel(1.1 + 0.17 * len(frame))
-    ax.hlines(place, low, high, color=SHADE, lw=5, alpha=0.6, label="band")
-    _ratio_marks(ax, frame[~lacks], clipped[~lacks], ratio[~lacks])
-    if lacks.any():
-        style = {"ls": "none", "marker": "x", "color": "black", "ms": 4.5, "label": "no number of ours, or other sign"}
-        ax.plot(ratio[lacks], place[lacks], **style)
+    ax.hlines(
+        places,
+        frame.band_low.clip(*_RATIO_LIMITS),
+        frame.band_high.clip(*_RATIO_LIMITS),
+        color=SHADE,
+        lw=5,
+        alpha=0.6,
+        label="band",
+    )
+    _ratio_marks(ax, frame[~is_missing], ratio[~is_missing], clipped[~is_missing])
+    if is_missing.any():
+        ax.plot(
+            clipped[is_missing],
+            places[is_missing],
+            ls="none",
+            marker="x",
+            color="black",
+            ms=4.5,
+            label="no number of ours, or other sign",
+        )
     ax.axvline(1.0, color=GREY, lw=0.8)
-    _ratio_axes(ax, names, "ours / published (-)")
+    _ratio_axes(ax, _item_names(frame), "ours / published (-)")
     return figure
 
 
-def _ratio_marks(ax: Panel, rows: pd.DataFrame, clipped: pd.Series, ratio: pd.Series) -> None:
+def _item_names(frame: pd.DataFrame) -> list[str]:
+    """Return the name of every row: its item, followed by the case if rows share the item."""
+    is_unique = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
+    names = []
+    for row in frame.itertuples():
+        name = row.item or row.metric
+        names.append(name if is_unique[row.Index] else f"{name}: {row.case}")
+    return names
+
+
+def _ratio_marks(ax: Panel, rows: pd.DataFrame, ratio: pd.Series, clipped: pd.Series) -> None:
     """Draw ratios by their verdict, with arrows for ratios outside the axis; the ordinate is the index of the row.
 
     clipped : ratios with those outside the axis moved to its ends
     """
-    inside, edge = rows.in_band.astype(bool), at_an_edge(rows)
-    kinds = [
+    inside = rows.in_band.astype(bool)
+    edge = at_an_edge(rows)
+    verdicts: list[tuple[pd.Series, str, dict[str, Any]]] = [
         (inside & ~edge, "in band", {"color": PALETTE[0], "marker": "o"}),
         (inside & edge, _AT_AN_EDGE, {"color": PALETTE[1], "marker": "D", "mfc": "white"}),
         (~inside, "out of band", {"color": PALETTE[1], "marker": "D"}),
     ]
-    for chosen, label, look in kinds:
-        if label == _AT_AN_EDGE and not chosen.any():
+    for selection, label, style in verdicts:
+        if label == _AT_AN_EDGE and not selection.any():
             continue
-        for end, arrow in ((0.0, None), (-1.0, "<"), (1.0, ">")):
-            here = chosen & (np.sign(clipped - ratio) == end)
-            if end == 0.0 or here.any():
-                style = look | ({"marker": arrow} if arrow else {"label": label})
-                ax.plot(ratio[here], ratio.index[here], ls="none", ms=4.5, **style)
+        # Drawn even if it is empty, for the legend
+        within = selection & (clipped == ratio)
+        ax.plot(clipped[within], clipped.index[within], ls="none", ms=4.5, **style, label=label)
+        for is_beyond, arrow in ((ratio < clipped, "<"), (ratio > clipped, ">")):
+            beyond = selection & is_beyond
+            if beyond.any():
+                arrow_style = {**style, "marker": arrow}
+                ax.plot(clipped[beyond], clipped.index[beyond], ls="none", ms=4.5, **arrow_style)
 
 
 def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
     """Make the horizontal axis logarithmic, for ratios, and label the items from the top down."""
-    short = [name if len(name) <= 62 else name[:59] + "..." for name in names]
-    ax.set(xscale="log", ylim=(len(names) - 0.4, -0.6), yticks=named_ticks(short), grid=False)
-    ax.set(xlabel=label, ylabel="item")
+    short_names = []
+    for name in names:
+        short_names.append(name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3] + "...")
+    ax.set(
+        xscale="log",
+        xlabel=label,
+        ylim=(len(names) - 0.4, -0.6),
+        yticks=named_ticks(short_names),
+        ylabel="item",
+        grid=False,
+    )
+
+
+class _RunRatios(NamedTuple):
+    """Results of the runs for a published number.
+
+    name : Item and case.
+    ratios : (n_run,). Results over the published number.
+    band : Band of agreement, as ratios.
+    """
+
+    name: str
+    ratios: Floats
+    band: tuple[float, float]
 
 
 @drawing
@@ -86,32 +141,41 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
 
     The box contains half of the runs, the whiskers 90 %. All values are ratios to the published number.
     """
-    rows = []
-    for published in references:
-        pool = axes_of(published)
-        for case in cases_of(tables, published.get("case") or {}, pool) if published.get("single") else ():
-            run_ratios = evaluate_single(tables, case, published, str(published["unit"])).runs / float(
-                published["value"]
-            )
-            run_ratios = run_ratios[np.isfinite(run_ratios)]
-            if len(run_ratios) > 1:
-                name = f"{published.get('item') or name_of(published)}: {label_of(tables, case, pool)}"
-                rows.append((name, run_ratios, published.get("band") or (0.5, 2.0)))
+    rows = _single_flights(tables, references)
     if not rows:
         return None
     figure, ax = panel(1.1 + 0.22 * len(rows))
-    for place, (_, run_ratios, band) in enumerate(rows):
-        q = np.quantile(run_ratios, [0.05, 0.25, 0.5, 0.75, 0.95])
+    for place, row in enumerate(rows):
+        q05, q25, q50, q75, q95 = np.quantile(row.ratios, [0.05, 0.25, 0.5, 0.75, 0.95])
+        band_low, band_high = row.band
         for low, high, label, style in (
-            (max(band[0], 0.02), band[1], "band", {"color": SHADE, "lw": 9, "alpha": 0.35}),
-            (q[0], q[4], "90 % of our runs", {"color": PALETTE[0], "lw": 1.2}),
-            (q[1], q[3], "50 % of our runs", {"color": PALETTE[0], "lw": 5}),
+            (max(band_low, 0.02), band_high, "band", {"color": SHADE, "lw": 9, "alpha": 0.35}),
+            (q05, q95, "90 % of our runs", {"color": PALETTE[0], "lw": 1.2}),
+            (q25, q75, "50 % of our runs", {"color": PALETTE[0], "lw": 5}),
         ):
             ax.hlines(place, low, high, label=label if place == 0 else None, **style)
-        ax.plot([q[2]], [place], ls="none", marker="|", color="white", ms=7)
+        ax.plot([q50], [place], ls="none", marker="|", color="white", ms=7)
     ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
-    _ratio_axes(ax, [name for name, _, _ in rows], "our runs, each divided by published (-)")
+    _ratio_axes(ax, [row.name for row in rows], "our runs, each divided by published (-)")
     return figure
+
+
+def _single_flights(tables: Tables, references: Sequence[Mapping[str, Any]]) -> list[_RunRatios]:
+    """Return the results of the runs, by case, for every published number that is of a single flight."""
+    rows = []
+    for reference in references:
+        if not reference.get("single"):
+            continue
+        pool = axes_of(reference)
+        for case in cases_of(tables, reference.get("case") or {}, pool):
+            runs = evaluate_single(tables, case, reference, str(reference["unit"])).runs
+            run_ratios = runs / float(reference["value"])
+            run_ratios = run_ratios[np.isfinite(run_ratios)]
+            if len(run_ratios) > 1:
+                item = reference.get("item") or name_of(reference)
+                name = f"{item}: {label_of(tables, case, pool)}"
+                rows.append(_RunRatios(name, run_ratios, reference.get("band") or (0.5, 2.0)))
+    return rows
 
 
 @drawing
@@ -144,63 +208,98 @@ def locus(
     flown : str
         Level that the study uses, marked by a ring; the level of the base if empty.
     """
-    chosen = {case for wanted in cases for case in cases_of(tables, wanted, ())} or set(tables.labels)
-    rows = []
-    for case, levels in tables.levels.items():
-        if case in chosen and axis in levels:
-            others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
-            rows.append((levels[axis], others, evaluate_single(tables, case, stated, unit).value))
-    frame = pd.DataFrame(rows, columns=["level", "others", "value"])
-    if set(frame.level) > {BASE}:  # in a design one_at_a_time, the level of the base is a word
-        frame = frame[frame.level != BASE]
+
+    def value_of(case: str) -> float:
+        return evaluate_single(tables, case, stated, unit).value
+
+    frame = _axis_points(tables, axis, cases, value_of)
     names = list(dict.fromkeys(frame.level))
-    sizes, kind = level_sizes(names)
+    sizes, level_unit = level_sizes(names)
     frame = frame.assign(x=[sizes[names.index(level)] for level in frame.level])
-    mine = _flown(tables, axis, flown, frame, lambda case: evaluate_single(tables, case, stated, unit).value)
+    study_points = _study_points(tables, axis, flown, frame, value_of)
     figure, ax = panel(3.0)
-    mark_levels(ax, [*sizes, *mine.x], names, kind)
-    points = pd.concat([frame, mine[mine.level == BASE]]).sort_values("x", kind="stable") if kind else frame
+    mark_levels(ax, [*sizes, *study_points.x], names, level_unit)
+    points = frame
+    if level_unit:
+        points = pd.concat([frame, study_points[study_points.level == BASE]]).sort_values("x", kind="stable")
     points = points[_placed(ax, points)]
-    for number, others in enumerate(dict.fromkeys(frame.others)):
-        group = points[points.others == others]
-        ax.plot(group.x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
+    for number, other_levels in enumerate(dict.fromkeys(frame.others)):
+        group = points[points.others == other_levels]
+        ax.plot(group.x, group.value, marker="o", ms=4, label=str(other_levels) or "ours", **line_of(number))
+    values = [*frame.value, *study_points.value]
     if published is not None:
         low, high = (edge * published.value for edge in published.band)
         ax.axhline(published.value, color="black", lw=1.1, label="published")
         ax.axhspan(low, high, color=SHADE, alpha=0.25, label="band")
-    scale_up(ax, "y", [*frame.value, *mine.value, *([published.value] if published else [])])
-    _rings(ax, mine, kind)
+        values.append(published.value)
+    scale_up(ax, "y", values)
+    _rings(ax, study_points, level_unit)
+    quantity = varied or axis.replace("_", " ")
+    metric = name_of(stated).replace("_", " ")
     ax.set(
-        xlabel=(varied or axis.replace("_", " ")) + (f" ({kind})" if kind else ""),
-        ylabel=f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"),
+        xlabel=f"{quantity} ({level_unit})" if level_unit else quantity,
+        ylabel=f"{metric}\n({unit})".replace(", ", ",\n"),
     )
     return figure
 
 
-def _flown(
-    tables: Tables, axis: str, flown: str, frame: pd.DataFrame, value_of: Callable[[str], float]
+def _axis_points(
+    tables: Tables, axis: str, cases: Sequence[Mapping[str, str]], value_of: Callable[[str], float]
 ) -> pd.DataFrame:
-    """Return the points of the level that the study uses, or of the base if this is a case of its own."""
+    """Return level, levels of the other axes (others), and value of the cases of an axis.
+
+    cases : levels of the cases; all if empty
+    value_of : metric of a case by its digest
+    """
+    selection = {case for levels in cases for case in cases_of(tables, levels, ())} or set(tables.labels)
+    rows = []
+    for case, levels in tables.levels.items():
+        if case in selection and axis in levels:
+            other_levels = [f"{name}={level}" for name, level in levels.items() if name != axis and level != "base"]
+            rows.append((levels[axis], ", ".join(other_levels), value_of(case)))
+    frame = pd.DataFrame(rows, columns=["level", "others", "value"])
+    if set(frame.level) > {BASE}:  # in a design one_at_a_time, the level of the base is a word
+        frame = frame[frame.level != BASE]
+    return frame
+
+
+def _study_points(
+    tables: Tables, axis: str, level: str, frame: pd.DataFrame, value_of: Callable[[str], float]
+) -> pd.DataFrame:
+    """Return the points of the level that the study uses, or of the base if this is a case of its own.
+
+    level : level that the study uses; that of the base if empty
+    """
     base = base_level(tables, axis)
-    level = flown or base.label
-    if (frame.level == level).any():
-        return frame[frame.level == level]
-    case = next((case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}), None)
-    kinds = dict.fromkeys(frame.level)
-    sizes, level_unit = level_sizes([*kinds, f"{base.number!r} {base.unit}".strip()])
-    if flown or case is None or level_unit is None or not np.isfinite(base.number):
+    used_level = level or base.label
+    if (frame.level == used_level).any():
+        return frame[frame.level == used_level]
+    base_cases = [case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}]
+    base_text = f"{base.number!r} {base.unit}".strip()
+    sizes, level_unit = level_sizes([*dict.fromkeys(frame.level), base_text])
+    if level or not base_cases or level_unit is None or not np.isfinite(base.number):
         return frame[:0]
-    return pd.DataFrame([{"level": BASE, "others": "", "value": value_of(case), "x": sizes[-1]}])
+    point = {"level": BASE, "others": "", "value": value_of(base_cases[0]), "x": sizes[-1]}
+    return pd.DataFrame([point])
 
 
-def _rings(ax: Panel, points: pd.DataFrame, kind: str | None) -> None:
+def _rings(ax: Panel, points: pd.DataFrame, level_unit: str | None) -> None:
     """Draw rings around points; a point at zero on a logarithmic axis becomes a dotted line."""
     is_placed = _placed(ax, points)
     if is_placed.any():
-        look = {"ls": "none", "marker": "o", "ms": 9, "mfc": "none", "color": "black"}
-        ax.plot(points.x[is_placed], points.value[is_placed], label=_FLOWN, **look)
+        ax.plot(
+            points.x[is_placed],
+            points.value[is_placed],
+            ls="none",
+            marker="o",
+            ms=9,
+            mfc="none",
+            color="black",
+            label=_STUDY_LEVEL,
+        )
+    zero = f"0 {level_unit}" if level_unit else "0"
     for value in points.value[~is_placed]:
-        ax.axhline(value, color="black", ls=":", lw=1.1, label=f"{_FLOWN} (0{f' {kind}' if kind else ''})")
+        ax.axhline(value, color="black", ls=":", lw=1.1, label=f"{_STUDY_LEVEL} ({zero})")
 
 
 def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
@@ -208,9 +307,9 @@ def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
     return (rows.x > 0.0) | (ax.axes.get("xscale") != "log")
 
 
-def mark_levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
-    """Set the ticks of an axis of levels: by name unless they are numbers in one unit; `kind`: this unit or None."""
-    if kind is None:
+def mark_levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], level_unit: str | None) -> None:
+    """Set the ticks of an axis of levels: by name unless they are numbers in one unit (`level_unit`)."""
+    if level_unit is None:
         ax.set(xticks=list(zip(sizes, map(str, names), strict=False)))  # further sizes are those of the base
     else:
         scale_up(ax, "x", sizes, from_zero=False)
@@ -224,13 +323,16 @@ def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
     parts = [name.strip().partition(" ") for name in names]
     try:
         numbers = [float(number) for number, _, _ in parts]
-        spelled = dict.fromkeys(unit for (_, _, unit), number in zip(parts, numbers, strict=True) if number or unit)
-        first = next(iter(spelled), "")
+        units = [unit for _, _, unit in parts]
+        # A zero without a unit belongs to any dimension
+        spelled = dict.fromkeys(unit for unit, number in zip(units, numbers, strict=True) if number or unit)
+        first_unit = next(iter(spelled), "")
         if len(spelled) > 1:
-            numbers = [parse(f"{number} {unit or first}", first) for number, _, unit in parts]
+            levels = [f"{number} {unit or first_unit}" for number, unit in zip(numbers, units, strict=True)]
+            numbers = [parse(level, first_unit) for level in levels]
     except ValueError:
         return [float(k) for k in range(len(names))], None
-    return numbers, first or "-"
+    return numbers, first_unit or "-"
 
 
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
@@ -241,16 +343,13 @@ def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) 
     """
     figure, grid = canvas(3, 1, 1.7)
     for ax, (name, unit, factor, label) in zip(grid[:, 0], _ERRORS, strict=True):
-        for column, text, style in (
-            (f"{name}_error_{unit}", "error itself", {"color": PALETTE[1], "ls": "--"}),
-            (f"{name}_missed_{unit}", "error of the transition in a step", {"color": PALETTE[0]}),
-            (
-                f"{name}_missed_mean_{unit}",
-                "mean error of the transition, norm",
-                {"color": "black", "lw": 0.8, "ls": ":"},
-            ),
+        for suffix, legend_entry, style in (
+            ("error", "error itself", {"color": PALETTE[1], "ls": "--"}),
+            ("missed", "error of the transition in a step", {"color": PALETTE[0]}),
+            ("missed_mean", "mean error of the transition, norm", {"color": "black", "lw": 0.8, "ls": ":"}),
         ):
-            ax.plot(table.t_s, factor * table[column].where(table[column] > 0.0), label=text, **style)
+            error = table[f"{name}_{suffix}_{unit}"]
+            ax.plot(table.t_s, factor * error.where(error > 0.0), label=legend_entry, **style)
         for _, start, _ in phases:
             ax.axvline(start, color=GREY, lw=0.5)
         ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", margin=0.0)

@@ -76,15 +76,16 @@ def files(figures: Mapping[str, Figure], formats: Sequence[str] = ("png",), jobs
     jobs : int
         Number of worker processes; -1 for all cores.
     """
-    requests = [(name, ending) for name in figures for ending in formats]
-    units = [(figures[name], ending) for name, ending in requests]
+    names = [(name, file_format) for name in figures for file_format in formats]
+    arguments = [(figures[name], file_format) for name, file_format in names]
+    n_jobs = min(jobs, len(names)) if names else 1
     try:
-        workers = Parallel(n_jobs=min(jobs, len(requests)) if len(requests) else 1, max_nbytes=None)
-        contents = workers(delayed(written)(*unit) for unit in units)
+        workers = Parallel(n_jobs=n_jobs, max_nbytes=None)
+        contents = workers(delayed(written)(*pair) for pair in arguments)
     except TerminatedWorkerError:
         _LOG.warning("a worker process died (out of memory?); the figures are drawn one by one")
-        contents = [written(*unit) for unit in units]
-    return {f"{name}.{ending}": content for (name, ending), content in zip(requests, contents, strict=True)}
+        contents = [written(*pair) for pair in arguments]
+    return {f"{name}.{file_format}": content for (name, file_format), content in zip(names, contents, strict=True)}
 
 
 def written(figure: Figure, ending: str) -> bytes:
@@ -105,12 +106,17 @@ def written(figure: Figure, ending: str) -> bytes:
 def _few_colours(image: Image.Image) -> Image.Image:
     """Return a picture with `COLOURS` colours; the most frequent colours (shaded areas, grids) are exact."""
     reduced = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    red, green, blue = np.moveaxis(np.asarray(image).reshape(-1, 3).astype(np.uint32), 1, 0)
-    code, index = (red << 16) | (green << 8) | blue, np.asarray(reduced).ravel()
-    codes, count = np.unique(code, return_counts=True)
-    palette, exact = np.array(reduced.getpalette()).reshape(-1, 3), set()
-    for colour in codes[np.argsort(-count, kind="stable")][:_EXACT]:
-        place = int(index[np.argmax(code == colour)])
+    indices = np.asarray(reduced).ravel()
+    pixels = np.asarray(image).reshape(-1, 3).astype(np.uint32)
+    red, green, blue = np.moveaxis(pixels, 1, 0)
+    colours = (red << 16) | (green << 8) | blue
+    distinct, counts = np.unique(colours, return_counts=True)
+    most_frequent = distinct[np.argsort(-counts, kind="stable")][:_EXACT]
+
+    palette = np.array(reduced.getpalette()).reshape(-1, 3)
+    exact: set[int] = set()
+    for colour in most_frequent:
+        place = int(indices[np.argmax(colours == colour)])
         if place not in exact:  # of colours that were merged, the most frequent
             palette[place] = colour >> 16, (colour >> 8) & 255, colour & 255
             exact.add(place)
@@ -122,7 +128,8 @@ def _few_colours(image: Image.Image) -> Image.Image:
 def drawn(figure: Figure) -> Drawing:
     """Return a figure of matplotlib that is not registered with pyplot."""
     options = dict(figure.options)
-    title, widths = options.pop("title", ""), options.pop("widths", None)
+    title = options.pop("title", "")
+    widths = options.pop("widths", None)
     rows, columns = figure.grid.shape
     drawing = Drawing(figsize=(WIDTH, figure.height * rows), layout="constrained")
     grid = drawing.subplots(rows, columns, squeeze=False, width_ratios=widths, **options)
@@ -132,13 +139,28 @@ def drawn(figure: Figure) -> Drawing:
         else:
             axes.set_axis_off()
     for axes, panel in zip(grid.ravel(), figure.panels, strict=True):  # after the marks of all that share an axis
-        _limit_sides(axes, panel)
+        _set_limits(axes, panel)
     for (row, column), panel in np.ndenumerate(figure.grid):
         is_top = all(above.events is None for above in figure.grid[:row, column])
         _mark_events(grid[row, column], panel, columns, is_top)
-    drawing.suptitle(title, fontsize=9) if title else None
-    _legend(drawing, figure)
+    if title:
+        drawing.suptitle(title, fontsize=9)
+    _draw_legend(drawing, figure)
     return drawing
+
+
+def _set_limits(axes: Any, panel: Panel) -> None:
+    """Set the limits and the ticks that the panel prescribes."""
+    for side in ("x", "y"):
+        low, high = panel.axes.get(f"{side}lim", (None, None))
+        if low is not None or high is not None:
+            axes.set(**{f"{side}lim": (low, high)})
+        ticks = panel.axes.get(f"{side}ticks")
+        if ticks is not None:
+            set_ticks = getattr(axes, f"set_{side}ticks")
+            positions = [position for position, _ in ticks]
+            labels = [label for _, label in ticks]
+            set_ticks(positions, labels, fontsize=7.0)
 
 
 def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
@@ -160,17 +182,8 @@ def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
         axes.set_aspect("equal", adjustable="box" if "xlim" in state else "datalim")
 
 
-def _limit_sides(axes: Any, panel: Panel) -> None:
-    for side in ("x", "y"):
-        low, high = panel.axes.get(f"{side}lim", (None, None))
-        if (low, high) != (None, None):
-            getattr(axes, f"set_{side}lim")(low, high)
-        ticks = panel.axes.get(f"{side}ticks")
-        if ticks is not None:
-            getattr(axes, f"set_{side}ticks")([at for at, _ in ticks], [text for _, text in ticks], fontsize=7.0)
-
-
 def _scale(axes: Any, side: str, scale: str | None) -> None:
+    """Set the scale of an axis, with its ticks."""
     axis = getattr(axes, f"{side}axis")
     if scale == "log":
         axes.set(**{f"{side}scale": "log"})
@@ -178,11 +191,15 @@ def _scale(axes: Any, side: str, scale: str | None) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
     elif scale == "root":
-        axes.set_yscale("function", functions=(lambda y: np.sqrt(np.maximum(y, 0.0)), np.square))
+        axes.set_yscale("function", functions=(_root, np.square))
         axes.minorticks_off()
     elif not isinstance(axis.get_major_locator(), FixedLocator):  # not fixed by a panel that shares this axis
         axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
         axes.ticklabel_format(axis=side, style="sci", scilimits=(-3, 4))
+
+
+def _root(y: Any) -> Any:
+    return np.sqrt(np.maximum(y, 0.0))
 
 
 class _Decades(LogLocator):
@@ -197,47 +214,71 @@ class _Decades(LogLocator):
         low, high = sorted((vmin, vmax))
         if 0 < low < high < 10 * low:
             return within_a_decade(low, high)
-        is_dense = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
-        room = self.axis.get_tick_space() if isinstance(self.axis, Axis) else _FEW_DECADES
-        room *= 2 if isinstance(self.axis, YAxis) else 1  # matplotlib counts a blank line between two numbers
-        is_dense = is_dense and 3.0 * np.log10(high / low) <= max(3, room)  # else numbers would overlap
-        self.set_params(subs=(1.0, 2.0, 5.0) if is_dense else (1.0,))
+        self.set_params(subs=(1.0, 2.0, 5.0) if self._has_room(low, high) else (1.0,))
         return super().tick_values(vmin, vmax)
+
+    def _has_room(self, low: float, high: float) -> bool:
+        """Return whether numbers at 1, 2 and 5 in each decade do not overlap."""
+        if low <= 0 or np.floor(np.log10(high)) - np.ceil(np.log10(low)) >= _FEW_DECADES - 1:
+            return False
+        room = self.axis.get_tick_space() if isinstance(self.axis, Axis) else _FEW_DECADES
+        if isinstance(self.axis, YAxis):
+            room *= 2  # matplotlib counts a blank line between two numbers
+        n_ticks = 3.0 * np.log10(high / low)
+        return bool(n_ticks <= max(3, room))
 
 
 def within_a_decade(low: float, high: float) -> list[float]:
     """Return at least four ticks of a logarithmic axis that spans less than a decade, as few as possible."""
     power = 10.0 ** np.floor(np.log10(low))
-    for parts in _CLOSE:
-        candidates = [float(f"{step * scale:.6g}") for scale in (power, 10.0 * power) for step in parts]
-        inside = [at for at in candidates if low <= at <= high]
-        if len(inside) >= 4:
-            return inside
-    return [float(f"{at:.6g}") for at in MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)]
+    for multiples in _CLOSE:
+        candidates = [multiple * scale for scale in (power, 10.0 * power) for multiple in multiples]
+        ticks = [tick for tick in map(_six_digits, candidates) if low <= tick <= high]
+        if len(ticks) >= 4:
+            return ticks
+    linear_ticks = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    return [_six_digits(tick) for tick in linear_ticks]
+
+
+def _six_digits(value: float) -> float:
+    return float(f"{value:.6g}")
 
 
 def _look(mark: Mark, *names: str) -> dict[str, Any]:
-    return {name: mark.style[name] for name in names if name in mark.style} | {"label": mark.label or None}
+    """Return the style of a mark that is set under these names, and its label."""
+    look = {name: mark.style[name] for name in names if name in mark.style}
+    look["label"] = mark.label or None
+    return look
 
 
 def _line(_: Drawing, axes: Any, mark: Mark) -> None:
     style = _look(mark, "color", "ls", "lw", "alpha", "marker", "ms", "mfc")
-    style |= {"drawstyle": "steps-post"} if mark.style.get("step") else {}
-    style |= {"markevery": mark.style["every"]} if "every" in mark.style else {}
+    if mark.style.get("step"):
+        style["drawstyle"] = "steps-post"
+    if "every" in mark.style:
+        style["markevery"] = mark.style["every"]
     if style.get("color") == "white":  # so that the legend shows it too
-        style["path_effects"] = [withStroke(linewidth=float(mark.style.get("lw", 1.3)) + 1.5, foreground="black")]
+        outline_width = float(mark.style.get("lw", 1.3)) + 1.5
+        style["path_effects"] = [withStroke(linewidth=outline_width, foreground="black")]
     axes.plot(mark.data["x"], mark.data["y"], **style)
 
 
 def _band(_: Drawing, axes: Any, mark: Mark) -> None:
-    x, low, high = (mark.data[name] for name in ("x", "low", "high"))
-    step = "post" if mark.style.get("step") else None
-    axes.fill_between(x, low, high, step=step, **_area(mark))
+    axes.fill_between(
+        mark.data["x"],
+        mark.data["low"],
+        mark.data["high"],
+        step="post" if mark.style.get("step") else None,
+        **_area(mark),
+    )
 
 
 def _area(mark: Mark) -> dict[str, Any]:
+    """Return the style of an area for matplotlib."""
     style = _look(mark, "alpha", "hatch", "lw")
-    return style | {"facecolor": mark.style.get("color", SHADE), "edgecolor": mark.style.get("ec", "none")}
+    style["facecolor"] = mark.style.get("color", SHADE)
+    style["edgecolor"] = mark.style.get("ec", "none")
+    return style
 
 
 def _boxes(_: Drawing, axes: Any, mark: Mark) -> None:
@@ -261,21 +302,43 @@ def _limit(_: Drawing, axes: Any, mark: Mark) -> None:
 
 
 def _text(_: Drawing, axes: Any, mark: Mark) -> None:
-    style, parts = mark.style, (mark.style.get("x_part"), mark.style.get("y_part"))
-    frames: dict[Any, Any] = {(True, True): axes.transAxes, (True, None): axes.get_yaxis_transform()}
+    style = mark.style
+    frames: dict[Any, Any] = {
+        (True, True): axes.transAxes,
+        (True, None): axes.get_yaxis_transform(),
+    }
+    is_fraction = style.get("x_part"), style.get("y_part")
     for x, y, text in zip(mark.data["x"], mark.data["y"], mark.data["texts"], strict=True):
-        look = {"ha": style.get("ha", "left"), "va": style.get("va", "center"), "color": style.get("color", "black")}
-        axes.text(x, y, text, transform=frames.get(parts, axes.transData), fontsize=7.0, **look)
+        axes.text(
+            x,
+            y,
+            text,
+            transform=frames.get(is_fraction, axes.transData),
+            fontsize=7.0,
+            ha=style.get("ha", "left"),
+            va=style.get("va", "center"),
+            color=style.get("color", "black"),
+        )
 
 
 def _cells(figure: Drawing, axes: Any, mark: Mark) -> None:
     axes.tick_params(axis="y", length=0)
-    values = np.ma.masked_invalid(mark.data["values"])
-    norm = LogNorm(*mark.data["scale"])
-    cells = axes.pcolormesh(mark.data["x"], mark.data["y"], values, norm=norm, cmap=mark.style["cmap"])
+    cells = axes.pcolormesh(
+        mark.data["x"],
+        mark.data["y"],
+        np.ma.masked_invalid(mark.data["values"]),
+        norm=LogNorm(*mark.data["scale"]),
+        cmap=mark.style["cmap"],
+    )
     if mark.label:
-        plain = FuncFormatter(lambda value, _: f"{value:g}")
-        figure.colorbar(cells, ax=axes, pad=0.09, fraction=0.035, label=mark.label, format=plain)
+        figure.colorbar(
+            cells,
+            ax=axes,
+            pad=0.09,
+            fraction=0.035,
+            label=mark.label,
+            format=FuncFormatter(lambda value, _: f"{value:g}"),
+        )
 
 
 _DRAW = {"line": _line, "band": _band, "boxes": _boxes, "limit": _limit, "text": _text, "cells": _cells}
@@ -286,41 +349,65 @@ def _mark_events(axes: Any, panel: Panel, columns: int, has_numbers: bool) -> No
     if panel.events is None:
         return
     low, high = axes.get_xlim()
-    shade = {"color": "black" if panel.filled else SHADE, "alpha": 0.18 if panel.filled else 0.25}
     for _, start, end in panel.events.faults:
         if end > start:
-            axes.axvspan(start, end, lw=0, zorder=_OVER_AREAS, **shade)
+            axes.axvspan(
+                start,
+                end,
+                lw=0,
+                zorder=_OVER_AREAS,
+                color="black" if panel.filled else SHADE,
+                alpha=0.18 if panel.filled else 0.25,
+            )
         else:
             axes.axvline(start, color=GREY, alpha=0.7, lw=2.4, ls=(0, (1.2, 0.8)), zorder=1.4)
-    for t in dict.fromkeys(t for _, t in panel.events.points if low <= t <= high):
+    visible_times = dict.fromkeys(t for _, t in panel.events.points if low <= t <= high)
+    for t in visible_times:
         axes.axvline(t, color=GREY, lw=0.7, zorder=1.5)
-    style = {"xycoords": ("data", "axes fraction"), "xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
-    for t, text in panel.events.groups(low, high, columns) if has_numbers else ():
-        axes.annotate(text, (t, 1.0), fontsize=6.5, color=GREY, va="bottom", annotation_clip=False, **style)
+    if not has_numbers:
+        return
+    for t, numbers in panel.events.groups(low, high, columns):
+        axes.annotate(
+            numbers,
+            (t, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=6.5,
+            color=GREY,
+            annotation_clip=False,
+        )
 
 
-def _legend(drawing: Drawing, figure: Figure) -> None:
+def _draw_legend(drawing: Drawing, figure: Figure) -> None:
     """Draw one legend for all panels below the figure."""
     handles: dict[str, Any] = {}
     for axes in drawing.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    marks = {mark.label for mark in figure.legend()}
-    entries = {label: handle for label, handle in handles.items() if label in marks}
+    labels = {mark.label for mark in figure.legend()}
+    entries = {label: handle for label, handle in handles.items() if label in labels}
     if not entries:
         drawing.supxlabel(figure.key, fontsize=7.0, color=GREY)
         return
-    columns = _fitting(list(entries), _COLUMNS)
-    legend = drawing.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
+    legend = drawing.legend(
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=_column_count(list(entries), _COLUMNS),
+    )
     if figure.key:
         legend.set_title(figure.key, FontProperties(size=7.0))
         legend.get_title().set_color(GREY)
 
 
-def _fitting(labels: list[str], most: int) -> int:
+def _column_count(labels: list[str], most: int) -> int:
     """Return the number of legend columns that fit across the page; the legend is filled column by column."""
     for count in range(min(most, len(labels)), 1, -1):
-        longest = [max(map(len, column)) for column in np.array_split(np.array(labels, dtype=object), count)]
-        if sum(_HANDLE + _LETTER * length for length in longest) <= WIDTH:
+        columns = np.array_split(np.array(labels, dtype=object), count)
+        widths = [_HANDLE + _LETTER * max(map(len, column)) for column in columns]
+        if sum(widths) <= WIDTH:
             return count
     return 1

@@ -14,6 +14,7 @@ from lvnav_trade.results.tables.read import Tables
 
 _FAINT = "#c4c9d1"
 _MARKERS = "os^Dv<>p*h"  # marker by antenna number
+_SKY_MOST_FAULTS = 2
 # State, legend entry, style; the last entry is for all other states.
 _STATES = (
     ("track", "tracked", {"color": PALETTE[0]}),
@@ -39,45 +40,60 @@ _LEAST = 1e-3  # m, smallest value drawn on a logarithmic axis
 def satellites(tables: Tables, case: str) -> Figure:
     """Draw the numbers of satellites tracked and above the horizontal, and C/N0 with a link budget."""
     case_rows = pick(tables.satellites, case=case)
-    rows = counted(case_rows)
-    linked = bool(case_rows.cn0_db_hz.notna().any())
-    figure, grid = canvas(1 + linked, 1, 2.9 - 0.5 * linked, sharex=True)
-    axes = grid[0, 0]
-    axes.step(rows.t_s, rows.above_count, color=GREY, ls="--", label="above the local horizontal")
-    axes.step(rows.t_s, rows.tracked_count, color=PALETTE[0], label="tracked")
-    axes.axhline(4, color=PALETTE[1], lw=0.8, ls=":", label="four: a receiver's own solution")
-    most = rows[["above_count", "tracked_count"]].to_numpy().max()
-    top = int(max(5, most + 1))
-    step = 1 if top <= 6 else 2 if top <= 14 else 5
-    axes.set(ylim=(0.0, float(top)), ylabel="satellites (number)")
-    axes.set(yticks=[(float(count), str(count)) for count in range(0, top + 1, step)])
-    if linked:
-        _carrier(grid[1, 0], case_rows, tables.cases.set_index("case").loc[case])
+    counts = counted(case_rows)
+    has_link_budget = bool(case_rows.cn0_db_hz.notna().any())
+    figure, grid = canvas(1 + has_link_budget, 1, 2.4 if has_link_budget else 2.9, sharex=True)
+    ax = grid[0, 0]
+    ax.step(counts.t_s, counts.above_count, color=GREY, ls="--", label="above the local horizontal")
+    ax.step(counts.t_s, counts.tracked_count, color=PALETTE[0], label="tracked")
+    ax.axhline(4, color=PALETTE[1], lw=0.8, ls=":", label="four: a receiver's own solution")
+    largest = counts[["above_count", "tracked_count"]].to_numpy().max()
+    top = int(max(5, largest + 1))
+    if top <= 6:
+        step = 1
+    elif top <= 14:
+        step = 2
+    else:
+        step = 5
+    ticks = [(float(count), str(count)) for count in range(0, top + 1, step)]
+    ax.set(ylim=(0.0, float(top)), yticks=ticks, ylabel="satellites (number)")
+    if has_link_budget:
+        _draw_carrier(grid[1, 0], case_rows, tables.cases.set_index("case").loc[case])
     over_time(grid[:, 0], tables, case)
     return figure
 
 
-def _carrier(axes: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
+def _draw_carrier(ax: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
+    """Draw C/N0 of every satellite with the median of those tracked and the thresholds of the receiver.
+
+    rows : rows of the table `satellites`
+    case : row of the table `cases`
+    """
     times = pd.Index(np.sort(rows.t_s.unique()))
     for number, (_, satellite_rows) in enumerate(rows.groupby("satellite")):
         line = satellite_rows.set_index("t_s").reindex(times)
-        measured = line.tracked.eq(True)
-        for level, colour, label in (
-            (~measured, _FAINT, "not tracked"),
-            (measured, PALETTE[5], "each satellite tracked"),
+        is_tracked = line.tracked.eq(True)
+        for selection, colour, label in (
+            (~is_tracked, _FAINT, "not tracked"),
+            (is_tracked, PALETTE[5], "each satellite tracked"),
         ):
-            style = {"label": None if number else label, "group": label}
-            axes.plot(times, line.cn0_db_hz.where(level), lw=0.7, color=colour, **style)
+            ax.plot(
+                times,
+                line.cn0_db_hz.where(selection),
+                lw=0.7,
+                color=colour,
+                label=label if number == 0 else None,
+                group=label,
+            )
     median = rows[rows.tracked].groupby("t_s").cn0_db_hz.median().reindex(times)
-    axes.plot(times, median, color="black", lw=1.9, label="median of those tracked")
-    acquire_level, track_level = (
+    ax.plot(times, median, color="black", lw=1.9, label="median of those tracked")
+    for threshold, name, dashes in (
         (case.acquire_above_db_hz, "found above", "--"),
         (case.track_above_db_hz, "kept above", ":"),
-    )
-    for value, name, dashes in (acquire_level, track_level):
-        if value == value:
-            axes.axhline(value, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {value:g} dB-Hz")
-    axes.set(ylabel="C/N0 (dB-Hz)")
+    ):
+        if not np.isnan(threshold):
+            ax.axhline(threshold, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {threshold:g} dB-Hz")
+    ax.set(ylabel="C/N0 (dB-Hz)")
 
 
 @drawing
@@ -92,68 +108,104 @@ def sky(tables: Tables, case: str) -> Figure:
     times = np.sort(rows.t_s.unique())
     moments = _moments(tables, case, rows)
     antennas = sorted(rows.antenna_number.dropna().unique())
-    lowest = np.degrees(min(0.0, float(rows.elevation_rad[rows.tracked].min()) if rows.tracked.any() else 0.0))
-    drawn = []
+    lowest_rad = min(0.0, float(rows.elevation_rad[rows.tracked].min())) if rows.tracked.any() else 0.0
+    edge = 90.0 + 15.0 * np.ceil(-np.degrees(lowest_rad) / 15.0)
+    skies = []
     figure, grid = canvas(1, len(moments), 3.0 if len(moments) < 4 else 2.6)
-    for axes, (name, moment) in zip(grid[0], moments, strict=True):
-        t = times[int(np.argmin(np.abs(times - moment)))]
-        drawn.append(rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)])
-        _one_sky(axes, drawn[-1], antennas, 90.0 + 15.0 * np.ceil(-lowest / 15.0))
-        axes.set(title=f"{name}\n{t:.0f} s", xlabel="azimuth, elevation (deg)")
-    _key(grid[0, 0], pd.concat(drawn), antennas)
+    for ax, (name, moment) in zip(grid[0], moments, strict=True):
+        nearest = int(np.argmin(np.abs(times - moment)))
+        t = times[nearest]
+        visible = rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)]
+        _draw_sky(ax, visible, antennas, edge)
+        ax.set(title=f"{name}\n{t:.0f} s", xlabel="azimuth, elevation (deg)")
+        skies.append(visible)
+    _draw_key(grid[0, 0], pd.concat(skies), antennas)
     return figure
 
 
 def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
     """Return (name, time) of three sky plots; at most two faults, each a second before its end."""
     last = final_event(tables, case)
-    end = float(flight_events(tables, case).set_index("event").t_s.get(last, rows.t_s.max()))
-    frame = pick(METRICS["recovery"](tables), case=tables.labels[case])
-    within = [
-        (fault.fault.replace("_", " "), max(fault.t_start_s, fault.t_end_s - 1.0))
-        for fault in frame[frame.lost_count > 0].itertuples()
-    ]
-    return [("lift-off", 0.0), *(within[:2] or [("half way", end / 2)]), (last.replace("_", " ") or "end", end)]
+    event_times = flight_events(tables, case).set_index("event").t_s
+    end = float(event_times.get(last, rows.t_s.max()))
+    recovery = pick(METRICS["recovery"](tables), case=tables.labels[case])
+    between = []
+    for fault in recovery[recovery.lost_count > 0].head(_SKY_MOST_FAULTS).itertuples():
+        moment = max(fault.t_start_s, fault.t_end_s - 1.0)
+        between.append((fault.fault.replace("_", " "), moment))
+    if not between:
+        between = [("half way", end / 2)]
+    return [("lift-off", 0.0), *between, (last.replace("_", " ") or "end", end)]
 
 
-def _one_sky(axes: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
+def _draw_sky(ax: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
     """Draw a sky plot, north up and east to the right; the distance from the centre is the zenith angle."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 121)
-    for distance in (30.0, 60.0, 90.0):
-        style = {"color": GREY, "lw": 1.1} if distance == 90.0 else {"color": _FAINT, "lw": 0.6}
-        axes.plot(distance * np.sin(turn), distance * np.cos(turn), **style)
-    for azimuth in np.radians([0.0, 90.0, 180.0, 270.0]):
-        axes.plot([0.0, edge * np.sin(azimuth)], [0.0, edge * np.cos(azimuth)], color=_FAINT, lw=0.6)
-    axes.text(0.0, [-31.0, -61.0], ["60", "30"], color=GREY, ha="center", va="top")
-    axes.text([0.0, edge, 0.0, -edge], [edge, 0.0, -edge, 0.0], ["N", "E", "S", "W"], ha="center")
+    _draw_sky_grid(ax, edge)
     for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
-        for _, style, group in _by_state(rows[rows.antenna_number == antenna]):
-            axes.plot(*_place(group), ls="none", marker=marker, ms=5, **style)
-    east, north = _place(rows)
-    axes.text(east + 3.0, north + 3.0, rows.satellite, ha="left", va="bottom")
-    reach = -1.08 * edge, 1.08 * edge
-    axes.set(xlim=reach, ylim=reach, xticks=[], yticks=[], equal=True, grid=False)
+        for _, style, group in _state_groups(rows[rows.antenna_number == antenna]):
+            east, north = _sky_position(group)
+            ax.plot(east, north, ls="none", marker=marker, ms=5, **style)
+    east, north = _sky_position(rows)
+    ax.text(east + 3.0, north + 3.0, rows.satellite, ha="left", va="bottom")
+    limits = (-1.08 * edge, 1.08 * edge)
+    ax.set(xlim=limits, ylim=limits, xticks=[], yticks=[], equal=True, grid=False)
 
 
-def _place(rows: pd.DataFrame) -> tuple[Any, Any]:
-    distance = 90.0 - np.degrees(rows.elevation_rad)
-    return distance * np.sin(rows.azimuth_rad), distance * np.cos(rows.azimuth_rad)
+def _draw_sky_grid(ax: Panel, edge: float) -> None:
+    """Draw circles of elevation and lines of azimuth, with their numbers.
+
+    edge : zenith angle at the edge of the plot (deg)
+    """
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 121)
+    for zenith_angle in (30.0, 60.0, 90.0):
+        is_horizontal = zenith_angle == 90.0
+        ax.plot(
+            zenith_angle * np.sin(azimuth),
+            zenith_angle * np.cos(azimuth),
+            color=GREY if is_horizontal else _FAINT,
+            lw=1.1 if is_horizontal else 0.6,
+        )
+    for cardinal in np.radians([0.0, 90.0, 180.0, 270.0]):
+        ax.plot([0.0, edge * np.sin(cardinal)], [0.0, edge * np.cos(cardinal)], color=_FAINT, lw=0.6)
+    ax.text(0.0, [-31.0, -61.0], ["60", "30"], color=GREY, ha="center", va="top")
+    ax.text([0.0, edge, 0.0, -edge], [edge, 0.0, -edge, 0.0], ["N", "E", "S", "W"], ha="center")
 
 
-def _by_state(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFrame]]:
+def _sky_position(rows: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """Return east and north coordinate of satellites in a sky plot (deg)."""
+    zenith_angle = 90.0 - np.degrees(rows.elevation_rad)
+    return zenith_angle * np.sin(rows.azimuth_rad), zenith_angle * np.cos(rows.azimuth_rad)
+
+
+def _state_groups(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFrame]]:
     """Return name, style and rows of each group; a channel waiting for its signal counts as not tracked."""
     state = rows.state.where(rows.tracked | (rows.state != "track"), "")
     state = state.where(state.isin([name for name, _, _ in _STATES]), "")
-    return [(label, style, rows[state == name]) for name, label, style in _STATES if (state == name).any()]
+    groups = []
+    for name, label, style in _STATES:
+        in_state = state == name
+        if in_state.any():
+            groups.append((label, style, rows[in_state]))
+    return groups
 
 
-def _key(axes: Panel, rows: pd.DataFrame, antennas: list[int]) -> None:
-    for label, style, _ in _by_state(rows):
-        axes.plot([], [], ls="none", marker="o", ms=5, label=label, **style)
-    if len(antennas) > 1:
-        for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
-            style = {"ls": "none", "marker": marker, "ms": 5, "color": GREY, "mfc": "none"}
-            axes.plot([], [], label=f"antenna {antenna:.0f}", **style)
+def _draw_key(ax: Panel, rows: pd.DataFrame, antennas: list[int]) -> None:
+    """Add the entries of the legend: the states of channels, and the antennas if there are several."""
+    for label, style, _ in _state_groups(rows):
+        ax.plot([], [], ls="none", marker="o", ms=5, label=label, **style)
+    if len(antennas) < 2:
+        return
+    for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
+        ax.plot(
+            [],
+            [],
+            ls="none",
+            marker=marker,
+            ms=5,
+            color=GREY,
+            mfc="none",
+            label=f"antenna {antenna:.0f}",
+        )
 
 
 @drawing
@@ -162,53 +214,78 @@ def timeline(tables: Tables, case: str) -> Figure:
 
     The data are the transitions of the receiver; without a channel model they are the stored skies, tracked or not.
     """
-    rows, changes = pick(tables.satellites, case=case), pick(tables.transitions, case=case)
-    bars = _from_changes(changes, float(rows.t_s.max())) if len(changes) else _from_rows(rows)
+    rows = pick(tables.satellites, case=case)
+    changes = pick(tables.transitions, case=case)
+    start, end = float(rows.t_s.min()), float(rows.t_s.max())
+    bars = _channel_intervals(changes, end) if len(changes) else _tracking_intervals(rows)
     names = sorted(bars.satellite.unique())
-    figure, axes = panel(1.1 + 0.185 * max(4, len(names)))
-    for state, (_, style) in _LOOKS.items():
+    figure, ax = panel(1.1 + 0.185 * max(4, len(names)))
+    for state, (_, style) in _LOOKS.items():  # entries of the legend
         if (bars.state == state).any():
-            axes.boxes([], [], [], [], label=state, **style)
+            ax.boxes([], [], [], [], label=state, **style)
     for (name, state), group in bars.groupby(["satellite", "state"], sort=False):
         height, style = _LOOKS[str(state)]
         middle = names.index(name)
-        axes.boxes(group.t_s, group.t_end_s, middle - height / 2, middle + height / 2, **style)
-    _mark_losses(axes, changes, names)
-    axes.set(ylim=(len(names) - 0.4, -0.6), yticks=named_ticks(names), ylabel="satellite", grid=False)
-    axes.set(xlim=(float(rows.t_s.min()), float(rows.t_s.max())))
-    over_time([axes], tables, case, margin=0.0)
+        ax.boxes(group.t_s, group.t_end_s, middle - height / 2, middle + height / 2, **style)
+    _mark_losses(ax, changes, names)
+    ax.set(
+        xlim=(start, end),
+        ylim=(len(names) - 0.4, -0.6),
+        yticks=named_ticks(names),
+        ylabel="satellite",
+        grid=False,
+    )
+    over_time([ax], tables, case, margin=0.0)
     return figure
 
 
-def _from_changes(changes: pd.DataFrame, end: float) -> pd.DataFrame:
+def _channel_intervals(changes: pd.DataFrame, end: float) -> pd.DataFrame:
     """Return satellite, state, t_s, t_end_s of every interval in which a channel is not idle."""
-    until = changes.groupby("satellite").t_s.shift(-1).fillna(end)
-    bars = changes.assign(state=changes.to_state, t_end_s=until)[["satellite", "state", "t_s", "t_end_s"]]
+    next_change = changes.groupby("satellite").t_s.shift(-1)
+    bars = changes.assign(state=changes.to_state, t_end_s=next_change.fillna(end))
+    bars = bars[["satellite", "state", "t_s", "t_end_s"]]
     return bars[bars.state.isin(list(_LOOKS))]
 
 
-def _from_rows(rows: pd.DataFrame) -> pd.DataFrame:
+def _tracking_intervals(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the intervals in which a satellite is tracked; each ends at the first stored sky without it."""
     times = np.sort(rows.t_s.unique())
     intervals = []
     for name, satellite_rows in rows[rows.tracked].groupby("satellite"):
-        at = np.searchsorted(times, satellite_rows.t_s.to_numpy())
-        first = np.flatnonzero(np.diff(at, prepend=-2) > 1)
-        ends = np.minimum(at[np.append(first[1:], len(at)) - 1] + 1, len(times) - 1)
-        intervals += [(name, "track", start, stop) for start, stop in zip(times[at[first]], times[ends], strict=True)]
+        epochs = np.searchsorted(times, satellite_rows.t_s.to_numpy())
+        # An interval begins where the preceding epoch is missing
+        firsts = np.flatnonzero(np.diff(epochs, prepend=-2) > 1)
+        lasts = np.append(firsts[1:], len(epochs)) - 1
+        ends = np.minimum(epochs[lasts] + 1, len(times) - 1)
+        for start, stop in zip(times[epochs[firsts]], times[ends], strict=True):
+            intervals.append((name, "track", start, stop))
     return pd.DataFrame(intervals, columns=["satellite", "state", "t_s", "t_end_s"])
 
 
-def _mark_losses(axes: Panel, changes: pd.DataFrame, names: list[str]) -> None:
-    for reason, group in pick(changes, from_state="track").groupby("reason", sort=False):
-        style = {"marker": _REASONS.get(str(reason), "P"), "ms": 4.5, "color": "black", "mfc": "white"}
-        places = [names.index(name) for name in group.satellite]
-        axes.plot(group.t_s, places, ls="none", label=f"tracking ends: {reason}", **style)
+def _mark_losses(ax: Panel, changes: pd.DataFrame, names: list[str]) -> None:
+    """Mark the ends of tracking by their reason, at the heights of the satellites (names)."""
+    losses = pick(changes, from_state="track")
+    for reason, group in losses.groupby("reason", sort=False):
+        ax.plot(
+            group.t_s,
+            [names.index(name) for name in group.satellite],
+            ls="none",
+            marker=_REASONS.get(str(reason), "P"),
+            ms=4.5,
+            color="black",
+            mfc="white",
+            label=f"tracking ends: {reason}",
+        )
 
 
 def layers_of(rows: pd.DataFrame) -> list[str]:
     """Return the atmospheric layers with a delay or a correction in rows of the table `satellites`."""
-    return [layer for layer in LAYERS if (rows[[f"{layer}_m", f"{layer}_left_m"]].abs() >= _LEAST).any(axis=None)]
+    layers = []
+    for layer in LAYERS:
+        delays = rows[[f"{layer}_m", f"{layer}_left_m"]]
+        if (delays.abs() >= _LEAST).any(axis=None):
+            layers.append(layer)
+    return layers
 
 
 @drawing
@@ -219,12 +296,13 @@ def delays(tables: Tables, case: str) -> Figure:
     figure, grid = canvas(2, len(layers), 2.3, sharex=True)
     for panels, layer in zip(grid.T, layers, strict=True):
         true, residual = panels
-        _lines(true, rows, f"{layer}_m", PALETTE[0])
-        _lines(residual, rows, f"{layer}_left_m", PALETTE[1])
-        drawn = rows[f"{layer}_m"][rows[f"{layer}_m"] >= _LEAST]
-        scale_up(true, "y", drawn)
+        _draw_delays(true, rows, f"{layer}_m", PALETTE[0])
+        _draw_delays(residual, rows, f"{layer}_left_m", PALETTE[1])
+        true_delays = rows[f"{layer}_m"]
+        true_delays = true_delays[true_delays >= _LEAST]
+        scale_up(true, "y", true_delays)
         if true.axes.get("yscale") == "log":
-            true.set(ylim=0.7 * float(drawn.min()))
+            true.set(ylim=0.7 * float(true_delays.min()))
         residual.axhline(0.0, color="black", lw=0.7)
         true.set(ylabel=f"{layer}, true\ndelay (m)")
         residual.set(ylabel=f"{layer}, residual\nafter correction (m)")
@@ -232,14 +310,23 @@ def delays(tables: Tables, case: str) -> Figure:
     return figure
 
 
-def _lines(axes: Panel, rows: pd.DataFrame, column: str, colour: str) -> None:
+def _draw_delays(ax: Panel, rows: pd.DataFrame, column: str, colour: str) -> None:
+    """Draw a delay of every satellite over time, and their median."""
     times = pd.Index(np.sort(rows.t_s.unique()))
+    label = "each satellite tracked"
     for number, (_, satellite_rows) in enumerate(rows.groupby("satellite")):
-        style = {"label": None if number else "each satellite tracked", "group": "each satellite tracked"}
-        axes.plot(
-            times, satellite_rows.set_index("t_s")[column].reindex(times), color=colour, lw=0.6, alpha=0.6, **style
+        delay = satellite_rows.set_index("t_s")[column].reindex(times)
+        ax.plot(
+            times,
+            delay,
+            color=colour,
+            lw=0.6,
+            alpha=0.6,
+            label=label if number == 0 else None,
+            group=label,
         )
-    axes.plot(times, rows.groupby("t_s")[column].median().reindex(times), color="black", lw=1.7, label="their median")
+    median = rows.groupby("t_s")[column].median().reindex(times)
+    ax.plot(times, median, color="black", lw=1.7, label="their median")
 
 
 @drawing

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.report.figures.figure import GREY, Figure, canvas, named_ticks, panel
+from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.design_space import ALL, axis_label, errors_of, people_of
@@ -28,14 +28,15 @@ def effects(tables: Tables, requirement: str) -> Figure:
     frame = METRICS["effects"](tables)
     frame = frame[frame.requirement == requirement].sort_values("first_order", kind="stable")
     figure, grid = canvas(1, 2, 0.9 + 0.28 * len(frame), sharey=True)
-    at, names = np.arange(len(frame)), named_ticks([axis_label(name) for name in frame.axis])
-    grid[0][0].barh(at, frame.first_order, 0.6, color=PALETTE[0])
-    grid[0][0].set(yticks=names, xlabel="part of the variance (-)", xlim=(0.0, None))
-    ax = grid[0][1]
-    ax.hlines(at, frame.low, frame.high, color=PALETTE[0], lw=2.0)
-    ax.plot(frame.rank_correlation, at, ls="none", marker="o", ms=4, color=PALETTE[0])
-    ax.axvline(0.0, color=GREY, lw=1.0)
-    ax.set(yticks=names, xlabel="rank correlation (-)", xlim=(-1.0, 1.0))
+    shares, correlations = grid[0]
+    heights = np.arange(len(frame))
+    ticks = named_ticks([axis_label(name) for name in frame.axis])
+    shares.barh(heights, frame.first_order, 0.6, color=PALETTE[0])
+    shares.set(yticks=ticks, xlabel="part of the variance (-)", xlim=(0.0, None))
+    correlations.hlines(heights, frame.low, frame.high, color=PALETTE[0], lw=2.0)
+    correlations.plot(frame.rank_correlation, heights, ls="none", marker="o", ms=4, color=PALETTE[0])
+    correlations.axvline(0.0, color=GREY, lw=1.0)
+    correlations.set(yticks=ticks, xlabel="rank correlation (-)", xlim=(-1.0, 1.0))
     return figure
 
 
@@ -47,18 +48,14 @@ def swings(tables: Tables, requirement: str) -> Figure:
     """
     frame = METRICS["swings"](tables)
     frame = frame[frame.requirement == requirement]
-    unit, factor = people_of(tables, errors_of(tables, designs(tables))[requirement])
-    groups = dict(list(frame.groupby("axis", sort=False)))
-    order = sorted(groups, key=lambda name: groups[name].error_si.max() / groups[name].error_si.min())
+    column = errors_of(tables, designs(tables))[requirement]
+    unit, factor = people_of(tables, column)
+    swing = frame.groupby("axis").error_si.agg(lambda errors: errors.max() / errors.min())
+    order = sorted(dict.fromkeys(frame.axis), key=swing.get)
     figure, ax = panel(0.9 + 0.32 * len(order))
-    for at, name in enumerate(order):
-        rows = groups[name].sort_values("error_si", kind="stable")
-        error = rows.error_si.to_numpy() * factor
-        ax.boxes(error[0], error[-1], at - 0.3, at + 0.3, color=PALETTE[0], alpha=0.35)
-        ax.hlines([at] * len(rows), rows.low_si * factor, rows.high_si * factor, color=PALETTE[0], lw=2.0)
-        ax.plot(error, [at] * len(rows), ls="none", marker="o", ms=4, color=PALETTE[0])
-        low, high = (value_of(tables, row) for row in rows.iloc[[0, -1]].itertuples())
-        ax.text(np.nanmax([*error, *rows.high_si * factor]), at, f"  {low} … {high}", ha="left")
+    for height, name in enumerate(order):
+        rows = frame[frame.axis == name].sort_values("error_si", kind="stable")
+        _draw_swing(ax, tables, rows, height, factor)
     ax.axvline(float(frame.mean_si.iloc[0]) * factor, color="black", lw=1.0)
     limit = limit_of(tables, requirement) * factor
     if np.isfinite(limit):
@@ -67,9 +64,30 @@ def swings(tables: Tables, requirement: str) -> Figure:
     scale_up(ax, "x", errors)
     if ax.axes.get("xscale") != "log":
         ax.set(xlim=(0.0, _ROOM * errors.max()))
-    ax.set(yticks=named_ticks([axis_label(name) for name in order]), ylim=(-0.6, len(order) - 0.4), margin=_ROOM - 1.0)
-    ax.set(xlabel=f"{requirement} ({unit or '-'})")
+    ax.set(
+        xlabel=f"{requirement} ({unit or '-'})",
+        yticks=named_ticks([axis_label(name) for name in order]),
+        ylim=(-0.6, len(order) - 0.4),
+        margin=_ROOM - 1.0,
+    )
     return figure
+
+
+def _draw_swing(ax: Panel, tables: Tables, rows: pd.DataFrame, height: int, factor: float) -> None:
+    """Draw the errors of one axis as a bar with dots and intervals, and write the levels at its ends.
+
+    rows : rows of the metric `swings` for one axis, smallest error first
+    factor : from SI to the unit of the figure
+    """
+    error = rows.error_si.to_numpy() * factor
+    high = rows.high_si * factor
+    heights = [height] * len(rows)
+    ax.boxes(error[0], error[-1], height - 0.3, height + 0.3, color=PALETTE[0], alpha=0.35)
+    ax.hlines(heights, rows.low_si * factor, high, color=PALETTE[0], lw=2.0)
+    ax.plot(error, heights, ls="none", marker="o", ms=4, color=PALETTE[0])
+    first_level, last_level = (value_of(tables, row) for row in rows.iloc[[0, -1]].itertuples())
+    right_end = np.nanmax([*error, *high])
+    ax.text(right_end, height, f"  {first_level} … {last_level}", ha="left")
 
 
 @drawing
@@ -79,61 +97,78 @@ def regions(tables: Tables) -> Figure:
     frame = frame[frame.requirement == ALL]
     names = list(dict.fromkeys(frame.axis))
     columns = min(_ACROSS, max(1, len(names)))
-    figure, grid = canvas(-(-len(names) // columns), columns, 2.0, sharey=True)
+    n_rows = -(-len(names) // columns)
+    figure, grid = canvas(n_rows, columns, 2.0, sharey=True)
     for number, name in enumerate(names):
-        ax, rows = grid[number // columns][number % columns], frame[frame.axis == name]
+        ax = grid[number // columns][number % columns]
+        rows = frame[frame.axis == name]
         if rows.level.astype(bool).any():
-            at = np.arange(len(rows), dtype=float)
+            places = np.arange(len(rows), dtype=float)
             ax.set(xticks=named_ticks(list(rows.level)), xlabel=axis_label(name), margin=0.3)
         else:
-            unit, factor = people_of(tables, name)
-            positive = bool((rows.low > 0.0).all()) and rows.high.max() > 20.0 * rows.low.min()
-            at = np.sqrt(rows.low * rows.high) * factor if positive else 0.5 * (rows.low + rows.high) * factor
-            label = f"{axis_label(name)} ({unit})" if unit else axis_label(name)
-            ax.set(xlabel=label, **({"xscale": "log"} if positive else {}))
-        ax.vlines(at, rows.share_low, rows.share_high, color=PALETTE[0], lw=2.0)
-        ax.plot(at, rows.share, ls="none", marker="o", ms=4, color=PALETTE[0])
+            places = _region_centres(ax, tables, rows, name)
+        ax.vlines(places, rows.share_low, rows.share_high, color=PALETTE[0], lw=2.0)
+        ax.plot(places, rows.share, ls="none", marker="o", ms=4, color=PALETTE[0])
         ax.set(ylim=(-_BEYOND, 1.0 + _BEYOND), yticks=_SHARES)
         if number % columns == 0:
             ax.set(ylabel="share that meets all (-)")
     return figure
 
 
+def _region_centres(ax: Panel, tables: Tables, rows: pd.DataFrame, name: str) -> pd.Series:
+    """Return the centres of the parts of a numeric axis in display units, and set the scale and label of its panel."""
+    unit, factor = people_of(tables, name)
+    ax.set(xlabel=f"{axis_label(name)} ({unit})" if unit else axis_label(name))
+    is_positive = bool((rows.low > 0.0).all())
+    if is_positive and rows.high.max() > 20.0 * rows.low.min():
+        ax.set(xscale="log")
+        return np.sqrt(rows.low * rows.high) * factor
+    return 0.5 * (rows.low + rows.high) * factor
+
+
 def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
     """Draw every requirement's ratio of error to limit along a field, by case and by filter; dots are the solutions."""
     figure, ax = panel(3.2)
     groups = scanned.groupby(["case", "tuning", "requirement"], sort=False)
-    for number, ((case, way, requirement), rows) in enumerate(groups):
-        label = ", ".join(label_item for label_item in (str(case), str(way), str(requirement)) if label_item != "base")
-        ax.plot(rows.value, rows.ratio, label=label, **line_of(number))
+    for number, (names, rows) in enumerate(groups):
+        ax.plot(rows.value, rows.ratio, label=_label_without_base(names), **line_of(number))
     ax.plot(answers.answer, np.ones(len(answers)), ls="none", marker="o", color="black", ms=4)
     ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
     scale_up(ax, "x", scanned.value, from_zero=False)
     scale_up(ax, "y", scanned.ratio)
-    ax.set(xlabel=f"{name} ({scanned.unit.iloc[0] or '-'})", ylabel="error over its limit (-)")
+    unit = scanned.unit.iloc[0] or "-"
+    ax.set(xlabel=f"{name} ({unit})", ylabel="error over its limit (-)")
     return figure
+
+
+def _label_without_base(names: Sequence[str]) -> str:
+    """Return the names of case, tuning and requirement as a label; "base" is not written."""
+    return ", ".join(str(name) for name in names if str(name) != "base")
 
 
 def boundary(answers: pd.DataFrame, names: Sequence[str]) -> Figure:
     """Draw the largest value of the first field along the second: below a curve the requirements are met."""
     figure, ax = panel(3.2)
-    for number, ((case, way), rows) in enumerate(answers.groupby(["case", "tuning"], sort=False)):
-        label = ", ".join(label_item for label_item in (str(case), str(way)) if label_item != "base")
+    groups = answers.groupby(["case", "tuning"], sort=False)
+    for number, (case_and_tuning, rows) in enumerate(groups):
+        label = _label_without_base(case_and_tuning)
         ax.plot(rows.along, rows.answer, marker="o", ms=3, label=label, **line_of(number))
     scale_up(ax, "x", answers.along, from_zero=False)
     scale_up(ax, "y", answers.answer)
-    first, second = answers.unit.iloc[0] or "-", answers.along_unit.iloc[0] or "-"
-    ax.set(xlabel=f"{names[1]} ({second})", ylabel=f"{names[0]} ({first})")
+    unit = answers.unit.iloc[0] or "-"
+    along_unit = answers.along_unit.iloc[0] or "-"
+    ax.set(xlabel=f"{names[1]} ({along_unit})", ylabel=f"{names[0]} ({unit})")
     return figure
 
 
 def indices(frame: pd.DataFrame) -> Figure:
     """Draw first-order and total indices of every source, frozen and re-tuned."""
     figure, grid = canvas(1, 2, 0.9 + 0.26 * len(frame), sharey=True)
-    at = np.arange(len(frame))[::-1]
-    for ax, way in zip(grid[0], ("frozen", "retuned"), strict=True):
-        for shift, order, number in ((0.2, "first", 0), (-0.2, "total", 1)):
+    heights = np.arange(len(frame))[::-1]
+    ticks = named_ticks(list(frame.source)[::-1])
+    for ax, gains in zip(grid[0], ("frozen", "retuned"), strict=True):
+        for offset, order, number in ((0.2, "first", 0), (-0.2, "total", 1)):
             colour = line_of(number)["color"]
-            ax.barh(at + shift, frame[f"{way}_{order}"], 0.36, color=colour, label=order)
-        ax.set(yticks=named_ticks(list(frame.source)[::-1]), xlabel=f"index, {way.replace('retuned', 're-tuned')} (-)")
+            ax.barh(heights + offset, frame[f"{gains}_{order}"], 0.36, color=colour, label=order)
+        ax.set(yticks=ticks, xlabel=f"index, {gains.replace('retuned', 're-tuned')} (-)")
     return figure

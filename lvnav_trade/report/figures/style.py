@@ -16,30 +16,31 @@ from lvnav_trade.results.tables.read import Tables, load
 # All figures by name, registered by `drawing`
 PLOTS: dict[str, Callable[..., Any]] = {}
 _Options = ParamSpec("_Options")
-_Drawn = TypeVar("_Drawn")
+_FigureT = TypeVar("_FigureT")
 # Colours of Okabe and Ito, strongest contrasts first. Each has its own dashes for grey prints; further cases combine
 # colours and dashes in another order.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (7, 2.5)), (0, (3, 1.2)))
 MARKERS = "os^Dv<>p"
 _DEEPEST = 1e6  # largest range of a logarithmic axis
-_PAUSE = 5.0  # number of usual steps without a row that makes a gap
+_PAUSE = 5.0  # number of usual steps without data that makes a gap
+_LOGARITHMIC = 30  # ratio of the largest to the smallest value from which an axis is logarithmic
 
 
 def drawing(
-    plot: Callable[Concatenate[Tables, _Options], _Drawn],
-) -> Callable[Concatenate[Path | str | Tables, _Options], _Drawn]:
+    plot: Callable[Concatenate[Tables, _Options], _FigureT],
+) -> Callable[Concatenate[Path | str | Tables, _Options], _FigureT]:
     """Register a figure in `PLOTS`; its function then accepts a folder of results too, and widens hidden lines."""
 
     @wraps(plot)
-    def drawn(results: Path | str | Tables, /, *args: _Options.args, **kwargs: _Options.kwargs) -> _Drawn:
+    def draw(results: Path | str | Tables, /, *args: _Options.args, **kwargs: _Options.kwargs) -> _FigureT:
         figure = plot(load(results), *args, **kwargs)
         if isinstance(figure, Figure):
             widen_covered(figure)
         return figure
 
-    PLOTS[plot.__name__] = drawn
-    return drawn
+    PLOTS[plot.__name__] = draw
+    return draw
 
 
 def line_of(number: int) -> dict[str, Any]:
@@ -73,18 +74,25 @@ def message(text: str, xlabel: str, ylabel: str) -> Figure:
 def with_gaps(rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows over time (t_s) with an empty row in every pause, so that lines are interrupted there."""
     step = rows.t_s.diff()
-    pauses = rows[step > _PAUSE * step.median()]
-    empty = pd.DataFrame(np.nan, index=pauses.index, columns=rows.columns.difference(["case"]))
-    empty["t_s"] = pauses.t_s - 1e-3 * step.median()
-    return pd.concat([rows, empty]).sort_values("t_s", kind="stable") if len(pauses) else rows
+    usual_step = step.median()
+    pauses = rows[step > _PAUSE * usual_step]
+    if not len(pauses):
+        return rows
+    columns = rows.columns.difference(["case"])
+    empty = pd.DataFrame(np.nan, index=pauses.index, columns=columns)
+    empty["t_s"] = pauses.t_s - 1e-3 * usual_step
+    return pd.concat([rows, empty]).sort_values("t_s", kind="stable")
 
 
 def scale_up(ax: Panel, side: str, values: Iterable[float], from_zero: bool = True) -> None:
     """Make an axis ("x" or "y") logarithmic if its values span a factor of 30, otherwise begin it at zero."""
     positive = [float(value) for value in values if 0.0 < value < np.inf]
+    is_logarithmic = False
     if positive:
-        ax.spans[side] = min(positive), max(positive)
-    if positive and max(positive) > 30 * min(positive):
+        low, high = min(positive), max(positive)
+        ax.spans[side] = low, high
+        is_logarithmic = high > _LOGARITHMIC * low
+    if is_logarithmic:
         ax.set(**{f"{side}scale": "log"})
     elif from_zero:
         ax.set(**{f"{side}lim": 0.0})
@@ -97,16 +105,25 @@ def share_scales(figures: Iterable[Figure]) -> None:
     not chosen by `scale_up` are unchanged.
     """
     panels = [ax for figure in figures for ax in figure.panels if "y" in ax.spans]
+    spans = _label_spans(panels)
+    # Labels are read before any scale changes, because the label of a logarithmic axis names its scale
+    panel_spans = [spans[ax.label("y")] for ax in panels]
+    is_logarithmic = any(high > _LOGARITHMIC * low for low, high in spans.values())
+    for ax, (low, high) in zip(panels, panel_spans, strict=True):
+        if is_logarithmic:
+            low = max(low, high / _DEEPEST)
+            margin_factor = (high / low) ** 0.05 if high > low else 1.5
+            ax.set(yscale="log", ylim=(low / margin_factor, high * margin_factor))
+        else:
+            ax.set(yscale="linear", ylim=(0.0, 1.05 * high))
+
+
+def _label_spans(panels: Iterable[Panel]) -> dict[str, tuple[float, float]]:
+    """Return the smallest and the largest ordinate of all panels with the same label, by label."""
     spans: dict[str, tuple[float, float]] = {}
     for ax in panels:
+        label = ax.label("y")
         low, high = ax.spans["y"]
-        least, most = spans.get(ax.label("y"), (np.inf, 0.0))
-        spans[ax.label("y")] = min(low, least), max(high, most)
-    by_panel = {id(ax): spans[ax.label("y")] for ax in panels}  # before labels change with the scale
-    logarithmic = any(high > 30 * low for low, high in spans.values())
-    for ax in panels:
-        low, high = by_panel[id(ax)]
-        low = max(low, high / _DEEPEST)
-        room = (high / low) ** 0.05 if high > low else 1.5
-        limits = (low / room, high * room) if logarithmic else (0.0, 1.05 * high)
-        ax.set(yscale="log" if logarithmic else "linear", ylim=limits)
+        least, most = spans.get(label, (np.inf, 0.0))
+        spans[label] = min(low, least), max(high, most)
+    return spans

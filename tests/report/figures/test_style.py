@@ -27,11 +27,11 @@ def test_close_events_share_a_label_and_none_is_lost():
 
 
 def test_a_legend_has_no_more_columns_than_the_page_has_room_for():
-    assert raster._fitting(["one", "two", "three", "four", "five"], 4) == 4
-    assert raster._fitting(["one", "two"], 4) == 2
-    assert raster._fitting(["accelerometer rate random walk"] * 8, 4) == 3
-    assert raster._fitting(["a label of a case that takes more than half of the width of a page"] * 2, 2) == 1
-    assert raster._fitting([], 4) == 1
+    assert raster._column_count(["one", "two", "three", "four", "five"], 4) == 4
+    assert raster._column_count(["one", "two"], 4) == 2
+    assert raster._column_count(["accelerometer rate random walk"] * 8, 4) == 3
+    assert raster._column_count(["a label of a case that takes more than half of the width of a page"] * 2, 2) == 1
+    assert raster._column_count([], 4) == 1
 
 
 def test_a_line_ends_where_rows_pause_and_begins_again():
