@@ -14,26 +14,36 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | Non
     rows : cells of each row; floats are printed with four significant digits
     width : largest width of the table in characters, to which the last column is wrapped; None: no limit
     """
-    lines = [list(header), *([_cell(value) for value in row] for row in rows)]
-    columns = max(len(line) for line in lines)
-    lines = [line + [""] * (columns - len(line)) for line in lines]
+    lines = [list(header)]
+    for row in rows:
+        lines.append([_cell(value) for value in row])
+    n_columns = max(map(len, lines))
+    for line in lines:
+        line.extend([""] * (n_columns - len(line)))
     if width is not None:
-        lines = [part for line in lines for part in _wrapped(line, _room(lines, width))]
-    widths = [max(len(line[index]) for line in lines) for index in range(columns)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-    )
+        lines = _wrap_last_column(lines, width)
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(_aligned(line, widths) for line in lines)
 
 
-def _room(lines: Sequence[Sequence[str]], width: int) -> int:
-    """Return the width of the last column (characters) in a table of a total width."""
-    others = sum(max(len(cell) for cell in column) + 2 for column in list(zip(*lines, strict=True))[:-1])
-    return max(width - others, _NARROWEST)
+def _aligned(line: Sequence[str], widths: Sequence[int]) -> str:
+    cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=True)]
+    return "  ".join(cells).rstrip()
 
 
-def _wrapped(line: Sequence[str], room: int) -> list[list[str]]:
-    parts = wrap(line[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
-    return [[*line[:-1], parts[0]], *([""] * (len(line) - 1) + [part] for part in parts[1:])]
+def _wrap_last_column(lines: Sequence[list[str]], width: int) -> list[list[str]]:
+    """Return a table whose last column is wrapped so that a line has at most `width` characters, where possible."""
+    *first_columns, _ = zip(*lines, strict=True)
+    occupied = sum(max(map(len, column)) + 2 for column in first_columns)
+    room = max(width - occupied, _NARROWEST)
+    wrapped = []
+    for line in lines:
+        first_piece, *further_pieces = wrap(line[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
+        wrapped.append([*line[:-1], first_piece])
+        blank_cells = [""] * (len(line) - 1)
+        for piece in further_pieces:
+            wrapped.append([*blank_cells, piece])
+    return wrapped
 
 
 def _cell(value: Any) -> str:

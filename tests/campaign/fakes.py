@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.campaign.running.execute import Store
+from lvnav_trade.campaign.running.conduct import Store
 from lvnav_trade.campaign.running.work import Engine
 from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.errors import InputError

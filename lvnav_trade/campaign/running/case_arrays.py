@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 
 # Quantities whose covariance is stored at events
-_KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
+_STORED_COVARIANCES = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
 
 
 class CaseArrays(CaseResults):
@@ -45,7 +45,8 @@ class CaseArrays(CaseResults):
 
     def output(self, quantity: str, axis: str) -> Output | None:
         """Return the output (name, axis, units) of an error; None if the case does not have it."""
-        return next((output for output in self._columns if (output.quantity, output.axis) == (quantity, axis)), None)
+        column = self._column(quantity, axis)
+        return None if column is None else self._columns[column]
 
     def axes(self, quantity: str) -> list[str]:
         """Return the axes of a quantity."""
@@ -54,7 +55,8 @@ class CaseArrays(CaseResults):
     def events(self) -> dict[str, float]:
         """Return the times (s) of the events."""
         events = self.prepared.trajectory.events
-        return {name: float(events[name]) for name in sorted(events, key=lambda name: (events[name], name))}
+        in_order = sorted(events, key=lambda name: (events[name], name))
+        return {name: float(events[name]) for name in in_order}
 
     def phase(self, text: str) -> tuple[float, float]:
         """Return the first and last time (s) of a phase."""
@@ -63,19 +65,22 @@ class CaseArrays(CaseResults):
 
     def failed(self, event: str) -> Bools:
         """Return whether each run failed (n_run,); empty if the runs have no such event."""
-        is_known = self.summary is not None and event in self.summary.events
-        return self.failed_runs() if is_known else np.zeros(0, dtype=bool)
+        if self.summary is None or event not in self.summary.events:
+            return np.zeros(0, dtype=bool)
+        return self.failed_runs()
 
     def failed_runs(self) -> Bools:
         """Return whether each run failed (n_run,)."""
-        return np.zeros(0, dtype=bool) if self.summary is None else self.summary.failed != 0
+        if self.summary is None:
+            return np.zeros(0, dtype=bool)
+        return self.summary.failed != 0
 
     def errors(self, event: str, quantity: str) -> Floats:
         """Return the errors (n_run, n_axis) at an event, SI, reporting axes."""
-        at = self._axes_of(quantity)
+        components = self._components(quantity)
         if self.summary is None or event not in self.summary.events:
-            return np.empty((0, len(at)))
-        return self.summary.event_error[:, self.summary.events.index(event), at]
+            return np.empty((0, len(components)))
+        return self.summary.event_error[:, self.summary.events.index(event), components]
 
     def sizes(self, event: str, quantity: str, axis: str) -> Floats:
         """Return |error| (n_run,) at an event, SI; infinite for runs that failed."""
@@ -90,55 +95,70 @@ class CaseArrays(CaseResults):
         column = self._column(quantity, axis)
         if self.summary is None or column is None:
             return np.empty(0)
-        spans = [
-            start >= first - SAME_TIME and end <= last + SAME_TIME for start, end in pairwise(self.summary.t_bound)
-        ]
-        if not any(spans):
+        earliest, latest = first - SAME_TIME, last + SAME_TIME
+        is_within = [start >= earliest and end <= latest for start, end in pairwise(self.summary.t_bound)]
+        if not any(is_within):
             return np.empty(0)
-        return finite_sizes(self.summary.worst[:, spans, column], self.failed_runs()[:, None]).max(axis=1)
+        largest_by_interval = self.summary.worst[:, is_within, column]
+        return finite_sizes(largest_by_interval, self.failed_runs()[:, None]).max(axis=1)
 
     def history(self, quantity: str, axis: str) -> History:
         """Return true sigma and mean of an error over the flight, by linear covariance."""
         column = self._column(quantity, axis)
         if column is None:
             return History(np.empty(0), np.empty(0), np.empty(0))
-        true, mean = (
-            add_norms(values, self.prepared.outputs)[:, column]
-            for values in (self.covariance.true_sigma, self.covariance.mean)
-        )
-        return History(self.covariance.t, true, mean)
+        outputs = self.prepared.outputs
+        true_sigma = add_norms(self.covariance.true_sigma, outputs)
+        mean = add_norms(self.covariance.mean, outputs)
+        return History(self.covariance.t, true_sigma[:, column], mean[:, column])
 
     def gaussian(self, event: str, quantity: str, axis: str) -> Gaussian | None:
         """Return the Gaussian distribution of an error at an event by linear covariance, without its error budget."""
-        at, axes = self._place(event, quantity), self.axes(quantity)
-        chosen = range(len(axes)) if axis == "3d" else [k for k, name in enumerate(axes) if name == axis]
-        if at is None or not len(chosen):
+        epoch = self._event_index(event, quantity)
+        axes = self.axes(quantity)
+        selected = [k for k, name in enumerate(axes) if axis in ("3d", name)]
+        if epoch is None or not selected:
             return None
-        whole, index = self._axes_of(quantity), list(chosen)
-        covariance = symmetric(self.covariance.true_cov[at][np.ix_(whole, whole)])
-        return Gaussian(self.covariance.mean[at, whole][index], covariance[np.ix_(index, index)], {})
+        components = self._components(quantity)
+        mean = self.covariance.mean[epoch, components]
+        covariance = symmetric(self.covariance.true_cov[epoch][np.ix_(components, components)])
+        return Gaussian(mean[selected], covariance[np.ix_(selected, selected)], {})
 
     def formal(self, event: str, quantity: str) -> Floats | None:
         """Return the formal covariance (3, 3) of the filter at an event, SI, reporting axes."""
-        at, whole = self._place(event, quantity), self._axes_of(quantity)
-        return None if at is None else symmetric(self.covariance.formal_cov[at][np.ix_(whole, whole)])
+        epoch = self._event_index(event, quantity)
+        if epoch is None:
+            return None
+        components = self._components(quantity)
+        return symmetric(self.covariance.formal_cov[epoch][np.ix_(components, components)])
 
     def state(self, event: str) -> State | None:
         """Return the true state at an event."""
-        return next((state for state in self._states[0] if state.event == event and event), None)
+        if not event:
+            return None
+        states, _ = self._states
+        return next((state for state in states if state.event == event), None)
 
     def joint(self, event: str) -> ErrorGaussian:
         """Return the joint distribution of velocity and position at an event, by linear covariance."""
-        states, laws = self._states
-        return laws[[state.event for state in states].index(event)]
+        states, distributions = self._states
+        names = [state.event for state in states]
+        return distributions[names.index(event)]
 
     def injections(self, quantity: str) -> Injections | None:
         """Return one element of the orbits that guided runs achieve; None without guided runs."""
         if self.summary is None or not len(self.summary.injections):
             return None
-        rows, at, n = self.summary.injections, 3 + ORBIT.index(quantity), len(ORBIT)
-        outcome = np.array(OUTCOMES)[rows[:, 0].astype(int)]
-        return Injections(outcome, *rows[:, :3].T[1:], *(rows[:, at + part * n] for part in range(2)))
+        # Columns: outcome, cut-off time, propellant, errors of all elements, navigation errors of all elements
+        rows = self.summary.injections
+        error_column = 3 + ORBIT.index(quantity)
+        return Injections(
+            outcome=np.array(OUTCOMES)[rows[:, 0].astype(int)],
+            t=rows[:, 1],
+            left=rows[:, 2],
+            error=rows[:, error_column],
+            knowledge=rows[:, error_column + len(ORBIT)],
+        )
 
     def injection_law(self) -> InjectionLaw | None:
         """Return the distribution of the injection of a guided ascent by linear covariance."""
@@ -150,12 +170,13 @@ class CaseArrays(CaseResults):
 
     def largest_tilt(self) -> tuple[float, float]:
         """Return the largest attitude sigma (rad) of any axis at or before lift-off, and its time (s)."""
-        early = self.covariance.t <= SAME_TIME
-        sigma = self.covariance.true_sigma[early][:, self._axes_of("attitude")]
+        before_liftoff = self.covariance.t <= SAME_TIME
+        sigma = self.covariance.true_sigma[before_liftoff][:, self._components("attitude")]
         if not sigma.size:
             return 0.0, 0.0
+        # Transposed, so that of equal sigmas on several axes the first axis gives the time
         k = int(np.argmax(sigma.T)) % len(sigma)
-        return float(sigma.max()), float(self.covariance.t[early][k])
+        return float(sigma.max()), float(self.covariance.t[before_liftoff][k])
 
     @cached_property
     def _states(self) -> tuple[list[State], list[ErrorGaussian]]:
@@ -171,23 +192,28 @@ class CaseArrays(CaseResults):
         rows, joint = stored["states"], stored["joint_covariances"]
         if not rows:
             return [], []
-        turns = frames.matrices(np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1))
-        r_i, v_i = (
-            np.stack([rows[f"{name}_{axis}_{unit}"] for axis in "xyz"], axis=1)
-            for name, unit in (("position", "m"), ("velocity", "m_per_s"))
-        )
-        parts = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], turns, strict=True)
-        return [State(*part) for part in parts], laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+        quaternions = np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1)
+        turns = frames.matrices(quaternions)
+        r_i = np.stack([rows[f"position_{axis}_m"] for axis in "xyz"], axis=1)
+        v_i = np.stack([rows[f"velocity_{axis}_m_per_s"] for axis in "xyz"], axis=1)
+        fields = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], turns, strict=True)
+        states = [State(*values) for values in fields]
+        return states, laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
 
     def _column(self, quantity: str, axis: str) -> int | None:
-        columns = enumerate(self._columns)
-        return next((k for k, output in columns if (output.quantity, output.axis) == (quantity, axis)), None)
+        """Return the column of an error in arrays with norms; None if the case does not have it."""
+        for k, output in enumerate(self._columns):
+            if (output.quantity, output.axis) == (quantity, axis):
+                return k
+        return None
 
-    def _axes_of(self, quantity: str) -> list[int]:
+    def _components(self, quantity: str) -> list[int]:
+        """Return the indices of a quantity's components in the outputs."""
         return [k for k, output in enumerate(self.prepared.outputs) if output.quantity == quantity]
 
-    def _place(self, event: str, quantity: str) -> int | None:
+    def _event_index(self, event: str, quantity: str) -> int | None:
         """Return the index of an event in the history; None for a quantity whose covariance is not stored."""
         t = self.prepared.trajectory.events.get(event)
-        kept = quantity in _KEPT and len(self._axes_of(quantity)) == 3
-        return int(np.argmin(np.abs(self.covariance.t - t))) if kept and t is not None else None
+        if t is None or quantity not in _STORED_COVARIANCES or len(self._components(quantity)) != 3:
+            return None
+        return int(np.argmin(np.abs(self.covariance.t - t)))

@@ -44,23 +44,23 @@ def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
     InputError
         A trajectory is invalid, or a fault or requirement does not fit its trajectory.
     """
-    distinct: dict[str, Case] = {}
+    by_trajectory: dict[str, Case] = {}
     for case in distinct_cases:
-        distinct.setdefault(_flight_of(case), case)
-    results = each(jobs, work.trajectory_summary, [(engine, case) for case in distinct.values()], ordered=True)
-    flown = dict(zip(distinct, results, strict=True))
-    errors = [
-        record
-        for key, case in distinct.items()
-        if isinstance(flown[key], InputError)
-        for record in flights.located(campaign, case, flown[key].records)
-    ]
+        by_trajectory.setdefault(_trajectory_text(case), case)
+    items = [(engine, case) for case in by_trajectory.values()]
+    results = each(jobs, work.trajectory_summary, items, ordered=True)
+    summaries = dict(zip(by_trajectory, results, strict=True))
+    errors = []
+    for text, case in by_trajectory.items():
+        if isinstance(summaries[text], InputError):
+            errors += flights.located(campaign, case, summaries[text].records)
     refuse_all(list(dict.fromkeys(errors)))  # cases that differ in their IMU alone have the same errors
-    times = {case.id: flown[_flight_of(case)].events for case in distinct_cases}
-    refuse_all([*flights.mistakes(campaign, distinct_cases, times), *Effects(campaign, distinct_cases).mistakes({})])
-    return TrajectoryCheck(
-        times, flights.remarks(distinct_cases, [remark for flight in flown.values() for remark in flight.remarks])
-    )
+    times = {case.id: summaries[_trajectory_text(case)].events for case in distinct_cases}
+    misfits = [*flights.mistakes(campaign, distinct_cases, times)]
+    misfits += Effects(campaign, distinct_cases).mistakes({})
+    refuse_all(misfits)
+    remarks = [remark for summary in summaries.values() for remark in summary.remarks]
+    return TrajectoryCheck(times, flights.remarks(distinct_cases, remarks))
 
 
 def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine) -> None:
@@ -69,18 +69,21 @@ def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
     Cases are prepared one after the other until every setting has been read in at least one of them.
     """
     effects = Effects(campaign, distinct_cases)
-    known: dict[str, EffectiveSettings | None] = {}
-    while (case := effects.next(known)) is not None:
+    effective_settings: dict[str, EffectiveSettings | None] = {}
+    case = effects.next(effective_settings)
+    while case is not None:
         try:
-            _, known[case.id] = work.prepared_with(engine, case, campaign.keep.history)
+            _, effective_settings[case.id] = work.prepared_with(engine, case, campaign.keep.history)
         except InputError as error:
             raise InputError(records=flights.located(campaign, case, error.records)) from None
-    refuse_all(effects.mistakes(known))
+        case = effects.next(effective_settings)
+    refuse_all(effects.mistakes(effective_settings))
 
 
-def _flight_of(case: Case) -> str:
+def _trajectory_text(case: Case) -> str:
     """Return the settings on which the events and the validity of a case's trajectory depend, as text."""
     scenario = case.scenario
-    # the residual of a tabulated trajectory is compared with the noise of the IMU
-    checked_against = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""
-    return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + checked_against
+    text = scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json()
+    if scenario.trajectory.kind == "table":  # its residual is compared with the noise of the IMU
+        text += scenario.imu.model_dump_json()
+    return text

@@ -1,60 +1,82 @@
-"""How a campaign is run, and how much of it; a case without runs as one work item."""
+"""Options and outcome of a run of a campaign, and the work items of its first stage."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
 from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.results.tables import scratch
+from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.write import open_results
+from lvnav_trade.simulation import statistics
 
 Mode = Literal["resume", "fresh"]
 OnAnswers = Callable[[Sequence[work.CovarianceResult], Sequence[Case]], None]
 
 
 class DesignStage(Protocol):
-    """Many designs, of which a few are analysed whole; see `campaign.space.stage`."""
+    """Many designs, of which a few are analysed completely; see `campaign.space.stage`."""
 
     @property
     def parts(self) -> int:
         """Number of work items."""
 
     def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]], parts: Sequence[int] | None = None) -> None:
-        """Evaluate every design, or those of some parts, and store what is found."""
+        """Evaluate every design, or the designs of some parts, and store the results."""
 
     def finish(self, job: work.Job) -> Any:
-        """Store the table of all designs; return the cases that are analysed whole, and what the manifest says."""
+        """Store the table of all designs; return the cases to analyse completely, and a remark for the manifest."""
 
     def names(self, folder: Path) -> list[str]:
-        """Return the names that parts of the designs are left under in a folder of scratch files."""
+        """Return the names of the scratch files of the parts in a folder."""
+
+
+class Store(NamedTuple):
+    """Functions that store results; tests replace them."""
+
+    open_results: Callable[..., Any]  # (folder, campaign name, resolved campaign, manifest, mode): writer
+    check_folder: Callable[[Path], object]  # refuses a folder with files that are not the tool's
+
+
+STORE = Store(open_results, partial(owned, kind="results"))
 
 
 class Conduct(NamedTuple):
     """How a campaign is run."""
 
     jobs: int = -1
-    """Worker processes; -1 all cores; 1 works in this process."""
+    """Worker processes; -1: one for each core; 1: everything in this process."""
     mode: Mode = "resume"
-    """Resume what the folder holds of the same campaign, or begin afresh."""
+    """Resume the stored results of the same campaign, or start again."""
     fail_fast: bool = False
     """Stop at the first failed run."""
     progress: Progress | None = None
-    """What shows the progress; none if absent."""
+    """Display of the progress; None: no display."""
     on_answers: OnAnswers | None = None
-    """Called with linear covariance's answers as soon as they are there."""
+    """Called with the results of linear covariance as soon as they are complete."""
 
 
 class Scope(NamedTuple):
-    """What of a campaign is computed, where that is not simply all of it."""
+    """Part of a campaign to compute; the defaults are the whole campaign."""
 
     shard: Shard | None = None
-    """Only its share of blocks is flown and left in the folder, without tables, for a campaign with `shards`."""
+    """Only its share of the blocks is computed and stored, without tables, for a campaign with `shards`."""
     shards: Sequence[Path] = ()
-    """Folders of shards, whose blocks are taken before anything is computed."""
+    """Folders of shards, whose blocks are copied before anything is computed."""
     space: DesignStage | None = None
-    """The designs of a campaign that stores metrics; those that it chooses are then computed whole."""
+    """Designs of a campaign that stores metrics; the chosen designs are then analysed completely."""
+
+
+class CampaignOutcome(NamedTuple):
+    """Outcome of a campaign."""
+
+    answers: tuple[work.CovarianceResult, ...]  # results of linear covariance
+    failures: tuple[str, ...]  # failed runs and lost work items, one line each
 
 
 class Finished(NamedTuple):
@@ -64,23 +86,47 @@ class Finished(NamedTuple):
     tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
 
 
+def answer_or_ahead(
+    job: work.Job, case: Case, ahead: Callable[[work.Job, Case], Any] | None
+) -> work.CovarianceResult | None:
+    """Return the result of a case, or None after `ahead`, such as compiling; the case's own stage reports failures."""
+    if ahead is None:
+        return work.answer(job, case)
+    try:
+        ahead(job, case)
+    except Exception as error:
+        raise_if_interrupted(error)
+    return None
+
+
+def compile_kernels(job: work.Job, case: Case) -> None:
+    """Compile the kernels of a case's backward pass and of its runs."""
+    job.engine.compile_kernels(work.prepared_of(job, case), job.request)
+
+
+def compile_sums(_job: work.Job, _case: Case) -> None:
+    """Compile the statistics of blocks of runs."""
+    statistics.compile_kernels()
+
+
 def analyse_case(job: work.Job, case: Case) -> work.CovarianceResult:
     """Compute linear covariance, diagnostics and tables of a case without runs.
 
-    A finished case whose tables are unchanged is not computed again. If the diagnostics or the tables fail, the case is
-    left to the stages of a campaign with runs, which repeat the failure and report it.
+    A finished case whose tables are unchanged is not computed again. If the diagnostics or the tables fail, the stages
+    of a campaign with runs compute them again and report the failure.
     """
     file, identity = work.diagnostics_file(job, case)
     file = file.with_suffix(".whole")
     if scratch.is_sound(file, Finished, identity):
-        earlier: Finished = scratch.read(file, Finished, identity)
-        if earlier.tables == job.results.sizes(case.id):
-            return earlier.answer
+        stored: Finished = scratch.read(file, Finished, identity)
+        if stored.tables == job.results.sizes(case.id):
+            return stored.answer
     answer = work.answer(job, case, scratch.cache)
     if answer.error or answer.mistakes:
         return answer
-    if work.diagnose(job, case, scratch.cache).error or work.close(job, case, 0).error:
-        return work.answer(job, case)  # again on disk, for the stage that reports the failure
+    has_failed = bool(work.diagnose(job, case, scratch.cache).error or work.close(job, case, 0).error)
+    if has_failed:
+        return work.answer(job, case)  # stored on disk this time, for the stage that reports the failure
     answer = answer._replace(is_whole=True)
     scratch.write(file, Finished(answer, job.results.sizes(case.id)), identity)
     return answer

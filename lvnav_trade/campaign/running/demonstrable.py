@@ -36,13 +36,18 @@ def requirements_beyond_run_count(campaign: Campaign) -> Iterator[Mistake]:
     card = campaign.monte_carlo
     if card is None:
         return
-    tested = [(f"requirements.{k}", r.name, r.probability, r.confidence) for k, r in enumerate(campaign.requirements)]
+    tested = []
+    for k, requirement in enumerate(campaign.requirements):
+        tested.append((f"requirements.{k}", requirement.name, requirement.probability, requirement.confidence))
     if campaign.corridor is not None:
         tested.append(("corridor", "corridor", campaign.corridor.probability, campaign.corridor.confidence))
     for path, name, probability, confidence in tested:
-        fixed, in_order = needed(probability, confidence, card.block)
-        stops = card.stop is not None and path != "corridor"
-        if card.runs < (in_order if stops else fixed):
-            shown = f"{100 * probability:.6g} % at {100 * confidence:.6g} % confidence"
-            more = f"{fixed:,} are needed, {in_order:,} with stop: decided"
-            yield campaign.written.mistake(path, f"{name}: {card.runs:,} runs cannot show {shown}: {more}")
+        fixed_test, sequential_test = needed(probability, confidence, card.block)
+        # The corridor is evaluated after all runs; it does not decide when a case stops.
+        is_sequential = card.stop is not None and path != "corridor"
+        required_runs = sequential_test if is_sequential else fixed_test
+        if card.runs < required_runs:
+            goal = f"{100 * probability:.6g} % at {100 * confidence:.6g} % confidence"
+            runs_needed_text = f"{fixed_test:,} are needed, {sequential_test:,} with stop: decided"
+            message = f"{name}: {card.runs:,} runs cannot show {goal}: {runs_needed_text}"
+            yield campaign.written.mistake(path, message)

@@ -1,13 +1,12 @@
 """Run a campaign: linear covariance of all cases first, then blocks of runs, then the tables."""
 
-import itertools
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -19,7 +18,20 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
-from lvnav_trade.campaign.running.conduct import Conduct, DesignStage, Mode, OnAnswers, Scope, analyse_case
+from lvnav_trade.campaign.running.conduct import (
+    STORE,
+    CampaignOutcome,
+    Conduct,
+    DesignStage,
+    Mode,
+    OnAnswers,
+    Scope,
+    Store,
+    analyse_case,
+    answer_or_ahead,
+    compile_kernels,
+    compile_sums,
+)
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
 from lvnav_trade.campaign.running.progress import Progress
@@ -30,8 +42,6 @@ from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.kernels.cache_folder import is_filled
 from lvnav_trade.quantities.errors import InputError, refuse_all, system_message
 from lvnav_trade.results.tables import scratch
-from lvnav_trade.results.tables.contents import owned
-from lvnav_trade.results.tables.write import open_results
 
 _DEATHS = 3
 COMPILING = (
@@ -44,21 +54,6 @@ class Halted(Exception):
     """The campaign stopped early and can be resumed; the message says why in one line."""
 
 
-class CampaignOutcome(NamedTuple):
-    """What a campaign left: linear covariance's answers, failed units and runs as lines."""
-
-    answers: tuple[work.CovarianceResult, ...]
-    failures: tuple[str, ...]
-
-
-class Store(NamedTuple):
-    """How results are kept; another one takes its place in tests."""
-
-    open_results: Callable[..., Any]
-    check_folder: Callable[[Path], object]
-
-
-STORE = Store(open_results, partial(owned, kind="results"))
 RESUMED, WHOLE = Conduct(), Scope()
 
 
@@ -75,7 +70,7 @@ def run(
     Raises
     ------
     InputError
-        Before anything is computed: the folder holds another campaign or files that are not the tool's, is locked or
+        Before anything is computed: the folder has another campaign or files that are not the tool's, is locked or
         cannot be written, or an event that a fault or requirement names is not in the flight.
     Halted
         Disk full or gone, workers lost again and again, or a failure with `fail_fast`: the same call resumes.
@@ -83,15 +78,15 @@ def run(
         After the workers are gone; the same call resumes.
     """
     jobs = (os.cpu_count() or 1) if conduct.jobs < 1 else conduct.jobs
-    watch = conduct.progress or Progress()
-    conduct = conduct._replace(jobs=jobs, progress=watch)
+    progress = conduct.progress or Progress()
+    conduct = conduct._replace(jobs=jobs, progress=progress)
     try:
-        work_to_do = _Run(campaign, folder, conduct, watch, engine or work.ENGINE, scope)
-        keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
-        with locked(folder):  # a campaign that is refused leaves no folder
+        campaign_run = _Run(campaign, folder, conduct, engine or work.ENGINE, scope)
+        keep.check_folder(folder)  # before a lock is written to a folder that is not the tool's
+        with locked(folder):  # a campaign that is refused creates no folder
             if scope.shard is not None:
-                return work_to_do.share(keep, conduct.mode)
-            return work_to_do.all(keep, conduct.mode, conduct.on_answers, scope.shards)
+                return campaign_run.share(keep, conduct.mode)
+            return campaign_run.all(keep, conduct.mode, conduct.on_answers, scope.shards)
     except KeyboardInterrupt:
         end_workers(jobs)
         raise
@@ -105,24 +100,22 @@ def run(
             raise
         raise Halted(system_message(error, folder)) from None
     finally:
-        watch.close()
+        progress.close()
 
 
 class _Run:
-    def __init__(
-        self,
-        campaign: Campaign,
-        folder: Path,
-        conduct: Conduct,
-        watch: Progress,
-        engine: work.Engine,
-        scope: Scope,
-    ) -> None:
-        self.campaign, self.folder, self.watch = campaign, folder, watch
-        self.jobs, self.fail_fast = conduct.jobs, conduct.fail_fast
-        shard, space = scope.shard, scope.space
-        self.space, stand_ins = space, probes(campaign)
-        self.cases = [] if space is not None else stand_ins
+    """Stages of one run of a campaign, and their state."""
+
+    def __init__(self, campaign: Campaign, folder: Path, conduct: Conduct, engine: work.Engine, scope: Scope) -> None:
+        self.campaign = campaign
+        self.folder = folder
+        self.progress = conduct.progress or Progress()
+        self.jobs = conduct.jobs
+        self.fail_fast = conduct.fail_fast
+        self.shard = scope.shard
+        self.space = scope.space
+        checked_cases = probes(campaign)
+        self.cases = [] if self.space is not None else checked_cases
         self.labels = {case.id: case.label for case in self.cases}
         self.failures: list[str] = []
         self.lost: list[str] = []
@@ -131,227 +124,275 @@ class _Run:
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
         if not is_filled():
-            watch.note(COMPILING)
-        self.remarks = check_flight(campaign.probe, stand_ins, engine, self.jobs).remarks
-        self.shard, self.units = shard, blocks(campaign, self.cases, {})
-        if space is not None:
-            # The few designs that are computed whole need not read all that is stated.
-            check_effect(campaign.probe, stand_ins, engine)
-        elif shard is not None:
-            # Whether statements have an effect, and when enough was flown, needs all cases and runs.
+            self.progress.note(COMPILING)
+        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs).remarks
+        self.blocks = blocks(campaign, self.cases, {})
+        if self.space is not None:
+            # The few designs that are analysed completely need not read every setting of the campaign.
+            check_effect(campaign.probe, checked_cases, engine)
+        elif self.shard is not None:
+            # A shard can decide neither which settings have an effect nor when a case has enough runs: both need all
+            # cases and runs.
             check_effect(campaign, self.cases, engine)
-            self.stopping.is_early, self.job = False, self.job._replace(requirements=())
-            self.units = list(shard.of(self.units))
-            mine = {unit.case.id for unit in self.units} or {case.id for case in self._share_of_cases(shard)}
-            self.cases = [case for case in self.cases if case.id in mine]
+            self._restrict_to_shard(self.shard)
 
-    def _share_of_cases(self, shard: Shard) -> Sequence[Case]:
-        """Return a shard's share of the cases of a campaign without runs."""
-        return [] if self.campaign.monte_carlo else shard.of(self.cases)
+    def _restrict_to_shard(self, shard: Shard) -> None:
+        """Keep the blocks of a shard and their cases; without runs, the shard's share of the cases."""
+        self.stopping.is_early = False
+        self.job = self.job._replace(requirements=())
+        self.blocks = list(shard.of(self.blocks))
+        case_ids = {block.case.id for block in self.blocks}
+        if not case_ids and not self.campaign.monte_carlo:
+            case_ids = {case.id for case in shard.of(self.cases)}
+        self.cases = [case for case in self.cases if case.id in case_ids]
 
-    def _open(self, keep: Store, mode: Mode) -> None:
+    def _open_results(self, store: Store, mode: Mode) -> None:
         """Open the folder of results; this process holds its lock."""
         if mode == "fresh":
             self._remove_scratch()
-        asked, about = self.campaign, {"shard": [*self.shard]} if self.shard is not None else {}
-        stated = manifest(asked, self.cases) | about
-        self.job = self.job._replace(results=keep.open_results(self.folder, asked.name, resolved(asked), stated, mode))
+        content = manifest(self.campaign, self.cases)
+        if self.shard is not None:
+            content["shard"] = [*self.shard]
+        results = store.open_results(self.folder, self.campaign.name, resolved(self.campaign), content, mode)
+        self.job = self.job._replace(results=results)
 
-    def share(self, keep: Store, mode: Mode) -> CampaignOutcome:
+    def share(self, store: Store, mode: Mode) -> CampaignOutcome:
         """Compute a shard: linear covariance of its cases, diagnostics of the cases whose first block it has, and its
         blocks of runs.
         """
-        self._open(keep, mode)
+        self._open_results(store, mode)
         if self.space is not None and self.shard is not None:
-            self.space.evaluate(self.job, self._designs, self.shard.of(range(self.space.parts)))
-        answers = self._answers(None) if self.cases else []
-        able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
-        first = {unit.case.id for unit in self.units if unit.first_run == 0}
-        own = [(self.job, case) for case in able if case.id in first or not self.campaign.monte_carlo]
-        self._per_case("diagnostics", work.diagnose, own, "covariance diagnostics")
-        self._fly(able)
+            self.space.evaluate(self.job, self._evaluate_parts, self.shard.of(range(self.space.parts)))
+        answers = self._covariance_results(None) if self.cases else []
+        valid_cases = [case for case, answer in zip(self.cases, answers, strict=True) if not answer.error]
+        diagnosed = {block.case.id for block in self.blocks if block.first_run == 0}
+        if not self.campaign.monte_carlo:
+            diagnosed = {case.id for case in valid_cases}
+        items = [(self.job, case) for case in valid_cases if case.id in diagnosed]
+        self._process_cases("diagnostics", work.diagnose, items, "covariance diagnostics")
+        self._simulate_blocks(valid_cases)
         end_workers(self.jobs)
         self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
     def all(
-        self, keep: Store, mode: Mode, on_answers: OnAnswers | None, shards: Sequence[Path] = ()
+        self, store: Store, mode: Mode, on_answers: OnAnswers | None, shards: Sequence[Path] = ()
     ) -> CampaignOutcome:
-        """Go through the stages."""
-        self._open(keep, mode)
+        """Compute all stages: designs, linear covariance, diagnostics, runs, tables."""
+        self._open_results(store, mode)
         for folder in shards:
-            parts = self.space.names(folder / scratch.FOLDER) if self.space is not None else []
-            self.job.results.take(folder, [*(case.id for case in self.cases), *parts])
+            names = [case.id for case in self.cases]
+            if self.space is not None:
+                names += self.space.names(folder / scratch.FOLDER)
+            self.job.results.take(folder, names)
         if self.space is not None:
-            self._choose(self.space)
-        answers = self._answers(on_answers)
-        able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
-        left = [case for case, found in zip(self.cases, answers, strict=True) if not (found.error or found.is_whole)]
-        why = "covariance diagnostics"
-        self._per_case("diagnostics", work.diagnose, [(self.job, case) for case in left], why)
-        lost = self._fly(able)
-        ends = [(self.job, case, self.stopping.runs(case.id)) for case in left if case.id not in lost]
-        lost |= self._per_case("tables", work.close, ends, "tables")
-        reported = {
+            self._choose_designs(self.space)
+        answers = self._covariance_results(on_answers)
+        valid, incomplete = [], []
+        for case, answer in zip(self.cases, answers, strict=True):
+            if not answer.error:
+                valid.append(case)
+                if not answer.is_whole:
+                    incomplete.append(case)
+        items = [(self.job, case) for case in incomplete]
+        self._process_cases("diagnostics", work.diagnose, items, "covariance diagnostics")
+        lost = self._simulate_blocks(valid)
+        table_items = [(self.job, case, self.stopping.runs(case.id)) for case in incomplete if case.id not in lost]
+        lost |= self._process_cases("tables", work.close, table_items, "tables")
+        self._finish([case for case in valid if case.id not in lost])
+        return CampaignOutcome(tuple(answers), tuple(self.failures))
+
+    def _finish(self, complete_cases: Sequence[Case]) -> None:
+        """Merge the tables of the complete cases, write the manifest and remove files that are no longer needed."""
+        record = {
             **self.remarks,
             "timings_s": self.timings,
-            "lost": [*map(without_folders, self.lost)],
+            "lost": [without_folders(line) for line in self.lost],
             "workers_died": self.deaths,
-            # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-            "cases": [case.id for case in able if case.id not in lost],
+            # In the order of the plan, not of completion: the bytes of the tables must not depend on the workers.
+            "cases": [case.id for case in complete_cases],
             "blocks_removed": self.space is not None and not self.lost,
         }
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
-        self.job.results.finish(reported, self._trace if is_tested else None, partial(each, self.jobs))
-        end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
-        if not self.lost:  # otherwise the same command repeats what was lost, and merges it with these tables
-            self.job.results.remove_case_tables()
-            if self.space is not None:  # they are most of what it would leave, and the tables hold every run
-                self.job.results.remove_blocks()
-            self._remove_scratch()
-        return CampaignOutcome(tuple(answers), tuple(self.failures))
+        self.job.results.finish(record, self._trace_worst_runs if is_tested else None, partial(each, self.jobs))
+        end_workers(self.jobs)  # this process alone makes the report and can use their memory
+        if self.lost:  # the same command repeats the lost work items, and merges them with these tables
+            return
+        self.job.results.remove_case_tables()
+        if self.space is not None:  # the blocks would take most of the disk space, and the tables have every run
+            self.job.results.remove_blocks()
+        self._remove_scratch()
 
-    def _choose(self, space: DesignStage) -> None:
-        """Evaluate all designs; those that are chosen are the cases that are computed whole."""
-        space.evaluate(self.job, self._designs)
-        found = space.finish(self.job)
-        self.cases = list(found.cases)
+    def _choose_designs(self, space: DesignStage) -> None:
+        """Evaluate all designs; the chosen designs become the cases of the campaign."""
+        space.evaluate(self.job, self._evaluate_parts)
+        choice = space.finish(self.job)
+        self.cases = list(choice.cases)
         self.labels = {case.id: case.label for case in self.cases}
-        self.units = blocks(self.campaign, self.cases, {})
-        self.job.results.choose(self.labels, {"space": found.remark})
+        self.blocks = blocks(self.campaign, self.cases, {})
+        self.job.results.choose(self.labels, {"space": choice.remark})
 
-    def _designs(self, name: str, function: Any, units: Sequence[Any]) -> Iterator[Any]:
-        """Yield what parts of the designs leave; Halted where one is lost."""
-        self.watch.stage(name, sum(len(unit[-1].numbers) for unit in units))
-        for one in self._stage(name, function, units):
-            self.watch.advance(one.n_run)
-            if one.error:
-                raise Halted(f"{one.case}: {one.error}; the same command resumes")
-            yield one
+    def _evaluate_parts(self, name: str, function: Any, items: Sequence[Any]) -> Iterator[Any]:
+        """Yield the outcomes of parts of the designs; raise Halted if a part is lost."""
+        self.progress.stage(name, sum(len(item[-1].numbers) for item in items))
+        for outcome in self._stage_results(name, function, items):
+            self.progress.advance(outcome.n_run)
+            if outcome.error:
+                raise Halted(f"{outcome.case}: {outcome.error}; the same command resumes")
+            yield outcome
 
-    def _trace(self, folder: Path) -> None:
-        """Fly the worst runs again and keep them over time."""
+    def _trace_worst_runs(self, folder: Path) -> None:
+        """Repeat the worst runs and store their errors over time."""
         from lvnav_trade.results.requirements.margins import worst_runs
         from lvnav_trade.results.tables.read import Tables
 
         worst = worst_runs(Tables(folder)).groupby("case", sort=False).run_number
         runs = {str(case): sorted(set(numbers)) for case, numbers in worst}
-        units = [(self.job, case, runs[case.id]) for case in self.cases if case.id in runs]
-        self._per_case("worst runs", replay.trace, units, "its worst runs over time")
+        items = [(self.job, case, runs[case.id]) for case in self.cases if case.id in runs]
+        self._process_cases("worst runs", replay.trace, items, "its worst runs over time")
 
     def _remove_scratch(self) -> None:
-        scratch.remove(self.job.scratch, [*self.labels, *(self.space.names(self.job.scratch) if self.space else ())])
+        names = list(self.labels)
+        if self.space is not None:
+            names += self.space.names(self.job.scratch)
+        scratch.remove(self.job.scratch, names)
 
-    def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
-        """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""
+    def _stage_results(self, name: str, function: Any, items: Iterable[Any]) -> Iterator[Any]:
+        """Yield the results of a stage in order of completion and time the stage; repeat the items of dead workers."""
         start = time.monotonic()
-        work_list = WorkList(units)
+        work_list = WorkList(items)
         while not work_list.is_done():
+            calls = ((function, *item) for item in work_list.open())
             try:
-                with closing(each(self.jobs, numbered, ((function, *unit) for unit in work_list.open()))) as found:
-                    for number, one in found:
+                with closing(each(self.jobs, numbered, calls)) as results:
+                    for number, result in results:
                         work_list.close(number)
-                        yield one
+                        yield result
             except TerminatedWorkerError as error:
                 raise_if_interrupted(error)
                 self.deaths += 1
                 if self.fail_fast or self.deaths == _DEATHS:
                     raise
                 self.jobs = max(2, self.jobs // 2)
-                self.watch.note(
+                self.progress.note(
                     f"a worker process died (out of memory?); its work is done again by {self.jobs} workers"
                 )
         self.timings[name] = round(time.monotonic() - start, 3)
 
-    def _answers(self, on_answers: OnAnswers | None) -> list[work.CovarianceResult]:
-        """Find every case's linear covariance; with several workers another compiles the backward pass and the flight
-        of the first case beside it, so that a fresh machine compiles on all of them.
-        """
-        self.watch.stage("compilation and first case", 1)
-        found: dict[str, work.CovarianceResult] = {}
-        units: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
-        function: Any = analyse_case
-        if self.campaign.monte_carlo or self.shard is not None:
-            function, units = work.answer_or_ahead, [(*unit, None) for unit in units]
-        if self.campaign.monte_carlo and self.jobs > 1:
-            units.insert(0, (self.job, self.cases[0], work.compile_kernels))
-            units += [(self.job, self.cases[0], ahead) for ahead in (work.diagnose, work.compile_sums)]
-        for one in self._stage("covariance", function, units):
-            if one is None:
+    def _covariance_results(self, on_answers: OnAnswers | None) -> list[work.CovarianceResult]:
+        """Return the linear covariance of every case, in the order of the cases."""
+        self.progress.stage("compilation and first case", 1)
+        by_case: dict[str, work.CovarianceResult] = {}
+        function, items = self._covariance_items()
+        for result in self._stage_results("covariance", function, items):
+            if result is None:  # a kernel has been compiled
                 continue
-            if one.mistakes:
-                (case,) = (case for case in self.cases if case.id == one.case)
-                raise InputError(records=flights.located(self.campaign, case, one.mistakes))
-            found[one.case] = one
-            self.watch.advance(1)
-            if len(found) == 1 and len(self.cases) > 1:
-                self.watch.stage("linear covariance of the others", len(self.cases) - 1)
-            if one.error:
-                self._fail(f"{self.labels[one.case]}: linear covariance: {one.error}", lost=True)
-            if len(found) == len(self.cases):
-                if self.shard is None and self.space is None:
-                    used = {key: one.used for key, one in found.items()}
-                    refuse_all(Effects(self.campaign, self.cases).mistakes(used))
-                if on_answers is not None:
-                    on_answers([found[case.id] for case in self.cases], self.cases)
-        return [found[case.id] for case in self.cases]
+            if result.mistakes:
+                case = next(case for case in self.cases if case.id == result.case)
+                raise InputError(records=flights.located(self.campaign, case, result.mistakes))
+            by_case[result.case] = result
+            self.progress.advance(1)
+            if len(by_case) == 1 and len(self.cases) > 1:
+                self.progress.stage("linear covariance of the others", len(self.cases) - 1)
+            if result.error:
+                self._record_failure(f"{self.labels[result.case]}: linear covariance: {result.error}", lost=True)
+            if len(by_case) == len(self.cases):
+                self._report_covariance(by_case, on_answers)
+        return [by_case[case.id] for case in self.cases]
 
-    def _per_case(self, name: str, function: Any, units: Sequence[Any], what: str) -> set[str]:
-        """Do one work item for each case; return the digests of the cases where it was lost, as a line on `what`."""
-        if not units:
+    def _covariance_items(self) -> tuple[Any, list[tuple[Any, ...]]]:
+        """Return the function and the work items of the covariance stage.
+
+        With several workers, others compile the backward pass and the runs while the first case is computed, so that a
+        new machine compiles on all of them.
+        """
+        items: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
+        if not self.campaign.monte_carlo and self.shard is None:
+            return analyse_case, items
+        items = [(*item, None) for item in items]
+        if self.campaign.monte_carlo and self.jobs > 1:
+            first_case = self.cases[0]
+            items.insert(0, (self.job, first_case, compile_kernels))
+            items.append((self.job, first_case, work.diagnose))
+            items.append((self.job, first_case, compile_sums))
+        return answer_or_ahead, items
+
+    def _report_covariance(self, by_case: dict[str, work.CovarianceResult], on_answers: OnAnswers | None) -> None:
+        """Refuse settings without effect on any case, and pass the results on to `on_answers`."""
+        if self.shard is None and self.space is None:
+            effective_settings = {case: result.used for case, result in by_case.items()}
+            refuse_all(Effects(self.campaign, self.cases).mistakes(effective_settings))
+        if on_answers is not None:
+            on_answers([by_case[case.id] for case in self.cases], self.cases)
+
+    def _process_cases(self, name: str, function: Any, items: Sequence[Any], what: str) -> set[str]:
+        """Compute one work item per case; return the digests of the cases that lost it, `what` names it in messages."""
+        if not items:
             return set()
-        self.watch.stage(name, len(units))
+        self.progress.stage(name, len(items))
         lost = set()
-        for one in self._stage(name, function, units):
-            self.watch.advance(1)
-            if one.error:
-                lost.add(one.case)
-                self._fail(f"{self.labels[one.case]}: {what}: {one.error}", lost=True)
+        for outcome in self._stage_results(name, function, items):
+            self.progress.advance(1)
+            if outcome.error:
+                lost.add(outcome.case)
+                self._record_failure(f"{self.labels[outcome.case]}: {what}: {outcome.error}", lost=True)
         return lost
 
-    def _fly(self, able: Sequence[Case]) -> set[str]:
-        """Fly all blocks; return the digests of cases of which a block was lost."""
-        done = {case.id: self.job.results.done(case.id) for case in able}
-        units = [unit for unit in self.units if unit.case.id in done and unit[1:] not in done[unit.case.id]]
+    def _simulate_blocks(self, valid_cases: Sequence[Case]) -> set[str]:
+        """Simulate all blocks that are not stored; return the digests of the cases that lost a block."""
+        stored = {case.id: self.job.results.done(case.id) for case in valid_cases}
+        remaining = []
+        for block in self.blocks:
+            span = (block.first_run, block.n_run)
+            if block.case.id in stored and span not in stored[block.case.id]:
+                remaining.append(block)
         if self.stopping.is_early:
-            held = [case for case in able if done[case.id]]
-            for one in itertools.chain(*each(self.jobs, work.tally, [(self.job, case) for case in held], ordered=True)):
-                self._look(one)
-        if units:
-            self.watch.stage("runs", sum(unit.n_run for unit in units))
+            resumed = [(self.job, case) for case in valid_cases if stored[case.id]]
+            for outcomes in each(self.jobs, work.tally, resumed, ordered=True):
+                for outcome in outcomes:
+                    self._note_violations(outcome)
+        if remaining:
+            self.progress.stage("runs", sum(block.n_run for block in remaining))
         lost: list[work.WorkOutcome] = []
-        for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
-            self.watch.advance(one.n_run)
-            self._look(one)
-            if not self.stopping.wants(one.case, one.first_run):
-                continue  # it was flown ahead of a decision
-            if one.error:
-                lost.append(one)
-                last = one.first_run + one.n_run - 1
-                self._fail(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}", lost=True)
-            for number, why in one.failures:
-                again = f"lvnav-trade replay {self.folder} {one.case} {number}"
-                self._fail(f"{self.labels[one.case]}, run {number} {why}; {again}")
-        return {one.case for one in lost if self.stopping.wants(one.case, one.first_run)}
+        for outcome in self._stage_results("monte_carlo", work.fly, self._needed_blocks(remaining)):
+            self.progress.advance(outcome.n_run)
+            self._note_violations(outcome)
+            if not self.stopping.wants(outcome.case, outcome.first_run):
+                continue  # simulated before an earlier block decided the case
+            if outcome.error:
+                lost.append(outcome)
+            self._report_block(outcome)
+        # A block that a later decision made unnecessary is not lost.
+        return {block.case for block in lost if self.stopping.wants(block.case, block.first_run)}
 
-    def _look(self, outcome: work.WorkOutcome) -> None:
-        """Take a block in where blocks decide when their case ends."""
+    def _report_block(self, outcome: work.WorkOutcome) -> None:
+        """Record the failure of a block, or of single runs in it."""
+        label = self.labels[outcome.case]
+        if outcome.error:
+            last_run = outcome.first_run + outcome.n_run - 1
+            self._record_failure(f"{label}, runs {outcome.first_run} to {last_run}: {outcome.error}", lost=True)
+        for number, why in outcome.failures:
+            command = f"lvnav-trade replay {self.folder} {outcome.case} {number}"
+            self._record_failure(f"{label}, run {number} {why}; {command}")
+
+    def _note_violations(self, outcome: work.WorkOutcome) -> None:
+        """Pass the violating runs of a block on to the sequential test."""
         if not outcome.error:
             self.stopping.note(outcome.case, outcome.first_run, outcome.n_run, outcome.beyond)
 
-    def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
-        """Yield the blocks still wanted when their turn comes: a case may be decided by then."""
-        for unit in units:
-            if self.stopping.wants(unit.case.id, unit.first_run):
-                yield self.job, unit
+    def _needed_blocks(self, remaining: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
+        """Yield the blocks that are still needed when a worker is free: their case may be decided by then."""
+        for block in remaining:
+            if self.stopping.wants(block.case.id, block.first_run):
+                yield self.job, block
             else:
-                self.watch.advance(unit.n_run)
+                self.progress.advance(block.n_run)
 
-    def _fail(self, line: str, lost: bool = False) -> None:
-        """Note a failed run, or a work item that was lost: that leaves no row in the tables."""
+    def _record_failure(self, line: str, lost: bool = False) -> None:
+        """Record a failed run, or a lost work item, which has no row in the tables."""
         if lost:
             self.lost.append(line)
         self.failures.append(line)
-        self.watch.note(line)
+        self.progress.note(line)
         if self.fail_fast:
             raise Halted(f"stopped at the first failure: {line}")

@@ -42,17 +42,20 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
 
     Blocks start at multiples of their size, so that 500 runs and then 500 more give the same blocks as 1000 at once.
     Only an incomplete last block is computed again. `done` has the first run and the number of runs of the stored
-    blocks, by digest of the case. A run takes all blocks, and leaves out the stored ones when it flies.
+    blocks, by digest of the case. `execute.run` takes all blocks, and skips the stored blocks when it simulates.
     """
-    if campaign.monte_carlo is None:
+    card = campaign.monte_carlo
+    if card is None:
         return []
-    card, size = campaign.monte_carlo, campaign.monte_carlo.block
-    return [
-        Block(case, first, min(size, runs - first))
-        for case, runs in ((case, card.runs_of(case.axes)) for case in cases)
-        for first in range(0, runs, size)
-        if (first, min(size, runs - first)) not in done.get(case.id, ())
-    ]
+    remaining = []
+    for case in cases:
+        runs = card.runs_of(case.axes)
+        stored = done.get(case.id, ())
+        for first in range(0, runs, card.block):
+            count = min(card.block, runs - first)
+            if (first, count) not in stored:
+                remaining.append(Block(case, first, count))
+    return remaining
 
 
 class Estimate(NamedTuple):
@@ -90,46 +93,84 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     and the number of states applies to other machines too.
     """
     all_cases = cases(campaign)
-    stored = {case.id: [span(path) for path in paths(folder / "parts" / case.id)] for case in all_cases}
-    remaining = blocks(campaign, all_cases, stored)
     card = campaign.monte_carlo
     runs = {case.id: card.runs_of(case.axes) if card else 0 for case in all_cases}
-    to_do = {case.id: sum(block.n_run for block in remaining if block.case.id == case.id) for case in all_cases}
-    rows = [{"id": c.id, "label": c.label, "runs": runs[c.id], "done": runs[c.id] - to_do[c.id]} for c in all_cases]
-    linear = sum(_CASE_S + covariance_seconds(case, duration[case.id]) for case in all_cases)
-    seconds = linear * (1 + _RETUNED * campaign.covariance.sensitivity)
-    seconds += sum(block.n_run * _run_seconds(block.case, duration[block.case.id]) for block in remaining)
+    stored = {case.id: [span(path) for path in paths(folder / "parts" / case.id)] for case in all_cases}
+    remaining = blocks(campaign, all_cases, stored)
+    runs_to_do = dict.fromkeys(runs, 0)
+    for block in remaining:
+        runs_to_do[block.case.id] += block.n_run
+    rows = [
+        {
+            "id": case.id,
+            "label": case.label,
+            "runs": runs[case.id],
+            "done": runs[case.id] - runs_to_do[case.id],
+        }
+        for case in all_cases
+    ]
     times = {case.id: duration[case.id] / campaign.keep.history for case in all_cases}
-    new = sum(_block_bytes(block, times[block.case.id]) for block in remaining)
-    disk = new + sum(_table_bytes(case, times[case.id], runs[case.id]) for case in all_cases)
-    size = min(card.runs, card.block) if card else 0
-    memory = _BASE_BYTES + max(
-        (duration[c.id] * c.scenario.imu.rate * _TICK_BYTES + size * times[c.id] * _HISTORY_BYTES for c in all_cases),
-        default=0.0,
+    block_bytes = sum(_block_bytes(block, times[block.case.id]) for block in remaining)
+    table_bytes = sum(_table_bytes(case, times[case.id], runs[case.id]) for case in all_cases)
+    return Estimate(
+        cases=rows,
+        blocks=len(remaining),
+        seconds=_total_seconds(campaign, all_cases, remaining, duration),
+        disk_mb=(block_bytes + table_bytes) / 1e6,
+        memory_mb=_worker_bytes(campaign, all_cases, duration) / 1e6,
+        blocks_mb=block_bytes / 1e6,
     )
-    return Estimate(rows, len(remaining), seconds, disk / 1e6, memory / 1e6, blocks_mb=new / 1e6)
+
+
+def _total_seconds(
+    campaign: Campaign, all_cases: Sequence[Case], remaining: Sequence[Block], duration: Mapping[str, float]
+) -> float:
+    """Return the computing time (s) of linear covariance of all cases and of the remaining blocks."""
+    linear = sum(_CASE_S + covariance_seconds(case, duration[case.id]) for case in all_cases)
+    monte_carlo = sum(block.n_run * _run_seconds(block.case, duration[block.case.id]) for block in remaining)
+    return linear * (1 + _RETUNED * campaign.covariance.sensitivity) + monte_carlo
+
+
+def _worker_bytes(campaign: Campaign, all_cases: Sequence[Case], duration: Mapping[str, float]) -> float:
+    """Return the memory (bytes) of a worker for the largest case."""
+    card = campaign.monte_carlo
+    runs_at_once = min(card.runs, card.block) if card else 0
+    largest = 0.0
+    for case in all_cases:
+        ticks = duration[case.id] * case.scenario.imu.rate
+        history_times = duration[case.id] / campaign.keep.history
+        largest = max(largest, ticks * _TICK_BYTES + runs_at_once * history_times * _HISTORY_BYTES)
+    return _BASE_BYTES + largest
 
 
 def _states(case: Case) -> int:
+    """Return the number of filter states of a case."""
     card = case.scenario.filter
-    extra = sum(3 * len(PARAMETERS[name].drivers) if name in PARAMETERS else 3 for name in card.extra_states)
-    return 15 + 2 * card.tight + 6 * card.models_vehicle + extra
+    n_states = 15 + 2 * card.tight + 6 * card.models_vehicle
+    for name in card.extra_states:
+        n_states += 3 * len(PARAMETERS[name].drivers) if name in PARAMETERS else 3
+    return n_states
 
 
 def _block_bytes(block: Block, times: float) -> float:
-    per_run = _BIN_BYTES * times + _RUN_BYTES
-    return _COLUMNS * _states(block.case) * (_SUM_BYTES * times + per_run * block.n_run)
+    columns = _COLUMNS * _states(block.case)
+    bytes_per_run = _BIN_BYTES * times + _RUN_BYTES
+    return columns * (_SUM_BYTES * times + bytes_per_run * block.n_run)
 
 
 def _table_bytes(case: Case, times: float, runs: int) -> float:
-    history = _LINEAR_BYTES + _STATISTICS_BYTES * (runs > 0)
-    return _CASE_BYTES + _TABLE_BYTES * times + _COLUMNS * _states(case) * (history * times + _ROW_BYTES * runs)
+    columns = _COLUMNS * _states(case)
+    bytes_per_time = _LINEAR_BYTES
+    if runs > 0:
+        bytes_per_time += _STATISTICS_BYTES
+    return _CASE_BYTES + _TABLE_BYTES * times + columns * (bytes_per_time * times + _ROW_BYTES * runs)
 
 
 def _run_seconds(case: Case, duration: float) -> float:
-    rates = case.scenario
-    step = _STEP_S * _states(case) ** _STEP_POWER
-    return float(duration * (_TICK_S * rates.imu.rate + step * rates.filter.covariance_rate))
+    """Return the computing time (s) of a run."""
+    scenario = case.scenario
+    step_seconds = _STEP_S * _states(case) ** _STEP_POWER
+    return float(duration * (_TICK_S * scenario.imu.rate + step_seconds * scenario.filter.covariance_rate))
 
 
 def covariance_seconds(case: Case, duration: float) -> float:

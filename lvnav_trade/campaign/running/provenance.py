@@ -21,20 +21,24 @@ _PATH = re.compile(
 
 def manifest(campaign: Campaign, requested_cases: Sequence[Case]) -> dict[str, Any]:
     """Return the part of the manifest that describes the request; the store adds the versions that computed it."""
-    runs, block = (campaign.monte_carlo.runs, campaign.monte_carlo.block) if campaign.monte_carlo else (0, 1)
-    cases = {case.id: case.label for case in requested_cases}
-    content = {"seed": campaign.seed, **asked_by(), "asked_cases": cases, "asked_runs": runs, "asked_block": block}
     card = campaign.monte_carlo
-    if card is None or not card.selected:
-        return content
-    return content | {"asked_runs_of": {case.id: card.runs_of(case.axes) for case in requested_cases}}
+    content = {
+        "seed": campaign.seed,
+        **asked_by(),
+        "asked_cases": {case.id: case.label for case in requested_cases},
+        "asked_runs": card.runs if card else 0,
+        "asked_block": card.block if card else 1,
+    }
+    if card is not None and card.selected:
+        content["asked_runs_of"] = {case.id: card.runs_of(case.axes) for case in requested_cases}
+    return content
 
 
 def asked_by() -> dict[str, Any]:
     """Return the arguments of the command line for the manifest; host and absolute paths only if they are wanted."""
     if os.environ.get(RECORD_HOST):
         return {
-            "command": [*map(without_credentials, sys.argv[1:])],
+            "command": [without_credentials(text) for text in sys.argv[1:]],
             "host": platform.node(),
             "folder": str(Path.cwd()),
         }
@@ -47,11 +51,14 @@ def without_folders(text: str) -> str:
     Addresses remain, without credentials.
     """
     text = without_credentials(text)
-    return text if os.environ.get(RECORD_HOST) else _PATH.sub(_short, text)
+    if os.environ.get(RECORD_HOST):
+        return text
+    return _PATH.sub(_shortened_path, text)
 
 
-def _short(match: re.Match[str]) -> str:
-    return match[0] if "://" in match[0] else _name(match[0])
+def _shortened_path(match: re.Match[str]) -> str:
+    is_address = "://" in match[0]
+    return match[0] if is_address else _file_name(match[0])
 
 
 def _argument(text: str) -> str:
@@ -59,9 +66,11 @@ def _argument(text: str) -> str:
     text = without_credentials(text)
     name, equals, value = text.partition("=")
     if name.startswith("/"):
-        return _name(text)
-    return f"{name}={_name(value)}" if equals and value.startswith("/") else without_folders(text)
+        return _file_name(text)
+    if equals and value.startswith("/"):
+        return f"{name}={_file_name(value)}"
+    return without_folders(text)
 
 
-def _name(path: str) -> str:
+def _file_name(path: str) -> str:
     return re.split(r"[/\\]", path.rstrip("/\\"))[-1]

@@ -21,23 +21,29 @@ if TYPE_CHECKING:
 
 
 class RunReplay(NamedTuple):
-    """A replayed run."""
+    """A replayed run.
 
-    trace: pd.DataFrame  # one row per covariance step: errors and formal sigmas, SI, units at the end of column names
+    trace : One row per covariance step: errors and formal sigmas, SI, units at the end of column names.
+    at_events : In order of time: event, time (s), magnitude of the error by quantity, display unit by quantity.
+    failure : Reason why the run failed; empty if it succeeded.
+    """
+
+    trace: pd.DataFrame
     at_events: tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]
-    # in order of time: event, time (s), magnitude of the error by quantity, display unit by quantity
-    failure: str  # reason why the run failed; empty if it succeeded
+    failure: str
 
 
 def find(cases: Sequence[Case], wanted: str) -> Case:
-    """Return the case with a label, a digest or the first digits of a digest; InputError if none or several fit."""
+    """Return the case with a label, a digest or the first digits of a digest; InputError unless exactly one fits."""
     fitting = [case for case in cases if case.label == wanted or case.id.startswith(wanted)]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(case.id for case in fitting)}")
-    known = [name for case in cases for name in (case.id, case.label)]
-    raise InputError(f"no case {wanted!r}{hint(wanted, known)}; the cases are {', '.join(case.id for case in cases)}")
+        fitting_ids = ", ".join(case.id for case in fitting)
+        raise InputError(f"{wanted!r} fits several cases, give more of one: {fitting_ids}")
+    names = [name for case in cases for name in (case.id, case.label)]
+    all_ids = ", ".join(case.id for case in cases)
+    raise InputError(f"no case {wanted!r}{hint(wanted, names)}; the cases are {all_ids}")
 
 
 def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
@@ -49,8 +55,8 @@ def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
         raise InputError(f"run {run}: runs are counted from 0")
     prepared = prepare(case.scenario, campaign.keep.history)
     block = montecarlo.replay(prepared, campaign.seed, run)
-    code = int(block.failed[0])
-    return RunReplay(_trace(block, prepared.outputs), _at_events(block, prepared), WHY.get(code, "") if code else "")
+    failure = WHY.get(int(block.failed[0]), "")  # code 0 is success
+    return RunReplay(_trace(block, prepared.outputs), _errors_at_events(block, prepared), failure)
 
 
 def trace(job: Job, case: Case, runs: Sequence[int]) -> WorkOutcome:
@@ -103,14 +109,17 @@ def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _at_events(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
+def _errors_at_events(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
+    """Return `RunReplay.at_events` of a block of one run."""
+    events = prepared.trajectory.events
     rows = []
-    for name, t in sorted(prepared.trajectory.events.items(), key=lambda item: float(item[1])):
-        at = int(np.argmin(np.abs(block.t - t)))
-        sizes = {
-            label.quantity: float(np.linalg.norm(block.err[0, at, index])) * label.label_factor
-            for label, index in navigation(prepared.outputs)
-        }
-        units = {label.quantity: label.label_unit for label, _ in navigation(prepared.outputs)}
-        rows.append((name, float(t), sizes, units))
+    for name in sorted(events, key=lambda name: float(events[name])):
+        t = float(events[name])
+        step = int(np.argmin(np.abs(block.t - t)))
+        sizes, units = {}, {}
+        for label, components in navigation(prepared.outputs):
+            error_norm = float(np.linalg.norm(block.err[0, step, components]))
+            sizes[label.quantity] = error_norm * label.label_factor
+            units[label.quantity] = label.label_unit
+        rows.append((name, t, sizes, units))
     return tuple(rows)

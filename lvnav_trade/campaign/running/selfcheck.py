@@ -27,23 +27,31 @@ def selfcheck(campaign: Campaign, jobs: int = -1, progress: Progress | None = No
 
     The bounds of the statistical checks take into account how many there are in the whole campaign.
     """
-    all_cases, watch = cases(campaign), progress or Progress()
+    all_cases = cases(campaign)
+    progress = progress or Progress()
     by_case: list[list[CheckResult]] = [[] for _ in all_cases]
-    jobs = min(len(all_cases), jobs if jobs > 0 else os.cpu_count() or 1)
-    watch.stage("self-check", len(all_cases))
+    processes = jobs if jobs > 0 else os.cpu_count() or 1
+    progress.stage("self-check", len(all_cases))
     try:
         items = ((k, case, campaign.seed, campaign.keep.history) for k, case in enumerate(all_cases))
-        for number, checks in each(jobs, _check_case, items):
+        for number, checks in each(min(len(all_cases), processes), _check_case, items):
             by_case[number] = checks
-            watch.advance(1)
+            progress.advance(1)
     finally:
-        watch.close()
-    combined: dict[tuple[object, ...], tuple[CheckResult, list[str]]] = {}
-    for case, checks in zip(all_cases, by_case, strict=True):
+        progress.close()
+    return _combined_checks([case.label for case in all_cases], by_case)
+
+
+def _combined_checks(labels: list[str], by_case: list[list[CheckResult]]) -> list[CombinedCheck]:
+    """Return each distinct check once, bounded, with the labels of its cases."""
+    distinct: dict[tuple[object, ...], CheckResult] = {}
+    labels_of: dict[tuple[object, ...], list[str]] = {}
+    for label, checks in zip(labels, by_case, strict=True):
         for check in checks:
             key = (check.kind, check.what, repr(check.figure), check.where, check.reason)
-            combined.setdefault(key, (check, []))[1].append(case.label)
-    with_bounds = bounded(check for check, _ in combined.values())
+            distinct.setdefault(key, check)
+            labels_of.setdefault(key, []).append(label)
     return [
-        CombinedCheck(check, tuple(labels)) for check, (_, labels) in zip(with_bounds, combined.values(), strict=True)
+        CombinedCheck(check, tuple(check_labels))
+        for check, check_labels in zip(bounded(distinct.values()), labels_of.values(), strict=True)
     ]

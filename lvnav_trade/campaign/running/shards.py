@@ -12,10 +12,10 @@ from lvnav_trade.results.tables.contents import MANIFEST, refuse_foreign
 from lvnav_trade.results.tables.versions import environment
 from lvnav_trade.results.tables.write import difference
 
-_ASKED = re.compile(r"([0-9]+)/([0-9]+)")
+_NUMBER_OF_TOTAL = re.compile(r"([0-9]+)/([0-9]+)")
 _FOLDER = re.compile(r"shard-([0-9]+)-of-([0-9]+)")
 _SAME = ("asked_runs", "asked_block", "seed")  # compared in addition to the digest, which does not cover them
-_Unit = TypeVar("_Unit")
+_Item = TypeVar("_Item")
 
 
 class Shard(NamedTuple):
@@ -29,19 +29,26 @@ class Shard(NamedTuple):
         """Name of the folder of the shard."""
         return f"shard-{self.number}-of-{self.total}"
 
-    def of(self, units: Sequence[_Unit]) -> Sequence[_Unit]:
+    def of(self, items: Sequence[_Item]) -> Sequence[_Item]:
         """Return the work items of this shard: adjacent items, since items of one case share its preparation."""
-        first, last = ((self.number - less) * len(units) // self.total for less in (1, 0))
-        return units[first:last]
+        first = (self.number - 1) * len(items) // self.total
+        end = self.number * len(items) // self.total
+        return items[first:end]
 
 
 def parse(text: str) -> Shard:
     """Return the shard of a text such as ``2/8``."""
-    match = _ASKED.fullmatch(text)
-    shard = Shard(*map(int, match.groups())) if match else Shard(0, 0)
-    if not 1 <= shard.number <= shard.total:
-        raise InputError(f"--shard {text}: should be NUMBER/TOTAL, such as 1/4, with a number from 1 to the total")
-    return shard
+    match = _NUMBER_OF_TOTAL.fullmatch(text)
+    if match:
+        shard = _shard_from(match)
+        if 1 <= shard.number <= shard.total:
+            return shard
+    raise InputError(f"--shard {text}: should be NUMBER/TOTAL, such as 1/4, with a number from 1 to the total")
+
+
+def _shard_from(match: re.Match[str]) -> Shard:
+    number, total = match.groups()
+    return Shard(int(number), int(total))
 
 
 def complete(place: Path) -> list[Path]:
@@ -62,24 +69,36 @@ def complete(place: Path) -> list[Path]:
     InputError
         A shard is missing, unfinished, of another campaign, or computed by another version of the code.
     """
-    names = [(_FOLDER.fullmatch(path.name), path) for path in sorted(place.glob("shard-*")) if path.is_dir()]
-    folders = {Shard(*map(int, name.groups())): path for name, path in names if name}
+    folders = _shard_folders(place)
     counts = sorted({shard.total for shard in folders})
     if not counts:
         raise InputError(f"{place}: no shards here (no folder {Shard(1, 2).folder} or the like)")
     if len(counts) > 1:
-        raise InputError(f"{place}: holds shards of {' and of '.join(map(str, counts))}; keep those of one division")
-    shards = [Shard(number, counts[0]) for number in range(1, counts[0] + 1)]
+        divisions = " and of ".join(map(str, counts))
+        raise InputError(f"{place}: holds shards of {divisions}; keep those of one division")
+    (total,) = counts
+    shards = [Shard(number, total) for number in range(1, total + 1)]
     missing = [str(shard.number) for shard in shards if shard not in folders]
     if missing:
-        raise InputError(f"{place}: of {counts[0]} shards these are missing: {', '.join(missing)}")
-    manifests = [_manifest(shard, folders[shard]) for shard in shards]
-    for shard, manifest in zip(shards, manifests, strict=True):
-        _refuse_other(folders[shard], manifest, folders[shards[0]], manifests[0])
-    return [folders[shard] for shard in shards]
+        raise InputError(f"{place}: of {total} shards these are missing: {', '.join(missing)}")
+    in_order = [folders[shard] for shard in shards]
+    manifests = [_read_manifest(shard, folders[shard]) for shard in shards]
+    for folder, manifest in zip(in_order, manifests, strict=True):
+        _refuse_difference(folder, manifest, in_order[0], manifests[0])
+    return in_order
 
 
-def _manifest(shard: Shard, folder: Path) -> dict[str, Any]:
+def _shard_folders(place: Path) -> dict[Shard, Path]:
+    folders = {}
+    for path in sorted(place.glob("shard-*")):
+        match = _FOLDER.fullmatch(path.name)
+        if match and path.is_dir():
+            folders[_shard_from(match)] = path
+    return folders
+
+
+def _read_manifest(shard: Shard, folder: Path) -> dict[str, Any]:
+    """Return the manifest of a finished shard."""
     path = folder / MANIFEST
     refuse_irregular(folder)
     try:
@@ -95,13 +114,14 @@ def _manifest(shard: Shard, folder: Path) -> dict[str, Any]:
     return content
 
 
-def _refuse_other(folder: Path, manifest: dict[str, Any], first: Path, wanted: dict[str, Any]) -> None:
-    if manifest["campaign_digest"] != wanted["campaign_digest"]:
+def _refuse_difference(folder: Path, manifest: dict[str, Any], first: Path, first_manifest: dict[str, Any]) -> None:
+    """Refuse a shard whose campaign, settings or versions differ from those of the first shard."""
+    if manifest["campaign_digest"] != first_manifest["campaign_digest"]:
         raise InputError(f"{folder}: holds another campaign than {first}")
     for key in _SAME:
-        if manifest.get(key) != wanted.get(key):
-            what = key.removeprefix("asked_")
-            raise InputError(f"{folder}: {what} {manifest.get(key)}, but {first} has {wanted.get(key)}")
-    other = difference(manifest, environment())
-    if other:
-        raise InputError(f"{folder}: was computed {other}; merge with the code of the shards")
+        if manifest.get(key) != first_manifest.get(key):
+            name = key.removeprefix("asked_")
+            raise InputError(f"{folder}: {name} {manifest.get(key)}, but {first} has {first_manifest.get(key)}")
+    difference_text = difference(manifest, environment())
+    if difference_text:
+        raise InputError(f"{folder}: was computed {difference_text}; merge with the code of the shards")

@@ -25,7 +25,8 @@ class Stopping:
     def __init__(self, campaign: Campaign) -> None:
         card = campaign.monte_carlo
         self.is_early = card is not None and card.stop is not None
-        self.most, self.block = (card.runs, card.block) if card is not None else (0, 0)
+        self.most = card.runs if card is not None else 0
+        self.block = card.block if card is not None else 0
         self.requirements = campaign.requirements
         self._counts: dict[str, dict[int, Counts]] = {}
         self._runs: dict[str, int] = {}
@@ -36,8 +37,9 @@ class Stopping:
         """Record the violating runs of a block; an incomplete block is ignored."""
         if self.is_early and n_run == self.block and case not in self._runs:
             self._counts.setdefault(case, {})[first_run] = counts
-            if (decided := self._decided(case)) is not None:
-                self._runs[case] = decided
+            runs = self._decided_runs(case)
+            if runs is not None:
+                self._runs[case] = runs
 
     def wants(self, case: str, first_run: int) -> bool:
         """Whether a block of a case may still be needed."""
@@ -47,28 +49,35 @@ class Stopping:
         """Return the number of runs after which a case ends, as far as it is decided yet."""
         return self._runs.get(case, self.most)
 
-    def _decided(self, case: str) -> int | None:
+    def _decided_runs(self, case: str) -> int | None:
         """Return the number of runs after which all requirements are decided; None if one is still undecided."""
         counts = self._counts[case]
-        # only blocks without a gap before them count
-        ordered = [
-            counts[first] for first in itertools.takewhile(counts.__contains__, itertools.count(step=self.block))
-        ]
-        ends = [_decided(k, requirement, ordered, self.block) for k, requirement in enumerate(self.requirements)]
-        decided = [runs for runs in ends if runs is not None]
-        return min(max(decided), self.most) if decided and len(decided) == len(ends) else None
+        consecutive_blocks = []  # only blocks without a gap before them count
+        first_run = 0
+        while first_run in counts:
+            consecutive_blocks.append(counts[first_run])
+            first_run += self.block
+        last_decision = 0
+        for k, requirement in enumerate(self.requirements):
+            runs = _decision_run(k, requirement, consecutive_blocks, self.block)
+            if runs is None:
+                return None
+            last_decision = max(last_decision, runs)
+        return min(last_decision, self.most) if self.requirements else None
 
 
-def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
+def _decision_run(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
     """Return the number of runs after which requirement `k` is decided; None if it is undecided or has no metric."""
     from lvnav_trade.results.requirements.requirements import decide
 
-    beyond = [counts[k] for counts in blocks]
-    violating = [count for count in beyond if count is not None]
-    if len(violating) < len(beyond):
-        return None
-    counts = list(itertools.accumulate(violating))
-    verdict, runs = decide(counts, requirement.probability, requirement.confidence, block)
+    violating = []
+    for counts in blocks:
+        count = counts[k]
+        if count is None:
+            return None
+        violating.append(count)
+    cumulative = list(itertools.accumulate(violating))
+    verdict, runs = decide(cumulative, requirement.probability, requirement.confidence, block)
     return None if verdict == "undecided" else runs
 
 
@@ -77,9 +86,13 @@ def violating_runs(
 ) -> Counts:
     """Return the number of runs of a block that violate each requirement, counted as the verdicts count them."""
     results = CaseArrays(prepared, covariance, summary)
-    return tuple(_beyond(results, requirement) for requirement in requirements)
+    return tuple(_violation_count(results, requirement) for requirement in requirements)
 
 
-def _beyond(results: CaseArrays, requirement: Mapping[str, Any]) -> int | None:
+def _violation_count(results: CaseArrays, requirement: Mapping[str, Any]) -> int | None:
+    """Return the number of runs whose error reaches the limit of a requirement; None without the metric."""
     errors = metric_of(str(requirement["metric"])).errors(results, requirement)
-    return None if errors is None else int((errors.size >= number_in(requirement["below"], errors.unit)).sum())
+    if errors is None:
+        return None
+    limit = number_in(requirement["below"], errors.unit)
+    return int((errors.size >= limit).sum())

@@ -24,7 +24,7 @@ from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.covariance import history as lincov
-from lvnav_trade.covariance.diagnostics import case_diagnostics as explained
+from lvnav_trade.covariance.diagnostics import case_diagnostics
 from lvnav_trade.covariance.diagnostics.confirming_runs import with_alarms, with_nominal_alarms
 from lvnav_trade.covariance.injection_covariance import by_part
 from lvnav_trade.gnss.recorded_errors import refuse_short
@@ -49,9 +49,9 @@ class Engine(NamedTuple):
     """Functions that compute the work items; tests replace them."""
 
     events: Callable[[Scenario], dict[str, float]]  # (scenario): event names and times (s)
-    prepare: Callable[[Scenario, float], Any]  # (scenario, history step)
+    prepare: Callable[[Scenario, float], Any]  # (scenario, history step): case prepared for the engines
     run_block: Callable[[Any, int, int, int], Any]  # (prepared, seed, first run, number of runs): RunBlock
-    covariance: Callable[[Any], CovHistory]  # (prepared)
+    covariance: Callable[[Any], CovHistory]  # (prepared): linear covariance
     summarise: Callable[..., Any]  # (block, events, scale, outputs): BlockSummary
     compile_kernels: Callable[[Any, CovarianceRequest], None]  # (prepared, asked): backward pass and runs, in advance
     explain: Callable[..., Any]  # (scenario, prepared, covariance, asked): diagnostics
@@ -71,13 +71,13 @@ class TrajectorySummary(NamedTuple):
 
 def _events(scenario: Scenario) -> dict[str, float]:
     """Return the event times (s) of a trajectory; InputError if it, the satellites or a recorded table is invalid."""
-    with _about("base.trajectory"):
+    with _add_error_path("base.trajectory"):
         flight = trajectory_of(scenario)
-    with _about("base.constellation"):
+    with _add_error_path("base.constellation"):
         satellites(scenario.constellation, scenario.trajectory.epoch)
     table = table_of(scenario)
     if table is not None:
-        with _about("base.receiver.solution.error_table"):
+        with _add_error_path("base.receiver.solution.error_table"):
             refuse_short(table, flight.start, flight.end)
     return dict(flight.events)
 
@@ -89,7 +89,7 @@ def _remarks(scenario: Scenario) -> tuple[Remark, ...]:
 
 
 @contextmanager
-def _about(path: str) -> Iterator[None]:
+def _add_error_path(path: str) -> Iterator[None]:
     """Add the path of a field to input errors raised within the block."""
     try:
         yield
@@ -110,7 +110,7 @@ ENGINE = Engine(
     lincov.covariance,
     statistics.summarise,
     _compile_kernels,
-    explained.diagnose,
+    case_diagnostics.diagnose,
     stopping.violating_runs,
     starts.start_draws,
     nozzle.controlled,
@@ -182,44 +182,23 @@ def trajectory_summary(engine: Engine, case: Case) -> TrajectorySummary | InputE
 def answer(job: Job, case: Case, save: Save = scratch.save) -> CovarianceResult:
     """Compute a case's linear covariance and save it: by default to a scratch file that all workers can read."""
     try:
-        prepared, used = _whole(job, case)
-        file, identity = _scratch_file(job, case), _identity(job, case)
+        prepared, used = _prepared_and_settings(job, case)
+        file, identity = _covariance_file(job, case)
         if not scratch.is_sound(file, CovHistory, identity):
             save(file, job.engine.covariance(prepared), identity)
-        return _answer(case, prepared, _covariance(job, case))._replace(used=used)
+        return _covariance_result(case, prepared, _load_covariance(job, case))._replace(used=used)
     except InputError as error:
         return CovarianceResult(case.id, "", mistakes=error.records)
     except Exception as error:
         return CovarianceResult(case.id, "", error=message_of(error))
 
 
-def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> CovarianceResult | None:
-    """Return the result of a case, or None after `ahead`, such as compiling; the case's own stage reports failures."""
-    if ahead is None:
-        return answer(job, case)
-    try:
-        ahead(job, case)
-    except Exception as error:
-        raise_if_interrupted(error)
-    return None
-
-
-def compile_kernels(job: Job, case: Case) -> None:
-    """Compile the kernels of a case's backward pass and of its runs."""
-    job.engine.compile_kernels(prepared_of(job, case), job.request)
-
-
-def compile_sums(_job: Job, _case: Case) -> None:
-    """Compile the statistics of blocks of runs."""
-    statistics.compile_kernels()
-
-
 def diagnose(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
     """Compute the diagnostics of a case's linear covariance and save them, as `answer` saves its result."""
     try:
         file, identity = diagnostics_file(job, case)
-        if not scratch.is_sound(file, explained.CaseDiagnostics, identity):
-            covariance, prepared = _covariance(job, case), prepared_of(job, case)
+        if not scratch.is_sound(file, case_diagnostics.CaseDiagnostics, identity):
+            covariance, prepared = _load_covariance(job, case), prepared_of(job, case)
             save(file, job.engine.explain(case.scenario, prepared, covariance, job.request), identity)
         return WorkOutcome(case.id, 0, 0)
     except Exception as error:
@@ -228,45 +207,49 @@ def diagnose(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
 
 def fly(job: Job, block: Block) -> WorkOutcome:
     """Simulate a block of runs and store its statistics."""
-    what = (block.case.id, block.first_run, block.n_run)
+    outcome = WorkOutcome(block.case.id, block.first_run, block.n_run)
     try:
-        prepared, covariance = prepared_of(job, block.case), _covariance(job, block.case)
+        prepared, covariance = prepared_of(job, block.case), _load_covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         if job.request.protection is not None and job.request.protection.alarms:
-            runs = with_alarms(runs, prepared, _explanation(*diagnostics_file(job, block.case)).protected, job.seed)
-        summary = job.engine.summarise(runs, explained.flown_events(prepared), covariance.true_sigma, prepared.outputs)
+            protected = _load_diagnostics(*diagnostics_file(job, block.case)).protected
+            runs = with_alarms(runs, prepared, protected, job.seed)
+        summary = job.engine.summarise(
+            runs, case_diagnostics.flown_events(prepared), covariance.true_sigma, prepared.outputs
+        )
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
         if job.requirements:
             beyond = job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
-        return WorkOutcome(*what, tuple(_failures(runs, block.first_run)), beyond=beyond)
+        return outcome._replace(failures=tuple(_failed_runs(runs, block.first_run)), beyond=beyond)
     except Exception as error:
-        return WorkOutcome(*what, error=message_of(error))
+        return outcome._replace(error=message_of(error))
 
 
 def tally(job: Job, case: Case) -> list[WorkOutcome]:
     """Count the runs beyond each requirement in the stored blocks of a case, one block in memory at a time."""
-    of_case = (job.requirements, case.id, prepared_of(job, case), _covariance(job, case))
-    return [
-        WorkOutcome(case.id, part.first_run, part.n_run, beyond=job.engine.beyond(*of_case, part))
-        for part in job.results.parts(case.id)
-    ]
+    prepared, covariance = prepared_of(job, case), _load_covariance(job, case)
+    outcomes = []
+    for summary in job.results.parts(case.id):
+        beyond = job.engine.beyond(job.requirements, case.id, prepared, covariance, summary)
+        outcomes.append(WorkOutcome(case.id, summary.first_run, summary.n_run, beyond=beyond))
+    return outcomes
 
 
 def close(job: Job, case: Case, runs: int) -> WorkOutcome:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
-        prepared, covariance = prepared_of(job, case), _covariance(job, case)
+        prepared, covariance = prepared_of(job, case), _load_covariance(job, case)
         if not job.request.budget:
-            covariance = covariance._replace(
-                sources=(), budget=covariance.budget[:, :0], injection=by_part(covariance.injection)
-            )
+            injection = by_part(covariance.injection)
+            covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0], injection=injection)
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = diagnostics_file(job, case)
-        diagnostics = (
-            scratch.load(file, explained.CaseDiagnostics, identity) if scratch.exists(file, identity) else None
-        )
-        covariance = with_nominal_alarms(covariance, prepared, None if diagnostics is None else diagnostics.protected)
+        diagnostics = protected = None
+        if scratch.exists(file, identity):
+            diagnostics = scratch.load(file, case_diagnostics.CaseDiagnostics, identity)
+            protected = diagnostics.protected
+        covariance = with_nominal_alarms(covariance, prepared, protected)
         draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
         job.results.write_case(case, prepared, covariance, parts, diagnostics, draws, control)
@@ -275,21 +258,23 @@ def close(job: Job, case: Case, runs: int) -> WorkOutcome:
         return WorkOutcome(case.id, 0, runs, error=message_of(error))
 
 
-_kept: dict[tuple[Any, str, float], tuple[Any, settings_read.EffectiveSettings | None]] = {}
+_prepared_cases: dict[tuple[Any, str, float], tuple[Any, settings_read.EffectiveSettings | None]] = {}
 
 
 def prepared_of(job: Job, case: Case) -> Any:
     """Return a case prepared for the engines."""
-    return _whole(job, case)[0]
+    prepared, _ = _prepared_and_settings(job, case)
+    return prepared
 
 
-def _whole(job: Job, case: Case) -> tuple[Any, settings_read.EffectiveSettings | None]:
+def _prepared_and_settings(job: Job, case: Case) -> tuple[Any, settings_read.EffectiveSettings | None]:
     """Return the prepared case and its effective settings; the last two cases are cached, as blocks come in order."""
-    if (key := (job.engine.prepare, case.id, job.history)) not in _kept:
-        while len(_kept) >= 2:
-            del _kept[next(iter(_kept))]
-        _kept[key] = prepared_with(job.engine, case, job.history)
-    return _kept[key]
+    key = (job.engine.prepare, case.id, job.history)
+    if key not in _prepared_cases:
+        while len(_prepared_cases) >= 2:
+            del _prepared_cases[next(iter(_prepared_cases))]
+        _prepared_cases[key] = prepared_with(job.engine, case, job.history)
+    return _prepared_cases[key]
 
 
 def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, settings_read.EffectiveSettings | None]:
@@ -300,12 +285,12 @@ def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, sett
 
 
 @lru_cache(maxsize=2)
-def _explanation(file: Path, identity: str) -> explained.CaseDiagnostics:
-    return scratch.read(file, explained.CaseDiagnostics, identity)
+def _load_diagnostics(file: Path, identity: str) -> case_diagnostics.CaseDiagnostics:
+    return scratch.read(file, case_diagnostics.CaseDiagnostics, identity)
 
 
-def _scratch_file(job: Job, case: Case) -> Path:
-    return job.scratch / f"{case.id}.{job.history!r}.covariance"
+def _covariance_file(job: Job, case: Case) -> tuple[Path, str]:
+    return job.scratch / f"{case.id}.{job.history!r}.covariance", _identity(job, case)
 
 
 def diagnostics_file(job: Job, case: Case) -> tuple[Path, str]:
@@ -320,19 +305,21 @@ def _identity(job: Job, case: Case, required: str = "") -> str:
     return f"{job.results.identity_of_case(case.id)} history={job.history!r} {required}"
 
 
-def _covariance(job: Job, case: Case) -> CovHistory:
-    history: CovHistory = scratch.load(_scratch_file(job, case), CovHistory, _identity(job, case))
+def _load_covariance(job: Job, case: Case) -> CovHistory:
+    file, identity = _covariance_file(job, case)
+    history: CovHistory = scratch.load(file, CovHistory, identity)
     return history
 
 
-def _answer(case: Case, prepared: Any, covariance: CovHistory) -> CovarianceResult:
-    events = explained.flown_events(prepared)
-    event = "injection" if "injection" in events else max(events, key=lambda name: events[name], default="end")
-    at = int(np.argmin(np.abs(covariance.t - events.get(event, covariance.t[-1]))))
+def _covariance_result(case: Case, prepared: Any, covariance: CovHistory) -> CovarianceResult:
+    events = case_diagnostics.flown_events(prepared)
+    event = "injection" if "injection" in events else max(events, key=events.__getitem__, default="end")
+    t_event = events.get(event, covariance.t[-1])
+    k = int(np.argmin(np.abs(covariance.t - t_event)))
     rows = []
     for label, index in navigation(prepared.outputs):
-        true = math.hypot(*covariance.true_sigma[at, index], *covariance.mean[at, index]) * label.label_factor
-        formal = math.hypot(*covariance.formal[at, index]) * label.label_factor
+        true = math.hypot(*covariance.true_sigma[k, index], *covariance.mean[k, index]) * label.label_factor
+        formal = math.hypot(*covariance.formal[k, index]) * label.label_factor
         rows.append((label.quantity, true, formal, label.label_unit))
     return CovarianceResult(case.id, event, tuple(rows))
 
@@ -345,12 +332,14 @@ def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:
             yield outputs[index[0]], index
 
 
-def _failures(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
+def _failed_runs(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
     """Yield number and reason of each failed run of a block."""
     for index in np.flatnonzero(np.asarray(runs.failed)):
-        when, code = float(runs.t_failed[index]), int(runs.failed[index])
+        t_failed, code = float(runs.t_failed[index]), int(runs.failed[index])
         why = WHY.get(code, f"failed with code {code}")
-        yield first_run + int(index), why if math.isnan(when) else f"{why} at {when:g} s"
+        if not math.isnan(t_failed):
+            why = f"{why} at {t_failed:g} s"
+        yield first_run + int(index), why
 
 
 def message_of(error: Exception) -> str:
@@ -360,7 +349,8 @@ def message_of(error: Exception) -> str:
         raise error
     if os.environ.get("LVNAV_TRADE_DEBUG"):
         traceback.print_exc()
-    return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
+    lines = str(error).strip().splitlines() or ["no message"]
+    return f"{type(error).__name__}: {lines[0]}"
 
 
 _begun = itertools.count()  # number of work items that this process has begun
@@ -377,7 +367,7 @@ def begin_worker() -> None:
     if parent is not None and parent.pid is not None:
         if threading.current_thread() is threading.main_thread():  # Dask workers run work items in other threads
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends the signal to all processes
-        _follow(parent.pid)
+        _exit_with_parent(parent.pid)
         begun = next(_begun)
         if begun & (begun - 1) == 0:  # 0, 1, 2, 4, 8, ...
             gc.collect()
@@ -385,7 +375,7 @@ def begin_worker() -> None:
 
 
 @lru_cache(maxsize=1)
-def _follow(parent: int) -> None:
+def _exit_with_parent(parent: int) -> None:
     """End this process when its parent is killed: otherwise it would go on and interfere with the next campaign."""
 
     def wait() -> None:

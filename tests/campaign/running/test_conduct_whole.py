@@ -19,7 +19,7 @@ from lvnav_trade.results.tables import scratch
 @pytest.fixture(autouse=True)
 def _forget() -> None:
     """Let no test find what another one prepared."""
-    work._kept.clear()
+    work._prepared_cases.clear()
     scratch.clear_cache()
 
 

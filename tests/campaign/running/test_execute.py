@@ -15,7 +15,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import checking, execute
-from lvnav_trade.campaign.running.conduct import Conduct
+from lvnav_trade.campaign.running.conduct import Conduct, Store
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.simulation.settings_read import EffectiveSettings
 from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, Remark
@@ -293,7 +293,7 @@ def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) 
             Path("results"),
             Conduct(jobs=1),
             engine=fakes.Fake().engine(),
-            keep=execute.Store(full, lambda folder: None),
+            keep=Store(full, lambda folder: None),
         )
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running import conduct, work
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.work import Job
@@ -26,7 +26,7 @@ from lvnav_trade.results.tables import scratch
 @pytest.fixture(autouse=True)
 def _forget() -> None:
     """Let no test find what another one prepared."""
-    work._kept.clear()
+    work._prepared_cases.clear()
     scratch.clear_cache()
 
 
@@ -124,7 +124,7 @@ def test_a_worker_keeps_two_prepared_cases_and_no_more(study, job) -> None:
     found = cases(load(study.path))
     for case in found:
         work.answer(todo, case)
-    assert [key[1] for key in work._kept] == [case.id for case in found[-2:]]
+    assert [key[1] for key in work._prepared_cases] == [case.id for case in found[-2:]]
 
 
 def test_a_flight_that_cannot_be_is_returned_and_not_raised(job, case: Case, monkeypatch) -> None:
@@ -219,4 +219,4 @@ def test_an_interrupt_within_compiled_code_is_no_error_of_a_unit_of_work() -> No
         raise error
 
     with pytest.raises(KeyboardInterrupt):
-        work.answer_or_ahead(None, None, ahead)  # type: ignore[arg-type]
+        conduct.answer_or_ahead(None, None, ahead)  # type: ignore[arg-type]
