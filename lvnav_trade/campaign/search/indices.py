@@ -90,45 +90,89 @@ def indices(campaign: Campaign, settings: Indices, jobs: int = 1) -> ErrorIndice
     case = cases(campaign)[0]
     prepared = prepare(case.scenario, campaign.keep.history)
     history = covariance(prepared)
-    parts = _mean_squares(prepared, history, requirement)
-    able = [k for k in np.argsort(-parts.by_source) if _is_scaled(case.scenario, parts.sources[k])][: settings.sources]
-    sources, s = [parts.sources[k] for k in able], parts.by_source[able]
-    d, total = len(sources), parts.total
-    if settings.samples < 2 * (terms := len(basis(d))):
-        raise InputError(f"indices.samples: {settings.samples} are too few for {terms} polynomials; give {2 * terms}")
-    u = 2.0 * points("sobol", d, 1 << (settings.samples - 1).bit_length(), campaign.seed)[: settings.samples] - 1.0
-    items = [(case.scenario, sources, settings.factor**sample, requirement) for sample in u]
-    value = np.array(list(each(jobs, mean_square, items, ordered=True)))
-    rng = np.random.default_rng(campaign.seed)
-    picks = [np.arange(len(u)), *rng.integers(0, len(u), (RESAMPLED, len(u)))]
-    by_fit = fitted_indices(np.array([fitted(u[pick], value[pick]) for pick in picks]), d)
-    first, total_index = by_fit[:, 0]  # row 0 is the fit to all designs; the others are bootstrap samples
-    widths = 0.5 * np.ptp(np.quantile(by_fit[:, 1:], (0.025, 0.975), axis=1), axis=0)
-    frozen = s**2 / np.sum(s**2)
-    rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], total_index, widths[1], strict=True)
+    budget = _mean_squares(prepared, history, requirement)
+    largest_first = np.argsort(-budget.by_source)
+    scalable = [k for k in largest_first if _is_scaled(case.scenario, budget.sources[k])]
+    selected = scalable[: settings.sources]
+    sources = [budget.sources[k] for k in selected]
+    variances = budget.by_source[selected]
+    u = _sampled_designs(len(sources), settings.samples, campaign.seed)
+    items = [(case.scenario, sources, settings.factor**design, requirement) for design in u]
+    mean_squares = np.array(list(each(jobs, mean_square, items, ordered=True)))
+    verdicts = look(campaign, case.scenario, [requirement.name])
     return ErrorIndices(
-        pd.DataFrame(list(rows), columns=COLUMNS),
-        case.label,
-        f"{requirement.metric} at {requirement.at}",
-        float(s.sum() / total),
-        predicted(u, value),
-        settings.samples,
-        time.monotonic() - begun,
-        not_described(result.outside for result in look(campaign, case.scenario, [requirement.name]).values()),
+        indices=_index_table(sources, variances, budget.total, _fitted_indices(u, mean_squares, campaign.seed)),
+        case=case.label,
+        error=f"{requirement.metric} at {requirement.at}",
+        covered=float(variances.sum() / budget.total),
+        predicted=predicted(u, mean_squares),
+        samples=settings.samples,
+        seconds=time.monotonic() - begun,
+        remark=not_described(verdict.outside for verdict in verdicts.values()),
     )
 
 
+def _sampled_designs(n_source: int, samples: int, seed: int) -> Floats:
+    """Return Sobol points (samples, n_source) between -1 and 1; InputError if too few for the fit."""
+    terms = len(basis(n_source))
+    if samples < 2 * terms:
+        raise InputError(f"indices.samples: {samples} are too few for {terms} polynomials; give {2 * terms}")
+    power_of_two = 1 << (samples - 1).bit_length()  # Sobol sequences are balanced for powers of two only
+    return 2.0 * points("sobol", n_source, power_of_two, seed)[:samples] - 1.0
+
+
+class _FittedIndices(NamedTuple):
+    """Indices of the fit to all designs, (n_source,) each, and half-widths of their 95 % bootstrap intervals."""
+
+    first: Floats
+    first_half_width: Floats
+    total: Floats
+    total_half_width: Floats
+
+
+def _fitted_indices(u: Floats, mean_squares: Floats, seed: int) -> _FittedIndices:
+    """Return the indices of the re-tuned filter from the mean squares of all designs `u`."""
+    n_sample, n_source = u.shape
+    rng = np.random.default_rng(seed)
+    resamples = rng.integers(0, n_sample, (RESAMPLED, n_sample))
+    fits = [fitted(u, mean_squares)]
+    fits += [fitted(u[resample], mean_squares[resample]) for resample in resamples]
+    by_fit = fitted_indices(np.array(fits), n_source)  # (first and total, fit, source)
+    first, total = by_fit[:, 0]
+    interval = np.quantile(by_fit[:, 1:], (0.025, 0.975), axis=1)
+    first_half_width, total_half_width = 0.5 * np.ptp(interval, axis=0)
+    return _FittedIndices(first, first_half_width, total, total_half_width)
+
+
+def _index_table(sources: list[str], variances: Floats, total: float, retuned: _FittedIndices) -> pd.DataFrame:
+    """Return the table of `COLUMNS`; `total`: mean square of the error, with the sources not in the table."""
+    share = variances / total
+    frozen = variances**2 / np.sum(variances**2)
+    columns = [
+        sources,
+        share,
+        share,  # with frozen gains the local derivative equals the share
+        frozen,
+        frozen,
+        retuned.first,
+        retuned.first_half_width,
+        retuned.total,
+        retuned.total_half_width,
+    ]
+    return pd.DataFrame(list(zip(*columns, strict=True)), columns=COLUMNS)
+
+
 def _requirement(campaign: Campaign, name: str) -> Requirement:
-    candidates = [requirement for requirement in campaign.requirements if not name or requirement.name == name]
-    if (
-        not candidates
-        or candidates[0].during is not None
-        or not isinstance(metric_of(candidates[0].metric), StateError | InjectionError)
-    ):
-        raise InputError(
-            f"indices.requirement: no requirement {quoted(name)} on an error of navigation or injection at an event"
-        )
-    return candidates[0]
+    """Return the requirement with a name, or the first if the name is empty."""
+    for requirement in campaign.requirements:
+        if name in ("", requirement.name):
+            is_error = isinstance(metric_of(requirement.metric), StateError | InjectionError)
+            if requirement.during is None and is_error:
+                return requirement
+            break
+    raise InputError(
+        f"indices.requirement: no requirement {quoted(name)} on an error of navigation or injection at an event"
+    )
 
 
 class _MeanSquares(NamedTuple):
@@ -148,23 +192,26 @@ def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirem
     """Return the mean square of a requirement's error, by source; InputError if linear covariance does not give it."""
     metric = metric_of(requirement.metric)
     if isinstance(metric, InjectionError):
-        return _of_injection(prepared, history, requirement)
+        return _injection_mean_squares(prepared, history, requirement)
     events = flown_events(prepared)
-    columns = [
-        k
-        for k, output in enumerate(prepared.outputs)
-        if isinstance(metric, StateError) and output.quantity == metric.quantity and metric.axis in (NORM, output.axis)
-    ]
+    columns = []
+    if isinstance(metric, StateError):
+        for k, output in enumerate(prepared.outputs):
+            if output.quantity == metric.quantity and metric.axis in (NORM, output.axis):
+                columns.append(k)
     if requirement.at not in events or not columns:
         raise InputError(f"indices: linear covariance does not hold {requirement.metric} at {requirement.at}")
-    at = int(np.argmin(np.abs(history.t - events[str(requirement.at)])))
-    by_source = history.budget[at][:, columns].sum(axis=1)
-    return _MeanSquares(history.sources, by_source, float(by_source.sum() + np.sum(history.mean[at, columns] ** 2)))
+    t_event = events[str(requirement.at)]
+    epoch = int(np.argmin(np.abs(history.t - t_event)))
+    by_source = history.budget[epoch][:, columns].sum(axis=1)
+    mean = history.mean[epoch, columns]
+    return _MeanSquares(history.sources, by_source, float(by_source.sum() + np.sum(mean**2)))
 
 
-def _of_injection(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
+def _injection_mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
     """As `_mean_squares`, for an error of the injection of a guided ascent."""
-    distribution = metric_of(requirement.metric).law(CaseArrays(prepared, history), requirement.model_dump(mode="json"))
+    results = CaseArrays(prepared, history)
+    distribution = metric_of(requirement.metric).law(results, requirement.model_dump(mode="json"))
     if isinstance(distribution, str):
         raise InputError(f"indices.requirement: {requirement.metric}: {distribution}")
     law = distribution.law
@@ -173,8 +220,10 @@ def _of_injection(prepared: Prepared, history: CovHistory, requirement: Requirem
             f"indices.requirement: near a circular orbit {requirement.metric} is not a sum over error sources; use "
             "injection_semi_major_axis_error or injection_eccentricity_vector_error"
         )
-    by_source = np.array([np.trace(part) for part in law.sources.values()])
-    return _MeanSquares(tuple(law.sources), by_source, float(np.trace(law.covariance) + law.mean @ law.mean))
+    by_source = np.array([np.trace(covariance_part) for covariance_part in law.sources.values()])
+    # E|e|^2 = tr P + m' m
+    mean_square = float(np.trace(law.covariance) + law.mean @ law.mean)
+    return _MeanSquares(tuple(law.sources), by_source, mean_square)
 
 
 def _is_scaled(scenario: Scenario, source: str) -> bool:

@@ -54,45 +54,56 @@ def least(campaign: Campaign, problem: Solve, jobs: int = 1) -> LeastTotal:
     """
     begun = time.monotonic()
     check_names(campaign, problem.meet)
-    column, all_cases = PREFERRED[str(problem.least)], cases(campaign)
+    column = PREFERRED[str(problem.least)]
+    all_cases = cases(campaign)
     totals = [total_of(case.scenario.model_dump(mode="json")) for case in all_cases]
     for case, total in zip(all_cases, totals, strict=True):
         if not np.isfinite(total.get(column, np.nan)):
             raise InputError(f"solve.least: {problem.least}: no device of the case {case.label} states it (resources)")
-    looks = list(each(jobs, _ratio, [(campaign, case, problem) for case in all_cases], ordered=True))
-    rows = [
-        {
+    ratios = list(each(jobs, _ratio, [(campaign, case, problem) for case in all_cases], ordered=True))
+    rows = []
+    for case, total, (ratio, limiting_requirement, remark) in zip(all_cases, totals, ratios, strict=True):
+        row = {
             "case": case.label,
             "chosen": False,
             **total,
             "error_ratio": ratio,
-            "limiting_requirement": name,
+            "limiting_requirement": limiting_requirement,
             "meets": ratio <= 1.0,
-            "remark": why,
+            "remark": remark,
         }
-        for case, total, (ratio, name, why) in zip(all_cases, totals, looks, strict=True)
-    ]
-    frame = pd.DataFrame(rows, columns=COLUMNS).sort_values(column, kind="stable")
-    best = frame.index[frame.meets][:1]
-    frame.loc[best, "chosen"] = True
-    runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
-    smaller = frame.index[: frame.index.get_loc(best[0])][-1:] if len(best) else frame.index[:0]
-    flights = [(campaign, all_cases[at], problem, runs) for at in [*smaller, *best] if runs]
-    confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
+        rows.append(row)
+    table = pd.DataFrame(rows, columns=COLUMNS).sort_values(column, kind="stable")
+    confirmed = []
+    meeting = np.flatnonzero(table.meets)
+    if len(meeting):
+        best = int(meeting[0])
+        table.loc[table.index[best], "chosen"] = True
+        # Runs check the chosen case, and the case with the next smaller total, which should not meet the requirements.
+        if campaign.monte_carlo and campaign.monte_carlo.runs:
+            checked_cases = [all_cases[number] for number in table.index[max(0, best - 1) : best + 1]]
+            items = [(campaign, case, problem, campaign.monte_carlo.runs) for case in checked_cases]
+            for confirmation in each(jobs, _confirm, items, ordered=True):
+                confirmed += confirmation
     return LeastTotal(
-        frame.reset_index(drop=True), pd.DataFrame(confirmed, columns=CONFIRMED), column, time.monotonic() - begun
+        answers=table.reset_index(drop=True),
+        confirmed=pd.DataFrame(confirmed, columns=CONFIRMED),
+        least=column,
+        seconds=time.monotonic() - begun,
     )
 
 
 def _ratio(campaign: Campaign, case: Case, problem: Solve) -> tuple[float, str, str]:
     """Return the largest ratio of an error to its limit, the limiting requirement, and a remark."""
-    results = look(campaign, case.scenario, problem.meet)
-    why = "; ".join(f"{name}: {result.why}" for name, result in results.items() if result.why)
-    if why:
-        return float("nan"), "", why
-    name = max(results, key=lambda requirement: results[requirement].ratio)
-    return results[name].ratio, name, not_described(result.outside for result in results.values())
+    verdicts = look(campaign, case.scenario, problem.meet)
+    reasons = "; ".join(f"{name}: {verdict.why}" for name, verdict in verdicts.items() if verdict.why)
+    if reasons:
+        return float("nan"), "", reasons
+    limiting = max(verdicts, key=lambda name: verdicts[name].ratio)
+    remark = not_described(verdict.outside for verdict in verdicts.values())
+    return verdicts[limiting].ratio, limiting, remark
 
 
 def _confirm(campaign: Campaign, case: Case, problem: Solve, runs: int) -> list[tuple[Any, ...]]:
+    """Return the rows of `CONFIRMED` for a case."""
     return [(case.label, *row) for row in confirm(campaign, case.scenario, problem.meet, runs)]

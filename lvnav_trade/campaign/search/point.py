@@ -1,7 +1,6 @@
 """Evaluation of one design: its requirements by linear covariance and by Monte Carlo runs."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,15 +77,21 @@ def covariance_verdicts(
     prepared = prepare(scenario, campaign.keep.history if has_phase else HISTORY)
     history = covariance(prepared)
     results = CaseArrays(prepared, history)
-    evaluated, outside = {}, _outside(prepared, results)
+    outside = _outside(prepared, results)
+    verdicts = {}
     for requirement in selected:
         law = asked_of(results, requirement.model_dump(mode="json"))
         if isinstance(law, str):
-            evaluated[requirement.name] = CovarianceVerdict(np.nan, np.nan, np.nan, "", law)
+            verdicts[requirement.name] = CovarianceVerdict(np.nan, np.nan, np.nan, unit="", why=law)
         else:
-            sizes = (law.quantile(law.probability) * law.factor, law.bound * law.factor)
-            evaluated[requirement.name] = CovarianceVerdict(*sizes, law.kept(), law.unit, outside=outside)
-    return evaluated, history, int(prepared.layout.n_estimated)
+            verdicts[requirement.name] = CovarianceVerdict(
+                estimate=law.quantile(law.probability) * law.factor,
+                limit=law.bound * law.factor,
+                probability=law.kept(),
+                unit=law.unit,
+                outside=outside,
+            )
+    return verdicts, history, int(prepared.layout.n_estimated)
 
 
 def _outside(prepared: Prepared, results: CaseArrays) -> str:
@@ -106,19 +111,17 @@ def not_described(reasons: Iterable[str]) -> str:
 def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """Return a scenario with other values at dotted paths, written as in a campaign; InputError if it is not valid."""
     data = scenario.model_dump(mode="json")
+    settings_text = ", ".join(f"{path}={value}" for path, value in values.items())
     try:
-        return Scenario.model_validate(
-            reduce(lambda now, item: put(now, item[0].removeprefix("base.").split("."), item[1]), values.items(), data)
-        )
+        for path, value in values.items():
+            data = put(data, path.removeprefix("base.").split("."), value)
+        return Scenario.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(f"{_said(values)}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        first_error = error.errors()[0]
+        field = ".".join(map(str, first_error["loc"]))
+        raise InputError(f"{settings_text}: {field}: {first_error['msg']}") from None
     except (ValueError, IndexError) as error:
-        raise InputError(f"{_said(values)}: {str(error).splitlines()[0]}") from None
-
-
-def _said(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{path}={value}" for path, value in values.items())
+        raise InputError(f"{settings_text}: {str(error).splitlines()[0]}") from None
 
 
 def number_at(scenario: Scenario, path: str, unit: str) -> float:
@@ -126,9 +129,10 @@ def number_at(scenario: Scenario, path: str, unit: str) -> float:
     value = get(scenario.model_dump(mode="json"), path.removeprefix("base.").split("."))
     if value is None or isinstance(value, bool | dict | list):
         return float("nan")
-    number, _, si = str(value).partition(" ")
+    number, _, si_unit = str(value).partition(" ")
     try:
-        return float(number) / (parse(f"1 {unit}", si or "dimensionless") if unit else 1.0)
+        factor = parse(f"1 {unit}", si_unit or "dimensionless") if unit else 1.0
+        return float(number) / factor
     except ValueError:
         return float("nan")
 
@@ -163,23 +167,24 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCar
     prepared = prepare(scenario, campaign.keep.history)
     history = covariance(prepared)
     requirements = [requirement.model_dump(mode="json") for requirement in campaign.requirements]
-    size = campaign.monte_carlo.block if campaign.monte_carlo else 40
+    block_size = campaign.monte_carlo.block if campaign.monte_carlo else 40
     events = flown_events(prepared)
-    counts = np.zeros(len(requirements), dtype=int)
-    for first in range(0, runs, size):
-        block = work.ENGINE.run_block(prepared, campaign.seed, first, min(size, runs - first))
+    violations = np.zeros(len(requirements), dtype=int)
+    for first in range(0, runs, block_size):
+        block = work.ENGINE.run_block(prepared, campaign.seed, first, min(block_size, runs - first))
         summary = summarise(block, events, history.true_sigma, prepared.outputs)
-        counts += [count or 0 for count in stopping.violating_runs(requirements, "", prepared, history, summary)]
-    expected = look(campaign, scenario)
-    return {
-        requirement.name: MonteCarloVerdict(
-            int(count),
-            runs,
-            success_verdict(runs, int(count), requirement.probability, requirement.confidence),
-            1.0 - expected[requirement.name].probability,
+        block_counts = stopping.violating_runs(requirements, "", prepared, history, summary)
+        violations += [count or 0 for count in block_counts]
+    by_covariance = look(campaign, scenario)
+    verdicts = {}
+    for requirement, count in zip(campaign.requirements, violations, strict=True):
+        verdicts[requirement.name] = MonteCarloVerdict(
+            beyond=int(count),
+            runs=runs,
+            verdict=success_verdict(runs, int(count), requirement.probability, requirement.confidence),
+            expected=1.0 - by_covariance[requirement.name].probability,
         )
-        for requirement, count in zip(campaign.requirements, counts, strict=True)
-    }
+    return verdicts
 
 
 def confirm(
@@ -206,9 +211,12 @@ def confirm(
     """
     rows = []
     for name, result in fly(campaign, scenario, runs).items():
-        if not names or name in names:
-            p_value = float(stats.binomtest(result.beyond, result.runs, min(1.0, max(0.0, result.expected))).pvalue)
-            rows.append((name, result.runs, result.beyond, result.expected, result.verdict, p_value >= ALPHA))
+        if names and name not in names:
+            continue
+        expected = min(1.0, max(0.0, result.expected))
+        test = stats.binomtest(result.beyond, result.runs, expected)
+        agrees = float(test.pvalue) >= ALPHA
+        rows.append((name, result.runs, result.beyond, result.expected, result.verdict, agrees))
     return rows
 
 

@@ -2,22 +2,22 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
-from scipy import optimize
 
 from lvnav_trade.campaign.definition.axes import Case, cases, get
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve, Total, Vary
 from lvnav_trade.campaign.reading.spaced import AxisEnds, ends_of
 from lvnav_trade.campaign.running.pool import each
+from lvnav_trade.campaign.search.crossings import PermittedValues, search
 from lvnav_trade.campaign.search.point import (
     FROZEN,
     RETUNED,
+    CovarianceVerdict,
     changed,
     check_names,
     confirm,
@@ -29,8 +29,8 @@ from lvnav_trade.campaign.search.point import (
 )
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import Floats
+from lvnav_trade.scenario.scenario import Scenario
 
-_CLOSE = 1e-3  # relative tolerance of the crossings
 ANSWERS = [
     "case",
     "tuning",
@@ -60,86 +60,6 @@ SCANNED = [
     "probability",
 ]
 CONFIRMED = ["case", "tuning", "value", "unit", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
-
-
-class PermittedValues(NamedTuple):
-    """Values of a variable at which a function is at most 1."""
-
-    intervals: tuple[tuple[float, float], ...]  # intervals in which it is
-    answer: float  # largest value in the intervals; NaN if there is none
-    limiting_requirement: str  # at the upper end; empty if there is no limit up to the last value
-    monotone: bool  # whether the function is at most 1 for all values below the answer
-
-
-def search(
-    ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: bool, refine: bool = True
-) -> PermittedValues:
-    """Find the values of a variable at which the largest of several ratios is at most 1.
-
-    Parameters
-    ----------
-    ratio : callable
-        Returns the ratios by name for a value; NaN if the value is not possible.
-    grid : (n,) array
-        Increasing values to evaluate first. Between neighbours on different sides of 1, Brent's method finds the
-        crossing.
-    log : bool
-        Search in the logarithm of the value.
-    refine : bool
-        Find the crossings; if not, the last grid value that is met is the end of an interval.
-
-    Returns
-    -------
-    PermittedValues
-        Intervals, largest value, limiting ratio.
-    """
-    cache: dict[float, Mapping[str, float]] = {}
-
-    def at(value: float) -> Mapping[str, float]:
-        if value not in cache:
-            cache[value] = ratio(value)
-        return cache[value]
-
-    def excess(value: float) -> float:
-        ratios = list(at(value).values())
-        return math.log(max(ratios)) if ratios and not np.isnan(ratios).any() and max(ratios) > 0.0 else math.nan
-
-    marks = [(x, y) for x in map(float, grid) if not math.isnan(y := excess(x))]
-    intervals: list[tuple[float, float]] = []
-    begin = marks[0][0] if marks and marks[0][1] <= 0.0 else None
-    beyond = math.nan
-    way: Callable[[float], float] = math.exp if log else float
-    for (x0, y0), (x1, y1) in pairwise(marks):
-        if (y0 <= 0.0) == (y1 <= 0.0):
-            continue
-        if refine:
-            ends = (math.log(x0), math.log(x1)) if log else (x0, x1)
-            tolerance = _CLOSE if log else _CLOSE * max(abs(x0), abs(x1))
-            cross = way(float(optimize.brentq(lambda u: excess(way(u)), *ends, xtol=0.3 * tolerance)))
-        else:
-            cross = x0 if y0 <= 0.0 else x1
-        if y0 <= 0.0 and begin is not None:
-            intervals.append((begin, cross))
-            begin, beyond = None, x1
-        else:
-            begin = cross
-    if begin is not None:
-        intervals.append((begin, marks[-1][0]))
-        beyond = math.nan
-    if not intervals:
-        return PermittedValues((), math.nan, _largest(at(marks[0][0])) if marks else "", True)
-    monotone = len(intervals) == 1 and intervals[0][0] == marks[0][0]
-    limiting = "" if math.isnan(beyond) else _largest(at(beyond if not refine else _nearest(cache, intervals[-1][1])))
-    return PermittedValues(tuple(intervals), intervals[-1][1], limiting, monotone)
-
-
-def _nearest(evaluated: Mapping[float, Any], value: float) -> float:
-    """Return the evaluated value nearest to a value."""
-    return min(evaluated, key=lambda x: abs(x - value))
-
-
-def _largest(ratios: Mapping[str, float]) -> str:
-    return max(ratios, key=lambda name: ratios[name])
 
 
 class InverseSolution(NamedTuple):
@@ -182,44 +102,66 @@ def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
     start = time.monotonic()
     check_names(campaign, problem.meet)
     all_cases = cases(campaign)
-    problem = problem.model_copy(update={"vary": tuple(_counted(vary, all_cases[0]) for vary in problem.vary)})
+    problem = problem.model_copy(update={"vary": tuple(_whole_numbers(vary, all_cases[0]) for vary in problem.vary)})
     spans = [span(vary) for vary in problem.vary]
-    along = [spans[1][0].text(float(x)) for x in spans[1][1]] if len(spans) > 1 else [None]
-    ways = [RETUNED] if problem.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
-    items = [(campaign, problem, case, way, second) for case in all_cases for way in ways for second in along]
-    parts = list(each(jobs, _solve_case, items, ordered=True))
-    answers = pd.DataFrame([result[0] for result in parts], columns=ANSWERS)
-    intervals = pd.DataFrame([row for result in parts for row in result[1]], columns=INTERVALS)
-    scanned = pd.DataFrame([row for result in parts for row in result[2]], columns=SCANNED)
-    runs = campaign.monte_carlo.runs if campaign.monte_carlo and len(spans) == 1 else 0
-    flights = [
-        (campaign, problem, case, row.tuning, value, runs)
-        for row in answers.itertuples()
+    tunings = [RETUNED] if problem.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
+    second_values: list[str | None] = [None]
+    if len(spans) > 1:
+        second_ends, second_grid = spans[1]
+        second_values = [second_ends.text(float(value)) for value in second_grid]
+    items = [
+        (campaign, problem, case, tuning, second)
         for case in all_cases
-        if case.label == row.case and runs and np.isfinite(row.answer) and row.limiting_requirement
-        for value in _sides(row.answer, problem)
+        for tuning in tunings
+        for second in second_values
     ]
-    confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
+    answer_rows, interval_rows, scanned_rows = [], [], []
+    for answer_row, intervals, scanned in each(jobs, _solve_case, items, ordered=True):
+        answer_rows.append(answer_row)
+        interval_rows += intervals
+        scanned_rows += scanned
+    answers = pd.DataFrame(answer_rows, columns=ANSWERS)
+    confirmed = []
+    if campaign.monte_carlo and campaign.monte_carlo.runs and len(spans) == 1:
+        items = _confirmation_items(campaign, problem, all_cases, answers)
+        for rows in each(jobs, _confirm, items, ordered=True):
+            confirmed += rows
     return InverseSolution(
-        answers,
-        intervals,
-        scanned,
-        pd.DataFrame(confirmed, columns=CONFIRMED),
-        tuple(vary.path for vary in problem.vary),
-        tuple(ends.unit for ends, _ in spans),
-        time.monotonic() - start,
+        answers=answers,
+        intervals=pd.DataFrame(interval_rows, columns=INTERVALS),
+        scanned=pd.DataFrame(scanned_rows, columns=SCANNED),
+        confirmed=pd.DataFrame(confirmed, columns=CONFIRMED),
+        names=tuple(vary.path for vary in problem.vary),
+        units=tuple(ends.unit for ends, _ in spans),
+        seconds=time.monotonic() - start,
     )
 
 
-def _counted(vary: Vary, case: Case) -> Vary:
+def _confirmation_items(
+    campaign: Campaign, problem: Solve, all_cases: Sequence[Case], answers: pd.DataFrame
+) -> list[tuple[Any, ...]]:
+    """Return the arguments of `_confirm` for every solution that a requirement limits."""
+    runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
+    items = []
+    for answer in answers.itertuples():
+        if not np.isfinite(answer.answer) or not answer.limiting_requirement:
+            continue
+        for case in all_cases:
+            if case.label == answer.case:
+                values = _sides(answer.answer, problem)
+                items += [(campaign, problem, case, answer.tuning, value, runs) for value in values]
+    return items
+
+
+def _whole_numbers(vary: Vary, case: Case) -> Vary:
     """Return the variation of an integer field as a list of whole numbers; any other variation unchanged."""
     value = get(case.scenario.model_dump(mode="json"), vary.path.removeprefix("base.").split("."))
     if vary.between is None or not isinstance(value, int) or isinstance(value, bool):
         return vary
-    ends = span(vary)[0]
+    ends, _ = span(vary)
     count = min(int(abs(ends.last - ends.first)) + 1, 100)
-    integers = np.unique(np.round(np.linspace(ends.first, ends.last, count))).astype(int).tolist()
-    return Vary(path=vary.path, values=tuple(integers))
+    rounded = np.round(np.linspace(ends.first, ends.last, count))
+    return Vary(path=vary.path, values=tuple(np.unique(rounded).astype(int).tolist()))
 
 
 def span(vary: Vary) -> tuple[AxisEnds, Floats]:
@@ -227,7 +169,9 @@ def span(vary: Vary) -> tuple[AxisEnds, Floats]:
     try:
         if vary.values is not None:
             pairs = [ends_of((vary.values[0], value)) for value in vary.values[1:]]
-            return pairs[0], np.array([pairs[0].first, *(pair.last for pair in pairs)])
+            values = [pairs[0].first]
+            values += [pair.last for pair in pairs]
+            return pairs[0], np.array(values)
         ends = ends_of(vary.between or ())
         fraction = np.linspace(0.0, 1.0, vary.points)
         if not vary.log:
@@ -241,79 +185,110 @@ def span(vary: Vary) -> tuple[AxisEnds, Floats]:
 
 def _sides(answer: float, problem: Solve) -> tuple[float, ...]:
     """Return values just below and above a solution, at which runs confirm it."""
-    vary = problem.vary[0]
-    return () if vary.values is not None else (answer / (1.0 + problem.margin), answer * (1.0 + problem.margin))
+    if problem.vary[0].values is not None:
+        return ()
+    factor = 1.0 + problem.margin
+    return answer / factor, answer * factor
 
 
-def _scenario(problem: Solve, case: Case, way: str, second: Any, value: float) -> Any:
-    values = {problem.vary[0].path: span(problem.vary[0])[0].text(value)}
+def _scenario(problem: Solve, case: Case, tuning: str, second: Any, value: float) -> Scenario:
+    """Return the scenario of a case with values of the varied fields, and the filter of a tuning."""
+    ends, _ = span(problem.vary[0])
+    values = {problem.vary[0].path: ends.text(value)}
     if second is not None:
         values[problem.vary[1].path] = second
     scenario = changed(case.scenario, values)
-    is_frozen = way == FROZEN and len(values) and not _of_filter(problem)
-    return with_filter(scenario, frozen(case.scenario)) if is_frozen else scenario
-
-
-def _of_filter(problem: Solve) -> bool:
-    return any(vary.path.startswith("filter.") for vary in problem.vary)
+    varies_filter = any(vary.path.startswith("filter.") for vary in problem.vary)
+    if tuning == FROZEN and not varies_filter:
+        return with_filter(scenario, frozen(case.scenario))
+    return scenario
 
 
 def _solve_case(
-    campaign: Campaign, problem: Solve, case: Case, way: str, second: Any
+    campaign: Campaign, problem: Solve, case: Case, tuning: str, second: Any
 ) -> tuple[tuple[Any, ...], list[Any], list[Any]]:
     """Return the rows of `ANSWERS`, `INTERVALS` and `SCANNED` for a case, a filter and a value of the second field."""
-    ends, grid = span(problem.vary[0])
-    evaluated: dict[float, Any] = {}
+    vary = problem.vary[0]
+    ends, grid = span(vary)
+    evaluated: dict[float, dict[str, CovarianceVerdict]] = {}
     impossible: list[str] = []
 
     def ratio(value: float) -> dict[str, float]:
         try:
-            evaluated[value] = look(campaign, _scenario(problem, case, way, second, value), problem.meet)
+            evaluated[value] = look(campaign, _scenario(problem, case, tuning, second, value), problem.meet)
         except (InputError, ValueError) as error:
             impossible.append(str(error).splitlines()[0])
             return {"": math.nan}
-        return {name: result.ratio for name, result in evaluated[value].items()}
+        return {name: verdict.ratio for name, verdict in evaluated[value].items()}
 
-    solution = search(ratio, grid, problem.vary[0].log, problem.vary[0].values is None)
+    solution = search(ratio, grid, vary.log, refine=vary.values is None)
     if not evaluated:
-        raise InputError(f"solve: no value of {problem.vary[0].path} is possible: {impossible[0]}")
-    along_unit = span(problem.vary[1])[0].unit if second is not None else ""
-    along = float(str(second).partition(" ")[0]) if second is not None else math.nan
-    place = (case.label, way, along, along_unit)
-    rows = [
-        (*place, value, ends.unit, name, *result[:2], result.unit, result.ratio, result.probability)
-        for value, looked in sorted(evaluated.items())
-        for name, result in looked.items()
-    ]
-    unknown = [f"{name}: {result.why}" for name, result in next(iter(evaluated.values())).items() if result.why]
-    remark = "; ".join([*unknown, *(impossible[:1])])
-    if not unknown and not solution.intervals:
-        remark = "met by no value; " + remark
-    elif solution.intervals and not solution.limiting_requirement:
-        remark = "met up to the largest value; " + remark
-    outside = not_described(result.outside for looked in evaluated.values() for result in looked.values())
-    remark = "; ".join(text for text in (remark.removesuffix("; "), outside) if text)
-    base = number_at(case.scenario, problem.vary[0].path, ends.unit)
-    row = (
-        *place,
+        raise InputError(f"solve: no value of {vary.path} is possible: {impossible[0]}")
+    along, along_unit = math.nan, ""
+    if second is not None:
+        along = float(str(second).partition(" ")[0])
+        along_unit = span(problem.vary[1])[0].unit
+    keys = (case.label, tuning, along, along_unit)
+    answer_row = (
+        *keys,
         solution.answer,
         ends.unit,
         solution.limiting_requirement,
         solution.monotone,
-        base,
+        number_at(case.scenario, vary.path, ends.unit),
         len(evaluated),
-        remark,
+        _remark(solution, evaluated, impossible),
     )
-    return row, [(*place, *ends_at, ends.unit) for ends_at in solution.intervals], rows
+    interval_rows = [(*keys, least, largest, ends.unit) for least, largest in solution.intervals]
+    return answer_row, interval_rows, _scanned_rows(keys, ends.unit, evaluated)
+
+
+def _scanned_rows(
+    keys: tuple[Any, ...], unit: str, evaluated: Mapping[float, Mapping[str, CovarianceVerdict]]
+) -> list[tuple[Any, ...]]:
+    """Return the rows of `SCANNED`, in the order of the values; `keys`: case, tuning and value of the second field."""
+    rows = []
+    for value in sorted(evaluated):
+        for name, verdict in evaluated[value].items():
+            row = (
+                *keys,
+                value,
+                unit,
+                name,
+                verdict.estimate,
+                verdict.limit,
+                verdict.unit,
+                verdict.ratio,
+                verdict.probability,
+            )
+            rows.append(row)
+    return rows
+
+
+def _remark(
+    solution: PermittedValues, evaluated: Mapping[float, Mapping[str, CovarianceVerdict]], impossible: Sequence[str]
+) -> str:
+    """Return the remark on a solution: requirements and values without numbers, limits that were not reached."""
+    first_verdicts = next(iter(evaluated.values()))
+    not_available = [f"{name}: {verdict.why}" for name, verdict in first_verdicts.items() if verdict.why]
+    texts = []
+    if not solution.intervals and not not_available:
+        texts.append("met by no value")
+    elif solution.intervals and not solution.limiting_requirement:
+        texts.append("met up to the largest value")
+    texts += not_available
+    texts += impossible[:1]
+    texts.append(not_described(verdict.outside for verdicts in evaluated.values() for verdict in verdicts.values()))
+    return "; ".join(filter(None, texts))
 
 
 def _confirm(
-    campaign: Campaign, problem: Solve, case: Case, way: str, value: float, runs: int
+    campaign: Campaign, problem: Solve, case: Case, tuning: str, value: float, runs: int
 ) -> list[tuple[Any, ...]]:
     """Return the rows of `CONFIRMED`: verdicts of runs at a value close to a solution."""
-    unit = span(problem.vary[0])[0].unit
-    rows = confirm(campaign, _scenario(problem, case, way, None, value), problem.meet, runs)
-    return [(case.label, way, value, unit, *row) for row in rows]
+    ends, _ = span(problem.vary[0])
+    rows = confirm(campaign, _scenario(problem, case, tuning, None, value), problem.meet, runs)
+    return [(case.label, tuning, value, ends.unit, *row) for row in rows]
 
 
 def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str = "") -> Solve:

@@ -77,85 +77,105 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
         A case or requirement is unknown, or a variable is not a number of the filter.
     """
     begun = time.monotonic()
-    name = _name(campaign, settings)
+    name = _requirement_name(campaign, settings)
     all_cases = cases(campaign)
-    unknown = [label for label in settings.hold_out if label not in {case.label for case in all_cases}]
-    if unknown:
-        raise InputError(f"tune.hold_out: no case {quoted(unknown[0])}")
-    used = [case for case in all_cases if case.label not in settings.hold_out]
-    spans = [_span(variable.path, variable.between) for variable in settings.variables]
-    paths = [variable.path for variable in settings.variables]
-    starts = [number_at(used[0].scenario, path, ends.unit) for path, ends in zip(paths, spans, strict=True)]
+    labels = {case.label for case in all_cases}
+    for label in settings.hold_out:
+        if label not in labels:
+            raise InputError(f"tune.hold_out: no case {quoted(label)}")
+    tuning_cases = [case for case in all_cases if case.label not in settings.hold_out]
+    spans = {variable.path: _span(variable.path, variable.between) for variable in settings.variables}
+    scenario = tuning_cases[0].scenario
+    starts = {path: number_at(scenario, path, ends.unit) for path, ends in spans.items()}
     scores: dict[tuple[float, ...], float] = {}
-
-    def values_at(x: Floats) -> dict[str, str]:
-        return {
-            path: ends.text(float(ends.first * (ends.last / ends.first) ** position))
-            for path, ends, position in zip(paths, spans, np.clip(x, 0.0, 1.0), strict=True)
-        }
 
     def goal(x: Floats) -> float:
         key = tuple(np.round(np.clip(x, 0.0, 1.0), 9))
         if key not in scores:
-            values = values_at(x)
-            evaluated = list(each(jobs, point, [(campaign, case, name, values) for case in used], ordered=True))
-            scores[key] = score(evaluated, settings)
+            values = _values_at(spans, x)
+            items = [(campaign, case, name, values) for case in tuning_cases]
+            scores[key] = score(list(each(jobs, point, items, ordered=True)), settings)
         return scores[key]
 
-    x0 = [_part(start, ends) for start, ends in zip(starts, spans, strict=True)]
-    simplex = np.array(
-        [x0, *([v + (0.25 if v < 0.7 else -0.25) * (k == j) for k, v in enumerate(x0)] for j in range(len(x0)))]
-    )
-    options = {"maxfev": settings.evaluations, "xatol": 5e-3, "fatol": 1e-3, "initial_simplex": simplex}
-    best = optimize.minimize(goal, x0, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(x0), options=options)
-    chosen = values_at(best.x)
-    card = _card(campaign, settings, used, name, chosen, len(scores))
-    table = [
-        (path, start, number_at(changed(used[0].scenario, chosen), path, ends.unit), ends.unit, ends.first, ends.last)
-        for path, start, ends in zip(paths, starts, spans, strict=True)
-    ]
-    before_and_after = pd.DataFrame(_before_and_after(campaign, settings, all_cases, name, chosen, jobs), columns=CASES)
+    x0 = [_position(starts[path], ends) for path, ends in spans.items()]
+    options = {
+        "maxfev": settings.evaluations,
+        "xatol": 5e-3,
+        "fatol": 1e-3,
+        "initial_simplex": _initial_simplex(x0),
+    }
+    bounds = [(0.0, 1.0)] * len(x0)
+    best = optimize.minimize(goal, x0, method="Nelder-Mead", bounds=bounds, options=options)
+    tuned_values = _values_at(spans, best.x)
+    tuned_scenario = changed(scenario, tuned_values)
+    value_rows = []
+    for path, ends in spans.items():
+        after = number_at(tuned_scenario, path, ends.unit)
+        value_rows.append((path, starts[path], after, ends.unit, ends.first, ends.last))
+    case_rows = _before_and_after(campaign, settings, all_cases, name, tuned_values, jobs)
     return TunedFilter(
-        pd.DataFrame(table, columns=VALUES), before_and_after, card, len(scores), time.monotonic() - begun
+        values=pd.DataFrame(value_rows, columns=VALUES),
+        cases=pd.DataFrame(case_rows, columns=CASES),
+        card=_card(campaign, settings, tuning_cases, name, tuned_values, len(scores)),
+        evaluations=len(scores),
+        seconds=time.monotonic() - begun,
     )
+
+
+def _values_at(spans: Mapping[str, AxisEnds], x: Floats) -> dict[str, str]:
+    """Return the values of the variables at positions `x` (0 to 1) between the logarithms of their bounds."""
+    values = {}
+    for (path, ends), position in zip(spans.items(), np.clip(x, 0.0, 1.0), strict=True):
+        values[path] = ends.text(float(ends.first * (ends.last / ends.first) ** position))
+    return values
+
+
+def _initial_simplex(x0: Sequence[float]) -> Floats:
+    """Return the simplex (n + 1, n) around the start: one variable of each further vertex is moved inwards by 0.25."""
+    vertices = np.array([x0] * (len(x0) + 1))
+    for k, start in enumerate(x0):
+        vertices[k + 1, k] += 0.25 if start < 0.7 else -0.25
+    return vertices
 
 
 def _before_and_after(
-    campaign: Campaign, settings: Tune, all_cases: Sequence[Case], name: str, chosen: Mapping[str, Any], jobs: int
+    campaign: Campaign, settings: Tune, all_cases: Sequence[Case], name: str, tuned_values: Mapping[str, Any], jobs: int
 ) -> list[tuple[Any, ...]]:
     """Return the rows of `CASES`: all cases with the original and with the tuned filter."""
-    items = [(campaign, case, name, values) for case in all_cases for values in ({}, chosen)]
-    looks = list(each(jobs, point, items, ordered=True))
+    items = [(campaign, case, name, values) for case in all_cases for values in ({}, tuned_values)]
+    points = list(each(jobs, point, items, ordered=True))
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
-    flights = list(each(jobs, _fly, [(campaign, case, chosen, runs, name) for case in all_cases], ordered=True))
-    return [
-        (
+    run_items = [(campaign, case, tuned_values, runs, name) for case in all_cases]
+    run_results = list(each(jobs, _confirm, run_items, ordered=True))
+    rows = []
+    for case, before, after, run_result in zip(all_cases, points[::2], points[1::2], run_results, strict=True):
+        row = (
             case.label,
             "held out" if case.label in settings.hold_out else "tuned",
             before.ratio,
             after.ratio,
             before.nees,
             after.nees,
-            *flight,
+            *run_result,
             not_described([before.outside, after.outside]),
         )
-        for case, before, after, flight in zip(all_cases, looks[::2], looks[1::2], flights, strict=True)
-    ]
+        rows.append(row)
+    return rows
 
 
-def _fly(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, name: str) -> tuple[int, int, str]:
+def _confirm(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, name: str) -> tuple[int, int, str]:
+    """Return runs, runs beyond the limit and verdict of the tuned filter in a case; without runs, none of them."""
     if not runs:
         return 0, 0, ""
     result = fly(campaign, changed(case.scenario, values), runs)[name]
     return result.runs, result.beyond, result.verdict
 
 
-def _name(campaign: Campaign, settings: Tune) -> str:
-    names = [requirement.name for requirement in campaign.requirements]
-    fitting = [name for name in names if settings.requirement in ("", name)]
-    if not fitting:
-        raise InputError(f"tune.requirement: no requirement {quoted(settings.requirement)}")
-    return fitting[0]
+def _requirement_name(campaign: Campaign, settings: Tune) -> str:
+    for requirement in campaign.requirements:
+        if settings.requirement in ("", requirement.name):
+            return requirement.name
+    raise InputError(f"tune.requirement: no requirement {quoted(settings.requirement)}")
 
 
 def _span(path: str, between: Sequence[Any]) -> AxisEnds:
@@ -168,21 +188,23 @@ def _span(path: str, between: Sequence[Any]) -> AxisEnds:
     return ends._replace(whole=False)
 
 
-def _part(start: float, ends: AxisEnds) -> float:
+def _position(start: float, ends: AxisEnds) -> float:
     """Return the position of a start value between the ends, in the logarithm, 0 to 1; 0.5 if it is not a number."""
     if not start > 0.0:
         return 0.5
-    return float(np.clip(np.log(start / ends.first) / np.log(ends.last / ends.first), 0.0, 1.0))
+    position = np.log(start / ends.first) / np.log(ends.last / ends.first)
+    return float(np.clip(position, 0.0, 1.0))
 
 
 def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) -> TuningPoint:
     """Evaluate a case by linear covariance with other settings of its filter; `name`: the requirement."""
     scenario = changed(case.scenario, values)
-    results, history, freedom = covariance_verdicts(campaign, scenario, [name])
-    (requirement,) = (each for each in campaign.requirements if each.name == name)
-    t = trajectory_of(scenario).events.get(requirement.at or "", history.t[-1])
-    at = int(np.argmin(np.abs(history.t - t)))
-    return TuningPoint(results[name].ratio, float(history.expected_nees[at]) / freedom, results[name].outside)
+    verdicts, history, degrees_of_freedom = covariance_verdicts(campaign, scenario, [name])
+    (requirement,) = (requirement for requirement in campaign.requirements if requirement.name == name)
+    t_event = trajectory_of(scenario).events.get(requirement.at or "", history.t[-1])
+    epoch = int(np.argmin(np.abs(history.t - t_event)))
+    nees_per_state = float(history.expected_nees[epoch]) / degrees_of_freedom
+    return TuningPoint(verdicts[name].ratio, nees_per_state, verdicts[name].outside)
 
 
 def score(points: Sequence[TuningPoint], settings: Tune) -> float:
@@ -194,18 +216,25 @@ def score(points: Sequence[TuningPoint], settings: Tune) -> float:
     beyond = 0.0
     if settings.nees is not None:
         low, high = settings.nees
-        beyond = sum(max(0.0, np.log(low / point.nees), np.log(point.nees / high)) for point in points)
+        for point in points:
+            beyond += max(0.0, np.log(low / point.nees), np.log(point.nees / high))
     return float(np.log(size) + _OUTSIDE * beyond)
 
 
 def _card(
-    campaign: Campaign, settings: Tune, used: Sequence[Case], name: str, values: Mapping[str, str], looks: int
+    campaign: Campaign,
+    settings: Tune,
+    tuning_cases: Sequence[Case],
+    name: str,
+    values: Mapping[str, str],
+    evaluations: int,
 ) -> FilterCard:
     """Return the card of the tuned filter; its source describes the tuning."""
-    card = changed(used[0].scenario, values).filter
-    words = (
-        f"tune of {campaign.name}: {', '.join(f'{path} = {value}' for path, value in values.items())}; "
-        f"{settings.over} of {'; '.join(case.label for case in used)}; requirement {name}, "
-        f"by linear covariance, {looks} looks"
+    card = changed(tuning_cases[0].scenario, values).filter
+    values_text = ", ".join(f"{path} = {value}" for path, value in values.items())
+    cases_text = "; ".join(case.label for case in tuning_cases)
+    source = (
+        f"tune of {campaign.name}: {values_text}; {settings.over} of {cases_text}; requirement {name}, "
+        f"by linear covariance, {evaluations} looks"
     )
-    return card.model_copy(update={"name": f"{card.name}, tuned", "source": words})
+    return card.model_copy(update={"name": f"{card.name}, tuned", "source": source})

@@ -1,8 +1,6 @@
-"""Inverse questions: crossings of functions with a closed form, and of linear covariance itself."""
+"""Inverse questions of linear covariance."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import pytest
@@ -10,44 +8,9 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.searches import Solve, Vary
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.search.solve import from_words, search, solve, span
+from lvnav_trade.campaign.search.solve import from_words, solve, span
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.search import solved
-
-
-def test_the_crossing_of_a_growing_error_is_found_and_named() -> None:
-    """sqrt(1 + x^2) / 2 is 1 at sqrt(3); the other ratio crosses later."""
-    seen: list[float] = []
-
-    def ratio(x: float) -> dict[str, float]:
-        seen.append(x)
-        return {"first": math.hypot(1.0, x) / 2.0, "second": x / 5.0}
-
-    found = search(ratio, np.geomspace(0.1, 10.0, 7), log=True)
-    assert found.answer == pytest.approx(math.sqrt(3.0), rel=1e-3)
-    assert (found.limiting_requirement, found.monotone) == ("first", True)
-    assert len(seen) == len(set(seen)) < 20
-
-
-def test_an_error_that_comes_back_is_not_monotone_and_has_its_intervals() -> None:
-    found = search(lambda x: {"wave": 1.0 + math.sin(x)}, np.linspace(0.5, 12.0, 24), log=False)
-    expected = [(math.pi, 2.0 * math.pi), (3.0 * math.pi, 12.0)]
-    np.testing.assert_allclose(found.intervals, expected, rtol=2e-3)
-    assert not found.monotone
-    assert (found.answer, found.limiting_requirement) == (12.0, "")
-
-
-def test_where_nothing_is_met_there_is_no_answer_and_what_binds_is_named() -> None:
-    found = search(lambda x: {"a": 2.0 + x, "b": 3.0 + x}, np.linspace(0.0, 1.0, 3), log=False)
-    assert math.isnan(found.answer)
-    assert (found.intervals, found.limiting_requirement) == ((), "b")
-
-
-def test_values_that_are_not_possible_are_passed_over_and_lists_are_not_refined() -> None:
-    found = search(
-        lambda x: {"a": math.nan if x == 2.0 else x / 3.5}, np.array([1.0, 2.0, 3.0, 4.0]), False, refine=False
-    )
-    assert (found.answer, found.limiting_requirement) == (3.0, "a")
 
 
 def test_the_words_of_the_command_line_are_the_block_of_the_campaign() -> None:

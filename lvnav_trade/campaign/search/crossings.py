@@ -1,0 +1,116 @@
+"""Values of a variable at which several ratios are at most 1, from a grid and the crossings between its values."""
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from lvnav_trade.quantities.records import Floats
+
+_CLOSE = 1e-3  # relative tolerance of the crossings
+
+
+class PermittedValues(NamedTuple):
+    """Values of a variable at which a function is at most 1."""
+
+    intervals: tuple[tuple[float, float], ...]  # intervals of these values
+    answer: float  # largest value in the intervals; NaN if there is none
+    limiting_requirement: str  # at the upper end; empty if there is no limit up to the last value
+    monotone: bool  # whether the function is at most 1 for all values below the answer
+
+
+def search(
+    ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: bool, refine: bool = True
+) -> PermittedValues:
+    """Find the values of a variable at which the largest of several ratios is at most 1.
+
+    Parameters
+    ----------
+    ratio : callable
+        Returns the ratios by name for a value; NaN if the value is not possible.
+    grid : (n,) array
+        Increasing values to evaluate first. Between neighbours on different sides of 1, Brent's method finds the
+        crossing.
+    log : bool
+        Search in the logarithm of the value.
+    refine : bool
+        Find the crossings; if not, the last grid value that is met is the end of an interval.
+
+    Returns
+    -------
+    PermittedValues
+        Intervals, largest value, limiting ratio.
+    """
+    cache: dict[float, Mapping[str, float]] = {}
+
+    def ratios_at(value: float) -> Mapping[str, float]:
+        if value not in cache:
+            cache[value] = ratio(value)
+        return cache[value]
+
+    def excess(value: float) -> float:
+        """Logarithm of the largest ratio: above 0 if the value is not permitted, NaN if it is not possible."""
+        ratios = list(ratios_at(value).values())
+        if not ratios or np.isnan(ratios).any() or max(ratios) <= 0.0:
+            return math.nan
+        return math.log(max(ratios))
+
+    grid_values, excesses = [], []
+    for value in map(float, grid):
+        value_excess = excess(value)
+        if not math.isnan(value_excess):
+            grid_values.append(value)
+            excesses.append(value_excess)
+    if not grid_values:
+        return PermittedValues((), math.nan, "", True)
+    intervals: list[tuple[float, float]] = []
+    is_permitted = [value_excess <= 0.0 for value_excess in excesses]
+    begin = grid_values[0]
+    first_beyond = math.nan  # grid value after the end of the last interval; NaN if there is none
+    for k, (low, high) in enumerate(pairwise(grid_values)):
+        if is_permitted[k] == is_permitted[k + 1]:
+            continue
+        if refine:
+            crossing = _crossing(excess, low, high, log)
+        else:
+            crossing = low if is_permitted[k] else high
+        if is_permitted[k]:
+            intervals.append((begin, crossing))
+            first_beyond = high
+        else:
+            begin = crossing
+    if is_permitted[-1]:
+        intervals.append((begin, grid_values[-1]))
+        first_beyond = math.nan
+    if not intervals:
+        return PermittedValues((), math.nan, _largest(ratios_at(grid_values[0])), True)
+    answer = intervals[-1][1]
+    limiting = ""
+    if not math.isnan(first_beyond):
+        limiting = _largest(ratios_at(_nearest(cache, answer) if refine else first_beyond))
+    is_monotone = len(intervals) == 1 and intervals[0][0] == grid_values[0]
+    return PermittedValues(tuple(intervals), answer, limiting, is_monotone)
+
+
+def _crossing(excess: Callable[[float], float], low: float, high: float, log: bool) -> float:
+    """Return the value between two values at which `excess` changes its sign, by Brent's method."""
+    if not log:
+        tolerance = _CLOSE * max(abs(low), abs(high))
+        return float(optimize.brentq(excess, low, high, xtol=0.3 * tolerance))
+
+    def excess_of_log(u: float) -> float:
+        return excess(math.exp(u))
+
+    return math.exp(float(optimize.brentq(excess_of_log, math.log(low), math.log(high), xtol=0.3 * _CLOSE)))
+
+
+def _nearest(evaluated: Mapping[float, Any], value: float) -> float:
+    """Return the evaluated value nearest to a value."""
+    return min(evaluated, key=lambda x: abs(x - value))
+
+
+def _largest(ratios: Mapping[str, float]) -> str:
+    return max(ratios, key=lambda name: ratios[name])
