@@ -23,11 +23,11 @@ from lvnav_trade.results.metric import NAVIGATION_UNITS
 AT_RANDOM = 8
 """Number of randomly drawn designs whose runs check linear covariance."""
 
-Chosen = dict[str, list[int]]
+Selection = dict[str, list[int]]
 """Numbers of the selected designs, by reason."""
 
 
-def chosen(table: pa.Table, campaign: Campaign) -> Chosen:
+def select_designs(table: pa.Table, campaign: Campaign) -> Selection:
     """Select designs of a campaign for a full analysis, from the table of all designs.
 
     The selection has the best design; with a spot check random designs; with Monte Carlo the designs on the Pareto
@@ -37,16 +37,16 @@ def chosen(table: pa.Table, campaign: Campaign) -> Chosen:
     possible = np.flatnonzero(case != "")
     numbers = table["design_number"].to_numpy()
     ratio = _column(table, "error_ratio")
-    selected: Chosen = {"best": numbers[_best(table, possible, ratio)].tolist()}
+    selection: Selection = {"best": numbers[_best(table, possible, ratio)].tolist()}
     if campaign.covariance.spot_check:
         rng = np.random.default_rng([campaign.seed, len(possible)])
-        drawn = rng.choice(possible, min(AT_RANDOM, len(possible)), replace=False)
-        selected["at random"] = numbers[np.sort(drawn)].tolist()
+        sample = rng.choice(possible, min(AT_RANDOM, len(possible)), replace=False)
+        selection["at random"] = numbers[np.sort(sample)].tolist()
     card = campaign.monte_carlo
     if card is not None:
-        wanted = front(table, possible) if card.cases == "front" else nearest(possible, ratio)
-        selected[card.cases or "undecided"] = numbers[wanted[: card.chosen_most]].tolist()
-    return selected
+        candidates = front(table, possible) if card.cases == "front" else nearest(possible, ratio)
+        selection[card.cases or "undecided"] = numbers[candidates[: card.chosen_most]].tolist()
+    return selection
 
 
 def _column(table: pa.Table, name: str) -> Floats:
@@ -59,28 +59,33 @@ def _column(table: pa.Table, name: str) -> Floats:
 def _best(table: pa.Table, possible: Ints, ratio: Floats) -> Ints:
     """Return the row with the smallest ratio of error to limit; without requirements the smallest velocity error."""
     value = ratio if np.isfinite(ratio[possible]).any() else _column(table, "velocity_m_per_s")
-    known = possible[np.isfinite(value[possible])]
-    return known[np.argsort(value[known], kind="stable")][:1] if len(known) else possible[:1]
+    evaluated = possible[np.isfinite(value[possible])]
+    if not len(evaluated):
+        return possible[:1]
+    ascending = np.argsort(value[evaluated], kind="stable")
+    return evaluated[ascending][:1]
 
 
 def nearest(possible: Ints, ratio: Floats) -> Ints:
     """Return the rows sorted by the distance of the largest error from its limit, as |log(error / limit)|."""
-    known = possible[np.isfinite(ratio[possible]) & (ratio[possible] > 0.0)]
-    return known[np.argsort(np.abs(np.log(ratio[known])), kind="stable")]
+    evaluated = possible[np.isfinite(ratio[possible]) & (ratio[possible] > 0.0)]
+    distance = np.abs(np.log(ratio[evaluated]))
+    return evaluated[np.argsort(distance, kind="stable")]
 
 
 def front(table: pa.Table, possible: Ints) -> Ints:
     """Return the rows on the Pareto front of error and totals of the devices, sorted by the error over its limit."""
     names = ["error_ratio", "cost", "mass_kg", "power_w", "volume_m3"]
     columns = [_column(table, name)[possible] for name in names]
-    used = [column for column in columns if np.isfinite(column).any()]
-    if not used:
+    criteria = [column for column in columns if np.isfinite(column).any()]
+    if not criteria:
         return possible
-    values = np.stack(used, axis=1)
-    known = np.isfinite(values).all(axis=1)
-    rows, values = possible[known], values[known]
-    kept = np.array([dominating(values, k) < 0 for k in range(len(rows))], dtype=bool)
-    return rows[kept][np.argsort(values[kept, 0], kind="stable")]
+    values = np.stack(criteria, axis=1)
+    is_complete = np.isfinite(values).all(axis=1)
+    rows, values = possible[is_complete], values[is_complete]
+    on_front = np.array([dominating(values, k) < 0 for k in range(len(rows))], dtype=bool)
+    ascending = np.argsort(values[on_front, 0], kind="stable")
+    return rows[on_front][ascending]
 
 
 # Measured on one core of a small virtual machine: time of preparation, metrics and row of a design, in addition to its
@@ -129,45 +134,52 @@ def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str,
     flights : mapping of str to mapping of str to float
         Times (s) of the events by digest of the case and by name; the first and last give the duration.
     """
-    designs = DesignSpace(campaign)
+    n_designs = len(DesignSpace(campaign))
     duration = max(max(times.values()) - min(times.values()) for times in flights.values())
-    some = probes(campaign)
-    each = sum(covariance_seconds(case, duration) for case in some) / len(some) + _DESIGN_S
+    probe_cases = probes(campaign)
+    probe_seconds = sum(covariance_seconds(case, duration) for case in probe_cases)
+    row_seconds = n_designs * (probe_seconds / len(probe_cases) + _DESIGN_S)
     card = campaign.monte_carlo
-    whole = 1 + (AT_RANDOM if campaign.covariance.spot_check else 0) + (card.chosen_most if card is not None else 0)
-    whole = min(whole, len(designs))
-    single = campaign.probe.model_copy(update={"axes": (), "design": "grid", "references": ()})
-    alone = estimate(single, folder, {case.id: duration for case in cases(single)})
-    further = _further_numbers(campaign, flights)
-    disk = len(designs) * (_ROW_BYTES + _PAGE_BYTES + further * _EVENT_BYTES)
-    tables = whole * 1e6 * (alone.disk_mb - alone.blocks_mb)
-    disk += tables
-    beside = len(designs) * (_PART_BYTES + further * _EVENT_PART_BYTES)
-    beside += whole * 1e6 * alone.blocks_mb + _CASE_TABLES * tables
+    selected = 1
+    if campaign.covariance.spot_check:
+        selected += AT_RANDOM
+    if card is not None:
+        selected += card.chosen_most
+    selected = min(selected, n_designs)
+    one_design = campaign.probe.model_copy(update={"axes": (), "design": "grid", "references": ()})
+    per_case = estimate(one_design, folder, {case.id: duration for case in cases(one_design)})
+    event_numbers = _event_numbers(campaign, flights)
+    table_bytes = selected * 1e6 * (per_case.disk_mb - per_case.blocks_mb)
+    final_bytes = n_designs * (_ROW_BYTES + _PAGE_BYTES + event_numbers * _EVENT_BYTES) + table_bytes
+    temporary_bytes = n_designs * (_PART_BYTES + event_numbers * _EVENT_PART_BYTES)
+    temporary_bytes += selected * 1e6 * per_case.blocks_mb + _CASE_TABLES * table_bytes
     return DesignsPlan(
-        str(campaign.store),
-        len(designs),
-        whole,
-        whole * card.runs if card is not None else 0,
-        len(designs) * each + whole * alone.seconds,
-        disk / 1e6,
-        (disk + beside) / 1e6,
-        alone.memory_mb + len(designs) * _DESIGN_BYTES / 1e6,
-        len(designs) * each,
+        store=str(campaign.store),
+        designs=n_designs,
+        whole=selected,
+        runs=selected * card.runs if card is not None else 0,
+        seconds=row_seconds + selected * per_case.seconds,
+        disk_mb=final_bytes / 1e6,
+        most_mb=(final_bytes + temporary_bytes) / 1e6,
+        memory_mb=per_case.memory_mb + n_designs * _DESIGN_BYTES / 1e6,
+        seconds_of_designs=row_seconds,
     )
 
 
-def _further_numbers(campaign: Campaign, flights: Mapping[str, Mapping[str, float]]) -> int:
-    """Return the number of further numbers of a row, of all events together."""
+def _event_numbers(campaign: Campaign, flights: Mapping[str, Mapping[str, float]]) -> int:
+    """Return the number of columns of a row that are errors at events, all events together."""
     if campaign.store != "events":
         return 0
-    of_requirements = sum(requirement.at is not None for requirement in campaign.requirements)
-    return max(map(len, flights.values())) * (len(NAVIGATION_UNITS) + of_requirements)
+    n_events = max(map(len, flights.values()))
+    at_events = sum(requirement.at is not None for requirement in campaign.requirements)
+    return n_events * (len(NAVIGATION_UNITS) + at_events)
 
 
 def refuse_too_large(plan: DesignsPlan, folder: Path) -> None:
     """Raise an InputError if the disk of a folder or the memory is too small for a planned design space."""
-    place = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    place = folder
+    if not folder.exists():  # the results will be in its first parent that exists
+        place = next(path for path in folder.absolute().parents if path.exists())
     free = shutil.disk_usage(place).free / 1e6
     if plan.most_mb > free:
         raise InputError(f"{plan.designs} designs take about {plan.most_mb:.0f} MB of disk; {free:.0f} MB are free")

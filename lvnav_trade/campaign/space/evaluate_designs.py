@@ -13,9 +13,16 @@ import numpy as np
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
-from lvnav_trade.campaign.space.numbered_designs import Design, DesignAxes, DesignBatch, made, number_of, reason_of
+from lvnav_trade.campaign.space.numbered_designs import (
+    Design,
+    DesignAxes,
+    DesignBatch,
+    make_designs,
+    number_of,
+    reason_of,
+)
 from lvnav_trade.campaign.space.passes import HISTORY as HISTORY
-from lvnav_trade.campaign.space.passes import CovariancePasses, together_of
+from lvnav_trade.campaign.space.passes import CovariancePasses, group_passes
 from lvnav_trade.covariance.shared_pass import covariance_of
 from lvnav_trade.quantities.records import CovHistory, Floats, Ints
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE, why_outside
@@ -26,6 +33,7 @@ from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, asked_of
 from lvnav_trade.results.requirements.margins import ORDER
 from lvnav_trade.results.statistics.case_results import Gaussian
 from lvnav_trade.results.tables.dictionary import unit_suffix
+from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 TEXTS = ("case", "label", "axes", "reason", "limiting_requirement", "verdict", "verdicts")
@@ -67,42 +75,50 @@ class EvaluatedDesigns(NamedTuple):
     seconds: float
 
 
-def evaluate(question: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
+def evaluate(request: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
     """Evaluate the designs of a part.
 
     Designs that differ only in the axes `shared` are evaluated from common covariance passes if there are enough of
     them. The row of an impossible design has a reason and no numbers.
     """
-    begun, passes = time.process_time(), CovariancePasses()
+    begun = time.process_time()
+    passes = CovariancePasses()
     groups: dict[tuple[str, ...], list[Design]] = defaultdict(list)
-    by_number: dict[int, dict[str, Any]] = {}
-    for design in made(part):
+    rows: dict[int, dict[str, Any]] = {}
+    for design in make_designs(part):
         if design.case is None:
-            by_number[design.number] = _row(design, part.axes) | {"reason": design.reason}
+            rows[design.number] = _row(design, part.axes) | {"reason": design.reason}
         else:
-            groups[_others(design, question.shared)].append(design)
+            groups[_other_levels(design, request.shared)].append(design)
     for designs in groups.values():
-        for design, row in _evaluated(question, part, designs, passes):
-            by_number[design.number] = _row(design, part.axes) | row
-    return _rows([by_number[number] for number in part.numbers], part.numbers, passes, time.process_time() - begun)
+        for design, metrics in _group_metrics(request, part, designs, passes):
+            rows[design.number] = _row(design, part.axes) | metrics
+    in_order = [rows[number] for number in part.numbers]
+    return _columns(in_order, part.numbers, passes, time.process_time() - begun)
 
 
-def _others(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
+def _other_levels(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
     """Return the levels that are common to the designs of a group."""
     return tuple(level for k, level in enumerate(design.levels.values()) if k not in shared)
 
 
-def _rows(
+def _columns(
     rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: CovariancePasses, seconds: float
 ) -> EvaluatedDesigns:
-    names = list(dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, str)))
+    """Return the rows of a part as columns; a number that a row does not have is NaN."""
+    texts = {name: tuple(str(row.get(name, "")) for row in rows) for name in TEXTS}
+    number_names: dict[str, None] = {}  # in the order in which they appear
+    for row in rows:
+        for name, value in row.items():
+            if not isinstance(value, str):
+                number_names[name] = None
     return EvaluatedDesigns(
-        np.array(numbers, dtype=np.int64),
-        {name: tuple(str(row.get(name, "")) for row in rows) for name in TEXTS},
-        {name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in names},
-        passes.count,
-        passes.seconds,
-        seconds,
+        number=np.array(numbers, dtype=np.int64),
+        texts=texts,
+        numbers={name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in number_names},
+        passes=passes.count,
+        covariance_s=passes.seconds,
+        seconds=seconds,
     )
 
 
@@ -118,15 +134,17 @@ def _row(design: Design, axes: DesignAxes) -> dict[str, Any]:
         "axes": json.dumps(design.levels),
     }
     for name, value in zip(axes.names, design.values, strict=True):
-        number = number_of(value)
-        if number is not None:
-            row[f"{AXIS}{slug(name)}_{unit_suffix(number[1])}"] = number[0]
+        quantity = number_of(value)
+        if quantity is not None:
+            number, unit = quantity
+            row[f"{AXIS}{slug(name)}_{unit_suffix(unit)}"] = number
     if case is not None:
         row |= _totals(case)
     return row
 
 
-_known_totals: dict[tuple[int, ...], tuple[Any, dict[str, float]]] = {}
+_cached_totals: dict[tuple[int, ...], tuple[Any, dict[str, float]]] = {}
+_MOST_TOTALS = 200  # cached sets of devices
 
 
 def _totals(case: Case) -> dict[str, float]:
@@ -134,26 +152,31 @@ def _totals(case: Case) -> dict[str, float]:
     scenario = case.scenario
     devices = (scenario.imu, scenario.receiver, *scenario.sensors.values())
     key = tuple(map(id, devices))
-    if key not in _known_totals:
-        if len(_known_totals) > 200:
-            _known_totals.clear()
-        sensors = {name: card.model_dump(mode="json") for name, card in scenario.sensors.items() if card is not None}
-        settings = {
-            "imu": scenario.imu.model_dump(mode="json"),
-            "receiver": scenario.receiver.model_dump(mode="json"),
-            "sensors": sensors,
-        }
-        totals = total_of(settings)
-        known = {
-            name: totals[name] for name in ("cost", "mass_kg", "power_w") if totals and totals[name] == totals[name]
-        }
-        if totals and totals["volume_l"] == totals["volume_l"]:
-            known["volume_m3"] = _LITRE * totals["volume_l"]
-        _known_totals[key] = devices, known  # a reference to the devices, so that no new object gets their identity
-    return _known_totals[key][1]
+    if key not in _cached_totals:
+        if len(_cached_totals) > _MOST_TOTALS:
+            _cached_totals.clear()
+        # a reference to the devices is stored, so that no new object gets their identity
+        _cached_totals[key] = devices, _total_columns(scenario)
+    return _cached_totals[key][1]
 
 
-def metrics_of(question: EvaluationRequest, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
+def _total_columns(scenario: Scenario) -> dict[str, float]:
+    """Return the columns of the totals of a scenario's devices; a total that is not given (NaN) has no column."""
+    settings = {
+        "imu": scenario.imu.model_dump(mode="json"),
+        "receiver": scenario.receiver.model_dump(mode="json"),
+        "sensors": {name: card.model_dump(mode="json") for name, card in scenario.sensors.items() if card is not None},
+    }
+    totals = total_of(settings)
+    if not totals:
+        return {}
+    columns = {name: totals[name] for name in ("cost", "mass_kg", "power_w") if not np.isnan(totals[name])}
+    if not np.isnan(totals["volume_l"]):
+        columns["volume_m3"] = _LITRE * totals["volume_l"]
+    return columns
+
+
+def metrics_of(request: EvaluationRequest, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
     """Return the numbers and texts of a row from the linear covariance of a case."""
     results = CaseArrays(prepared, history)
     row = _navigation(prepared, results)
@@ -161,61 +184,67 @@ def metrics_of(question: EvaluationRequest, prepared: Prepared, history: CovHist
         prepared.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
     )
     ratios: dict[str, float] = {}
-    words: dict[str, str] = {}
+    verdicts: dict[str, str] = {}
     reasons = [outside]
-    for requirement in question.requirements:
+    for requirement in request.requirements:
         name = requirement["name"]
-        error, probability, _ = requirement_columns(requirement)
+        error_column, probability_column, _ = requirement_columns(requirement)
         law = asked_of(results, requirement)
         if isinstance(law, str):
-            words[name], ratios[name] = NOT_APPLICABLE, np.nan
+            verdicts[name] = NOT_APPLICABLE
+            ratios[name] = np.nan
             reasons.append(f"{name}: {law}")
             continue
-        size, kept = law.quantile(law.probability), law.kept()
-        row |= {error: size, probability: kept}
-        ratios[name] = size / law.bound
-        verdict = "met" if kept >= law.probability else "violated"
+        error = law.quantile(law.probability)
+        probability = law.kept()
+        row |= {error_column: error, probability_column: probability}
+        ratios[name] = error / law.bound
+        verdict = "met" if probability >= law.probability else "violated"
         # the probability at the worst time of a phase is an upper limit, which cannot show that the requirement is met
         is_bound = verdict == "met" and law.distribution.above_only
-        words[name] = NOT_APPLICABLE if outside or is_bound else verdict
+        verdicts[name] = NOT_APPLICABLE if outside or is_bound else verdict
         if is_bound and not outside:
             reasons.append(f"{name}: {ABOVE_ONLY}")
-    if question.every_event:
-        row |= _at_events(results, question.requirements)
-    return row | _together(ratios, words) | {"reason": "; ".join(filter(None, reasons))}
+    if request.every_event:
+        row |= _errors_at_events(results, request.requirements)
+    return row | _combined_verdict(ratios, verdicts) | {"reason": "; ".join(filter(None, reasons))}
 
 
-def _at_events(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def _errors_at_events(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Return the navigation errors at every event, and the error of each requirement at an event, evaluated there."""
+    at_any_event = [requirement for requirement in requirements if requirement.get("at")]
     row: dict[str, float] = {}
     for event in results.events():
         for quantity, unit in NAVIGATION_UNITS.items():
             law = results.gaussian(event, quantity, "3d")
             if law is not None:
-                row[at_event(f"{quantity}_{unit_suffix(unit)}", event)] = _size(law)
-        for requirement in requirements:
-            law_there = asked_of(results, {**requirement, "at": event}) if requirement.get("at") else ""
-            if not isinstance(law_there, str):
-                quantile = law_there.quantile(law_there.probability)
-                row[at_event(requirement_columns(requirement)[0], event)] = quantile
+                row[at_event(f"{quantity}_{unit_suffix(unit)}", event)] = _rms(law)
+        for requirement in at_any_event:
+            error = asked_of(results, {**requirement, "at": event})
+            if not isinstance(error, str):
+                error_column, _, _ = requirement_columns(requirement)
+                row[at_event(error_column, event)] = error.quantile(error.probability)
     return row
 
 
-def _size(law: Gaussian) -> float:
+def _rms(law: Gaussian) -> float:
     """Return the RMS of an error, sqrt(tr P + m' m)."""
     return float(np.sqrt(np.trace(law.covariance) + law.mean @ law.mean))
 
 
-def _together(ratios: Mapping[str, float], words: Mapping[str, str]) -> dict[str, Any]:
-    if not words:
+def _combined_verdict(ratios: Mapping[str, float], verdicts: Mapping[str, str]) -> dict[str, Any]:
+    """Return the columns on all requirements together: the limiting requirement and the worst verdict."""
+    if not verdicts:
         return {}
-    known = not any(np.isnan(ratio) for ratio in ratios.values())
-    limiting = max(ratios, key=lambda name: ratios[name]) if known else ""
+    limiting, error_ratio = "", np.nan
+    if not any(np.isnan(ratio) for ratio in ratios.values()):
+        limiting = max(ratios, key=lambda name: ratios[name])
+        error_ratio = ratios[limiting]
     return {
-        "error_ratio": ratios[limiting] if limiting else np.nan,
+        "error_ratio": error_ratio,
         "limiting_requirement": limiting,
-        "verdict": min(words.values(), key=ORDER.index),
-        "verdicts": json.dumps(words),
+        "verdict": min(verdicts.values(), key=ORDER.index),
+        "verdicts": json.dumps(verdicts),
     }
 
 
@@ -228,37 +257,37 @@ def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
         law, formal = results.gaussian(event, quantity, "3d"), results.formal(event, quantity)
         if law is None or formal is None:
             continue
-        end = unit_suffix(unit)
-        row[f"{quantity}_{end}"] = _size(law)
-        row[f"{quantity}_formal_{end}"] = float(np.sqrt(np.trace(formal)))
+        suffix = unit_suffix(unit)
+        row[f"{quantity}_{suffix}"] = _rms(law)
+        row[f"{quantity}_formal_{suffix}"] = float(np.sqrt(np.trace(formal)))
     if event:
-        at = int(np.argmin(np.abs(history.t - events[event])))
-        row["nees_per_state_ratio"] = float(history.expected_nees[at]) / prepared.layout.n_estimated
+        epoch = int(np.argmin(np.abs(history.t - events[event])))
+        row["nees_per_state_ratio"] = float(history.expected_nees[epoch]) / prepared.layout.n_estimated
     return row
 
 
 # --- passes -----------------------------------------------------------------------------------------------------------
 
 
-def _evaluated(
-    question: EvaluationRequest, part: DesignBatch, designs: Sequence[Design], passes: CovariancePasses
+def _group_metrics(
+    request: EvaluationRequest, part: DesignBatch, designs: Sequence[Design], passes: CovariancePasses
 ) -> Iterator[tuple[Design, dict[str, Any]]]:
     """Yield designs of a group with the metrics of each, or the reason why it has none."""
-    together = together_of(part, designs, question.shared, question.history, passes)
+    group = group_passes(part, designs, request.shared, request.history, passes)
     for design in designs:
-        if together is None:
-            yield design, _alone(question, design, passes)
+        if group is None:
+            yield design, _single_metrics(request, design, passes)
         else:
-            history = covariance_of(together.passes, together.sigmas(design))
-            yield design, metrics_of(question, together.prepared, history)
+            history = covariance_of(group.passes, group.sigmas(design))
+            yield design, metrics_of(request, group.prepared, history)
 
 
-def _alone(question: EvaluationRequest, design: Design, passes: CovariancePasses) -> dict[str, Any]:
+def _single_metrics(request: EvaluationRequest, design: Design, passes: CovariancePasses) -> dict[str, Any]:
     """Return the metrics of a design from its own covariance pass, or the reason why it has none."""
     assert design.case is not None
     try:
-        prepared = prepare(design.case.scenario, question.history)
-        return metrics_of(question, prepared, passes(prepared))
+        prepared = prepare(design.case.scenario, request.history)
+        return metrics_of(request, prepared, passes(prepared))
     except Exception as error:
         raise_if_interrupted(error)
         if isinstance(error, OSError):

@@ -16,6 +16,8 @@ from lvnav_trade.scenario.rules import breaches_of_case
 from lvnav_trade.scenario.scenario import Scenario
 
 _LABEL = "design "
+_BATCH = 200  # designs that are made at once when all cases are listed
+_CACHED = 400  # largest number of sections whose digests are cached
 _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
@@ -80,70 +82,77 @@ class DesignSpace:
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
-        self.chosen: list[Chosen] = chosen_levels(campaign)
+        self.levels: list[Chosen] = chosen_levels(campaign)
         self.axes = DesignAxes(axis_names(campaign.axes), tuple(tuple(axis.steps) for axis in campaign.axes))
 
     def __len__(self) -> int:
-        return len(self.chosen)
+        return len(self.levels)
 
     def values(self, number: int) -> tuple[Any, ...]:
         """Return the value of every axis in a design."""
-        return tuple(
-            Unvaried if index is None else (axis.values or ())[index]
-            for axis, index in zip(self.campaign.axes, self.chosen[number], strict=True)
-        )
+        values: list[Any] = []
+        for axis, index in zip(self.campaign.axes, self.levels[number], strict=True):
+            values.append(Unvaried if index is None else (axis.values or ())[index])
+        return tuple(values)
 
     def labels(self, number: int) -> tuple[str, ...]:
         """Return the label of every axis in a design."""
-        return tuple(
-            BASE_LABEL if index is None else (axis.labels or ())[index]
-            for axis, index in zip(self.campaign.axes, self.chosen[number], strict=True)
-        )
+        labels = []
+        for axis, index in zip(self.campaign.axes, self.levels[number], strict=True):
+            labels.append(BASE_LABEL if index is None else (axis.labels or ())[index])
+        return tuple(labels)
 
     def part(self, numbers: Sequence[int]) -> DesignBatch:
         """Return the designs with these numbers as work for one worker."""
         return DesignBatch(
-            self.campaign.base,
-            self.axes,
-            tuple(numbers),
-            tuple(map(self.values, numbers)),
-            tuple(map(self.labels, numbers)),
-            self.campaign.seed,
-            self.campaign.keep.history,
+            base=self.campaign.base,
+            axes=self.axes,
+            numbers=tuple(numbers),
+            values=tuple(self.values(number) for number in numbers),
+            labels=tuple(self.labels(number) for number in numbers),
+            seed=self.campaign.seed,
+            history=self.campaign.keep.history,
         )
 
     def case(self, number: int) -> Case:
         """Return the case of a design; InputError if it is impossible."""
-        (design,) = made(self.part([number]))
+        (design,) = make_designs(self.part([number]))
         if design.case is None:
             raise InputError(f"design {number}: {design.reason}")
         return design.case
 
     def cases(self) -> Iterator[Case]:
         """Yield the cases of all possible designs in order."""
-        for first in range(0, len(self), 200):
-            for design in made(self.part(range(first, min(first + 200, len(self))))):
+        for first in range(0, len(self), _BATCH):
+            numbers = range(first, min(first + _BATCH, len(self)))
+            for design in make_designs(self.part(numbers)):
                 if design.case is not None:
                     yield design.case
 
 
-def made(part: DesignBatch) -> Iterator[Design]:
+def make_designs(part: DesignBatch) -> Iterator[Design]:
     """Yield the designs of a part; designs share the sections of the scenario that they have in common."""
     base = part.base.model_dump(mode="json")
-    whole = {name: getattr(part.base, name) for name in base}
-    of_base = {name: value if isinstance(value, BaseModel) else base[name] for name, value in whole.items()}
-    varied = list(dict.fromkeys(steps[0] for steps in part.axes.steps))
-    sections: dict[tuple[str, tuple[str, ...]], Any] = {}
-    known: dict[int, tuple[BaseModel, Any]] = {}
-    case_id(part.base, part.seed, part.history, known)
-    fixed = dict(known)
+    base_sections = {}
+    for name, plain_section in base.items():
+        section = getattr(part.base, name)
+        base_sections[name] = section if isinstance(section, BaseModel) else plain_section
+    # indices of the axes that vary each section
+    axes_of: dict[str, list[int]] = {}
+    for axis, steps in enumerate(part.axes.steps):
+        axes_of.setdefault(steps[0], []).append(axis)
+    valid_sections: dict[tuple[str, tuple[str, ...]], Any] = {}
+    digests: dict[int, tuple[BaseModel, Any]] = {}
+    case_id(part.base, part.seed, part.history, digests)
+    base_digests = dict(digests)
     for number, values, labels in zip(part.numbers, part.values, part.labels, strict=True):
         levels = dict(zip(part.axes.names, labels, strict=True))
-        data, keys = dict(of_base), {}
-        for name in varied:
-            axes = [k for k, steps in enumerate(part.axes.steps) if steps[0] == name]
-            keys[name] = (name, tuple(labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in axes))
-            data[name] = sections.get(keys[name]) or _section(base, name, axes, part.axes, values)
+        data = dict(base_sections)
+        keys = {}
+        for name, axes in axes_of.items():
+            level_texts = [labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in axes]
+            keys[name] = (name, tuple(level_texts))
+            data[name] = valid_sections.get(keys[name]) or _section(base, name, axes, part.axes, values)
         try:
             scenario = Scenario.model_validate(data)
         except (ValidationError, InputError) as error:
@@ -151,12 +160,14 @@ def made(part: DesignBatch) -> Iterator[Design]:
             continue
         breach = next(iter(breaches_of_case(scenario)), None)
         if breach is not None:
-            yield Design(number, values, None, levels, _without_numbers(f"{breach[0]}: {breach[1]}"))
+            path, message = breach
+            yield Design(number, values, None, levels, _without_numbers(f"{path}: {message}"))
             continue
         for name, key in keys.items():
-            sections.setdefault(key, getattr(scenario, name))
-        digest = case_id(scenario, part.seed, part.history, known)
-        known = known if len(known) < 400 else dict(fixed)  # limits the memory of the cache
+            valid_sections.setdefault(key, getattr(scenario, name))
+        digest = case_id(scenario, part.seed, part.history, digests)
+        if len(digests) >= _CACHED:  # limits the memory of the cache
+            digests = dict(base_digests)
         yield Design(number, values, Case(digest, label_of(number), levels, scenario), levels)
 
 
@@ -168,7 +179,8 @@ def label_of(number: int) -> str:
 def number_in(label: str) -> int | None:
     """Return the number of the design with a label; None if it is not a label of a design."""
     number = label.removeprefix(_LABEL)
-    return int(number) if label.startswith(_LABEL) and number.isdecimal() and number.isascii() else None
+    is_label = label.startswith(_LABEL) and number.isdecimal() and number.isascii()
+    return int(number) if is_label else None
 
 
 def _section(base: dict[str, Any], name: str, varied: list[int], axes: DesignAxes, values: tuple[Any, ...]) -> Any:
@@ -192,15 +204,16 @@ def number_of(value: Any) -> tuple[float, str] | None:
 def reason_of(error: Exception) -> str:
     """Return the reason why a design is impossible: the first line of its error, without numbers."""
     if isinstance(error, ValidationError):
-        first = error.errors()[0]
-        where = ".".join(str(step) for step in first["loc"])
-        text = f"{where}: {first['msg']}" if where else first["msg"]
+        first_error = error.errors()[0]
+        path = ".".join(str(step) for step in first_error["loc"])
+        text = f"{path}: {first_error['msg']}" if path else first_error["msg"]
     elif isinstance(error, InputError) and error.records:
         record = error.records[0]
         text = f"{record.path}: {record.message}" if record.path else record.message
     else:
         text = f"{type(error).__name__}: {error}"
-    return _without_numbers(text.strip().partition("\n")[0].removeprefix("Value error, "))
+    first_line = text.strip().partition("\n")[0]
+    return _without_numbers(first_line.removeprefix("Value error, "))
 
 
 def _without_numbers(text: str) -> str:

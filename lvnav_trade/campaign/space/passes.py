@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.campaign.space.numbered_designs import Design, DesignBatch, DesignSpace, made, number_of
+from lvnav_trade.campaign.space.numbered_designs import Design, DesignBatch, DesignSpace, make_designs, number_of
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.shared_pass import (
     TOLERANCE,
@@ -23,6 +23,7 @@ from lvnav_trade.quantities.records import CovHistory
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 HISTORY = 60.0  # s between history times if only events matter, which are history times too
+_INSPECTED = 1000  # designs whose values show which axes vary sigmas
 _FURTHER = 2  # passes in addition to one per axis: with the smallest sigmas, and for the test
 
 
@@ -34,7 +35,8 @@ class CovariancePasses:
     """
 
     def __init__(self) -> None:
-        self.count, self.seconds = 0, 0.0
+        self.count = 0
+        self.seconds = 0.0
 
     def __call__(self, prepared: Prepared) -> CovHistory:
         """Return the linear covariance of a case."""
@@ -67,7 +69,7 @@ def _sigma(design: Design, axis: int) -> float:
     return float("nan") if number is None else number[0]
 
 
-def together_of(
+def group_passes(
     part: DesignBatch, designs: Sequence[Design], shared: Sequence[int], history: float, passes: CovariancePasses
 ) -> GroupPasses | None:
     """Return the covariance passes shared by the designs of a group, or None.
@@ -88,39 +90,39 @@ def together_of(
     passes : CovariancePasses
         Computes and counts the passes.
     """
-    values = np.array([[_sigma(design, axis) for axis in shared] for design in designs])
-    values = values.reshape(len(designs), len(shared))
-    moving = [k for k in range(len(shared)) if np.isfinite(values[:, k]).all() and np.ptp(values[:, k]) > 0.0]
-    others = [k for k in range(len(shared)) if k not in moving]
-    is_mixed = any(len({design.values[shared[k]] for design in designs}) > 1 for k in others)
-    if not moving or is_mixed or len(designs) <= len(moving) + _FURTHER:
+    sigmas = np.array([[_sigma(design, axis) for axis in shared] for design in designs])
+    sigmas = sigmas.reshape(len(designs), len(shared))
+    varied = []
+    for k, axis in enumerate(shared):
+        if np.isfinite(sigmas[:, k]).all() and np.ptp(sigmas[:, k]) > 0.0:
+            varied.append(k)
+        elif len({design.values[axis] for design in designs}) > 1:
+            return None  # the axis varies a value that is not a sigma
+    if not varied or len(designs) <= len(varied) + _FURTHER:
         return None
-    axes = tuple(shared[k] for k in moving)
-    least, largest = values[:, moving].min(axis=0), values[:, moving].max(axis=0)
+    axes = tuple(shared[k] for k in varied)
+    least = sigmas[:, varied].min(axis=0)
+    largest = sigmas[:, varied].max(axis=0)
+    middle = (0.5 * (least + largest)).tolist()
+    design = designs[0]
     try:
-        prepared, base = _passed(part, designs[0], axes, least.tolist(), history, passes)
-        raised = [
-            _passed(
-                part, designs[0], axes, np.where(np.arange(len(axes)) == k, largest, least).tolist(), history, passes
-            )
-            for k in range(len(axes))
-        ]
-        common = shared_pass(
-            prepared.model.gate_squared,
-            least.tolist(),
-            largest.tolist(),
-            base,
-            [history_of for _, history_of in raised],
-        )
-        middle = (0.5 * (least + largest)).tolist()
-        _, tried = _passed(part, designs[0], axes, middle, history, passes)
+        prepared, base = _single_pass(part, design, axes, least.tolist(), history, passes)
+        raised = []  # one sigma at its largest, the others at their smallest value
+        for k in range(len(axes)):
+            one_raised = np.where(np.arange(len(axes)) == k, largest, least)
+            _, covariance_raised = _single_pass(part, design, axes, one_raised.tolist(), history, passes)
+            raised.append(covariance_raised)
+        shared_passes = shared_pass(prepared.model.gate_squared, least.tolist(), largest.tolist(), base, raised)
+        _, separate = _single_pass(part, design, axes, middle, history, passes)
     except (InputError, ValueError, ArithmeticError):
         return None
-    agrees = is_same_filter(base, tried) and largest_difference(covariance_of(common, middle), tried) < TOLERANCE
-    return GroupPasses(prepared, axes, common) if agrees else None
+    if not is_same_filter(base, separate):
+        return None
+    difference = largest_difference(covariance_of(shared_passes, middle), separate)
+    return GroupPasses(prepared, axes, shared_passes) if difference < TOLERANCE else None
 
 
-def _passed(
+def _single_pass(
     part: DesignBatch,
     design: Design,
     axes: Sequence[int],
@@ -132,9 +134,11 @@ def _passed(
     values = list(design.values)
     for axis, sigma in zip(axes, sigmas, strict=True):
         number = number_of(values[axis])
-        values[axis] = f"{float(sigma)!r} {number[1]}" if number is not None and number[1] else float(sigma)
+        unit = "" if number is None else number[1]
+        values[axis] = f"{float(sigma)!r} {unit}" if unit else float(sigma)
     labels = tuple(design.levels.values())
-    (changed,) = made(part._replace(numbers=(design.number,), values=(tuple(values),), labels=(labels,)))
+    batch = part._replace(numbers=(design.number,), values=(tuple(values),), labels=(labels,))
+    (changed,) = make_designs(batch)
     if changed.case is None:
         raise ValueError(changed.reason)
     prepared = prepare(changed.case.scenario, history)
@@ -145,24 +149,28 @@ def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
     """Return the indices of the axes that vary only true sigmas in the first possible design.
 
     These are axes whose smallest and largest value give the same filter, the same mean error and different true errors.
-    Whether designs can share passes is tested again for each group (`together_of`).
+    Whether designs can share passes is tested again for each group (`group_passes`).
     """
-    count = min(len(designs), 1000)
+    count = min(len(designs), _INSPECTED)
     part = designs.part(range(count))
-    first = next((design for design in made(part) if design.case is not None), None)
+    first = next((design for design in make_designs(part) if design.case is not None), None)
     if first is None:
         return ()
     shared = []
     passes = CovariancePasses()
     for axis in range(len(part.axes.names)):
-        numbers = [number_of(values[axis]) for values in part.values]
-        known = [number[0] for number in numbers if number is not None]
-        if len(known) < count or not min(known) < max(known):
+        quantities = [number_of(values[axis]) for values in part.values]
+        numbers = [quantity[0] for quantity in quantities if quantity is not None]
+        if len(numbers) < count:
+            continue
+        least, largest = min(numbers), max(numbers)
+        if not least < largest:
             continue
         try:
-            low, high = (_passed(part, first, (axis,), (end,), history, passes)[1] for end in (min(known), max(known)))
+            _, covariance_least = _single_pass(part, first, (axis,), (least,), history, passes)
+            _, covariance_largest = _single_pass(part, first, (axis,), (largest,), history, passes)
         except (InputError, ValueError, ArithmeticError):
             continue
-        if is_same_filter(low, high):
+        if is_same_filter(covariance_least, covariance_largest):
             shared.append(axis)
     return tuple(shared)

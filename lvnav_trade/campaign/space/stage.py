@@ -13,13 +13,12 @@ import pyarrow as pa
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.space.design_plan import Chosen, chosen
+from lvnav_trade.campaign.space.design_plan import Selection, select_designs
 from lvnav_trade.campaign.space.evaluate_designs import HISTORY, EvaluatedDesigns, EvaluationRequest, evaluate
 from lvnav_trade.campaign.space.numbered_designs import DesignBatch, DesignSpace
 from lvnav_trade.campaign.space.passes import shared_axes
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.tables import design_tables as stored
-from lvnav_trade.results.tables import scratch
+from lvnav_trade.results.tables import design_tables, scratch
 
 PART = 100  # designs per work item
 _SHOWN = 5  # largest number of reasons in a message
@@ -52,39 +51,42 @@ class SpaceEvaluation:
         """Evaluate all designs that are not stored yet, or those of some parts; each part is stored when finished."""
         if parts is None and self._stored(job) is not None:
             return
-        question = self._question
-        order = self._order(question)
-        wanted = range(self.parts) if parts is None else parts
-        units = [
-            (job, question, number, self.designs.part(order[number * PART : (number + 1) * PART])) for number in wanted
-        ]
-        for _ in stage("designs", evaluate_part, units):
-            pass
+        order = self._evaluation_order()
+        items = []
+        for number in range(self.parts) if parts is None else parts:
+            batch = self.designs.part(order[number * PART : (number + 1) * PART])
+            items.append((job, self._request, number, batch))
+        for _ in stage("designs", evaluate_part, items):
+            pass  # each worker stores its part
 
     def finish(self, job: work.Job) -> SpaceResult:
         """Store the table of all designs; return the cases for a full analysis. InputError if all are impossible."""
-        earlier = self._stored(job)
-        if earlier is None:
-            places = [_place(job, self._question, number) for number in range(self.parts)]
-            rows = [scratch.read(file, EvaluatedDesigns, identity) for file, identity in places]
-            identity = _identity(job, self._question, "designs")
-            table = stored.table_of(rows, identity, sum(part.passes for part in rows))
-        else:
-            table = earlier
-        impossible = stored.impossible(table)
+        stored_table = self._stored(job)
+        table = self._merged_table(job) if stored_table is None else stored_table
+        impossible = design_tables.impossible(table)
         if len(impossible) and sum(impossible.values()) == len(self.designs):
-            first = "; ".join(f"{reason} ({n})" for reason, n in list(impossible.items())[:_SHOWN])
-            raise InputError(f"all {len(self.designs)} designs are impossible: {first}")
-        found = chosen(table, self.campaign)
-        if earlier is None:
+            most_frequent = list(impossible.items())[:_SHOWN]
+            reasons = "; ".join(f"{reason} ({count})" for reason, count in most_frequent)
+            raise InputError(f"all {len(self.designs)} designs are impossible: {reasons}")
+        selection = select_designs(table, self.campaign)
+        if stored_table is None:
             job.results.write_designs(table)
         remark = {
             "designs": len(self.designs),
             "impossible": impossible,
-            "passes": stored.passes(table),
-            "whole": {name: len(numbers) for name, numbers in found.items()},
+            "passes": design_tables.passes(table),
+            "whole": {reason: len(numbers) for reason, numbers in selection.items()},
         }
-        return SpaceResult(self._whole(found), remark)
+        return SpaceResult(self._selected_cases(selection), remark)
+
+    def _merged_table(self, job: work.Job) -> pa.Table:
+        """Return the table of all designs from the stored parts."""
+        parts = []
+        for number in range(self.parts):
+            file, identity = _part_file(job, self._request, number)
+            parts.append(scratch.read(file, EvaluatedDesigns, identity))
+        n_passes = sum(part.passes for part in parts)
+        return design_tables.table_of(parts, _identity(job, self._request, "designs"), n_passes)
 
     @property
     def parts(self) -> int:
@@ -93,22 +95,29 @@ class SpaceEvaluation:
 
     def count(self, parts: Sequence[int]) -> int:
         """Return the number of designs of some work items."""
-        return sum(min(len(self.designs), (number + 1) * PART) - number * PART for number in parts)
+        total = 0
+        for number in parts:
+            end = min(len(self.designs), (number + 1) * PART)
+            total += end - number * PART
+        return total
 
     def names(self, folder: Path) -> list[str]:
         """Return the names of the evaluated parts in a folder of scratch files."""
         return sorted(path.name.partition(".")[0] for path in folder.glob("part-*.designs"))
 
-    def _whole(self, found: Chosen) -> tuple[Case, ...]:
-        numbers = dict.fromkeys(number for group in found.values() for number in group)
+    def _selected_cases(self, selection: Selection) -> tuple[Case, ...]:
+        """Return the cases of the selected designs, each once."""
+        numbers = dict.fromkeys(number for group in selection.values() for number in group)
         return tuple(self.designs.case(number) for number in numbers)
 
     def _stored(self, job: work.Job) -> pa.Table | None:
         """Return the table of all designs of an earlier run, if it has the same origin."""
-        return stored.earlier_table(job.results.folder / stored.FILE, _identity(job, self._question, "designs"))
+        return design_tables.earlier_table(
+            job.results.folder / design_tables.FILE, _identity(job, self._request, "designs")
+        )
 
     @cached_property
-    def _question(self) -> EvaluationRequest:
+    def _request(self) -> EvaluationRequest:
         """Data to evaluate for every design."""
         requirements = self.campaign.requirements
         has_phase = any(requirement.during for requirement in requirements)
@@ -117,36 +126,39 @@ class SpaceEvaluation:
         settings = tuple(requirement.model_dump(mode="json") for requirement in requirements)
         return EvaluationRequest(settings, history, shared, self.campaign.store == "events")
 
-    def _order(self, question: EvaluationRequest) -> list[int]:
+    def _evaluation_order(self) -> list[int]:
         """Return the numbers of the designs in an order in which designs that share passes are adjacent."""
+        numbers = list(range(len(self.designs)))
+        shared_axes = self._request.shared
 
-        def others(number: int) -> tuple[str, ...]:
+        def other_levels(number: int) -> tuple[str, ...]:
             labels = self.designs.labels(number)
-            return tuple(label for axis, label in enumerate(labels) if axis not in question.shared)
+            return tuple(label for axis, label in enumerate(labels) if axis not in shared_axes)
 
-        if not question.shared:
-            return list(range(len(self.designs)))
-        return sorted(range(len(self.designs)), key=others)
+        return sorted(numbers, key=other_levels) if shared_axes else numbers
 
 
-def _identity(job: work.Job, question: EvaluationRequest, name: str) -> str:
+def _identity(job: work.Job, request: EvaluationRequest, name: str) -> str:
     """Return the origin of a part or table of designs, as text."""
-    asked = hashlib.sha256(f"{job.request!r} {question!r}".encode()).hexdigest()[:16]
-    return f"{job.results.identity_of_case(name)} {job.history!r} {asked}"
+    requests = f"{job.request!r} {request!r}"
+    digest = hashlib.sha256(requests.encode()).hexdigest()[:16]
+    return f"{job.results.identity_of_case(name)} {job.history!r} {digest}"
 
 
-def _place(job: work.Job, question: EvaluationRequest, number: int) -> tuple[Path, str]:
+def _part_file(job: work.Job, request: EvaluationRequest, number: int) -> tuple[Path, str]:
     """Return the scratch file of a part, and its origin."""
-    identity = _identity(job, question, f"part {number}")
-    return job.scratch / f"part-{number:05d}.{identity.rpartition(' ')[2]}.designs", identity
+    identity = _identity(job, request, f"part {number}")
+    digest = identity.rpartition(" ")[2]
+    return job.scratch / f"part-{number:05d}.{digest}.designs", identity
 
 
-def evaluate_part(job: work.Job, question: EvaluationRequest, number: int, part: DesignBatch) -> work.WorkOutcome:
+def evaluate_part(job: work.Job, request: EvaluationRequest, number: int, part: DesignBatch) -> work.WorkOutcome:
     """Evaluate a part and write it to disk; an existing part is not evaluated again."""
-    file, identity = _place(job, question, number)
+    file, identity = _part_file(job, request, number)
+    outcome = work.WorkOutcome(file.name, 0, len(part.numbers))
     try:
         if not scratch.is_sound(file, EvaluatedDesigns, identity):
-            scratch.write(file, evaluate(question, part), identity)
-        return work.WorkOutcome(file.name, 0, len(part.numbers))
+            scratch.write(file, evaluate(request, part), identity)
+        return outcome
     except Exception as error:
-        return work.WorkOutcome(file.name, 0, len(part.numbers), error=work.message_of(error))
+        return outcome._replace(error=work.message_of(error))

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from lvnav_trade.campaign.definition.run_counts import MonteCarlo
-from lvnav_trade.campaign.space.design_plan import AT_RANDOM, chosen, front, nearest
+from lvnav_trade.campaign.space.design_plan import AT_RANDOM, front, nearest, select_designs
 
 N = 60
 
@@ -24,7 +24,7 @@ def table(**columns: object) -> pa.Table:
 
 def test_the_best_some_at_random_and_those_nearest_to_a_limit(campaign) -> None:
     card = MonteCarlo(runs=40, most_cases=3)
-    found = chosen(table(), campaign.model_copy(update={"monte_carlo": card}))
+    found = select_designs(table(), campaign.model_copy(update={"monte_carlo": card}))
     ratio = table()["error_ratio"].to_numpy()
     assert found["best"] == [100 + int(np.argmin(ratio))]
     assert len(found["at random"]) == AT_RANDOM
@@ -34,12 +34,12 @@ def test_the_best_some_at_random_and_those_nearest_to_a_limit(campaign) -> None:
 
 def test_without_spot_check_and_runs_the_best_one_alone(campaign) -> None:
     covariance = campaign.covariance.model_copy(update={"spot_check": 0})
-    assert set(chosen(table(), campaign.model_copy(update={"covariance": covariance}))) == {"best"}
+    assert set(select_designs(table(), campaign.model_copy(update={"covariance": covariance}))) == {"best"}
 
 
 def test_the_draw_is_that_of_the_seed(campaign) -> None:
-    one, again = (chosen(table(), campaign)["at random"] for _ in range(2))
-    other = chosen(table(), campaign.model_copy(update={"seed": 99}))["at random"]
+    one, again = (select_designs(table(), campaign)["at random"] for _ in range(2))
+    other = select_designs(table(), campaign.model_copy(update={"seed": 99}))["at random"]
     assert one == again != other
 
 
@@ -60,5 +60,5 @@ def test_impossible_designs_and_those_without_numbers_are_never_chosen(campaign)
     case = ["", *(f"{k:x}" for k in range(1, N))]
     found = table(error_ratio=ratio, case=case)
     assert list(nearest(np.arange(1, N), ratio)) == [2, 4, 1, 3]
-    assert 100 not in [number for group in chosen(found, campaign).values() for number in group]
-    assert chosen(found, campaign)["best"] == [101]
+    assert 100 not in [number for group in select_designs(found, campaign).values() for number in group]
+    assert select_designs(found, campaign)["best"] == [101]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.search.point import frozen
-from lvnav_trade.campaign.space.numbered_designs import DesignSpace, made
-from lvnav_trade.campaign.space.passes import HISTORY, CovariancePasses, together_of
+from lvnav_trade.campaign.space.numbered_designs import DesignSpace, make_designs
+from lvnav_trade.campaign.space.passes import HISTORY, CovariancePasses, group_passes
 
 
 def designs_of(campaign):
@@ -15,14 +15,14 @@ def designs_of(campaign):
 def test_few_designs_have_passes_of_their_own(campaign) -> None:
     part = designs_of(campaign).part(range(4))
     passes = CovariancePasses()
-    assert together_of(part, list(made(part)), (0, 1), HISTORY, passes) is None
+    assert group_passes(part, list(make_designs(part)), (0, 1), HISTORY, passes) is None
     assert passes.count == 0
 
 
 def test_passes_are_counted_and_shared(campaign) -> None:
     part = designs_of(campaign).part(range(8))
-    passes, designs = CovariancePasses(), list(made(part))
-    together = together_of(part, designs, (0, 1), HISTORY, passes)
+    passes, designs = CovariancePasses(), list(make_designs(part))
+    together = group_passes(part, designs, (0, 1), HISTORY, passes)
     assert together is not None
     assert (passes.count, together.axes) == (4, (0, 1))
     assert passes.seconds > 0.0
@@ -41,5 +41,5 @@ def test_an_axis_that_is_no_true_sigma_is_found_out_by_the_trial(campaign) -> No
     )
     part = DesignSpace(campaign.model_copy(update={"base": base, "axes": (axis,)})).part(range(40))
     passes = CovariancePasses()
-    assert together_of(part, list(made(part)), (0,), HISTORY, passes) is None
+    assert group_passes(part, list(make_designs(part)), (0,), HISTORY, passes) is None
     assert passes.count == 3
