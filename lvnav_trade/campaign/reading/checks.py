@@ -1,25 +1,18 @@
-"""Cross-checks of a campaign: cases, reporting frame, names, axes, levels, and the selections among cases."""
+"""Cross-checks of a campaign: requirements, settings without effect, and names of cases, levels and axes."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from lvnav_trade.campaign.definition.axes import (
-    BASE_LABEL,
-    axis_names,
-    case_label,
     choice,
     chosen_levels,
-    combinations,
     get,
-    level_label,
 )
 from lvnav_trade.campaign.definition.metric_names import metric_of
 from lvnav_trade.campaign.definition.published_cards import Pooled, PublishedNumber
-from lvnav_trade.campaign.definition.schema import Axis, Campaign
-from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.syntax.tree import Node, hint, mistake_at
 from lvnav_trade.quantities.errors import Mistake, quoted
-from lvnav_trade.quantities.input_limits import AXES, CASES, DESIGNS
 from lvnav_trade.quantities.state_layout import AXES as FRAME_AXES
 from lvnav_trade.results.metrics.state_errors import NORM, StateError
 from lvnav_trade.scenario.rules import breaches_of_case
@@ -34,12 +27,15 @@ def broken_rules(scenario: Scenario, base: Node) -> Iterator[Mistake]:
 
 def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield the requirements whose metric a campaign does not have, and requirements with equal names."""
-    names = [requirement.name for requirement in campaign.requirements]
-    for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
-        if message := metric_of(requirement.metric).missing_in(campaign):
+    names: set[str] = set()
+    for index, requirement in enumerate(campaign.requirements):
+        message = metric_of(requirement.metric).missing_in(campaign)
+        if message:
             yield mistake_at(root, f"requirements.{index}.metric", f"{requirement.metric!r}: {message}")
-        if name in names[:index]:
-            yield mistake_at(root, f"requirements.{index}.name", f"{name!r} is used twice; give another name")
+        if requirement.name in names:
+            message = f"{requirement.name!r} is used twice; give another name"
+            yield mistake_at(root, f"requirements.{index}.name", message)
+        names.add(requirement.name)
 
 
 _MEANINGLESS_ALONE: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
@@ -81,16 +77,21 @@ def references(campaign: Campaign, root: Node) -> Iterator[Mistake]:
 
 def reference_faults(campaign: Campaign, published: Sequence[PublishedNumber]) -> Iterator[tuple[str, str]]:
     """Yield the errors of published numbers that name an unknown case or axis: path within the list, and message."""
-    cases, axes = named_cases(campaign), axes_of_errors(campaign)
+    cases = named_cases(campaign)
+    axes = axes_of_errors(campaign)
     for index, number in enumerate(published):
-        yield from ((f"{index}.{path}", message) for path, message in pool_faults(number, number.case, cases))
-        if message := unknown_case(number.case, cases):
+        for path, message in pool_faults(number, number.case, cases):
+            yield f"{index}.{path}", message
+        message = unknown_case(number.case, cases)
+        if message:
             yield f"{index}.case", message
         if number.against is not None:
             against = number.against | pooled_levels(number, cases)
-            if message := unknown_case(against, cases, single=True):
+            message = unknown_case(against, cases, single=True)
+            if message:
                 yield f"{index}.against", message
-        if message := unknown_axis(number.metric, axes):
+        message = unknown_axis(number.metric, axes)
+        if message:
             yield f"{index}.metric", message
 
 
@@ -102,17 +103,21 @@ def unknown_axis(name: str, axes: Mapping[str, Sequence[str]]) -> str:
     metric = metric_of(name)
     if not isinstance(metric, StateError) or metric.quantity not in axes:
         return ""
-    known = axes[metric.quantity]
-    if metric.axis in (*known, NORM):
+    axis_names = axes[metric.quantity]
+    if metric.axis in (*axis_names, NORM):
         return ""
-    return f"{quoted(name)}: no such axis; {metric.quantity} has {', '.join(known)}"
+    return f"{quoted(name)}: no such axis; {metric.quantity} has {', '.join(axis_names)}"
 
 
 def axes_of_errors(campaign: Campaign) -> dict[str, list[str]]:
     """Return the axes of attitude, velocity and position errors in all reporting frames of a campaign."""
-    frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
-    known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
-    return {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
+    frames: list[str] = [campaign.base.frame]
+    for axis in campaign.axes:
+        if axis.path == "frame":
+            frames += map(str, axis.values or ())
+    frame_axes = [name for frame in sorted(set(frames)) for name in FRAME_AXES[frame]]
+    distinct = list(dict.fromkeys(frame_axes))
+    return {"attitude": ["roll", "pitch", "yaw"], "velocity": distinct, "position": distinct}
 
 
 def pool_faults(
@@ -134,28 +139,27 @@ def pooled_levels(statement: Pooled, cases: Sequence[Mapping[str, str]]) -> dict
 def narrowed(campaign: Campaign) -> Campaign:
     """Return a campaign without the published numbers of levels that an assignment has removed from its axes."""
     cases = named_cases(campaign)
-    remaining = (
-        number
-        for number in campaign.references
-        if not any(unknown_case(levels, cases) for levels in (number.case, number.against or {}))
-    )
+    remaining = []
+    for number in campaign.references:
+        if not unknown_case(number.case, cases) and not unknown_case(number.against or {}, cases):
+            remaining.append(number)
     return campaign.model_copy(update={"references": tuple(remaining)})
 
 
 def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     """Yield the errors of a section of a study that names unknown cases or axes: path within the section, message."""
     cases = named_cases(campaign)
-    wanted = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
-    wanted += [
-        (f"figures.{i}.cases.{k}", case) for i, figure in enumerate(part.figures) for k, case in enumerate(figure.cases)
-    ]
-    wanted.append(("kml", part.kml or {}))
-    for path, levels in wanted:
-        if message := unknown_case(levels, cases):
-            yield path, message
+    selections = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
     for i, figure in enumerate(part.figures):
-        if figure.flown and (message := unknown_case({figure.axis: figure.flown}, cases)):
-            yield f"figures.{i}.flown", message
+        selections += [(f"figures.{i}.cases.{k}", case) for k, case in enumerate(figure.cases)]
+    selections.append(("kml", part.kml or {}))
+    for i, figure in enumerate(part.figures):
+        if figure.flown:
+            selections.append((f"figures.{i}.flown", {figure.axis: figure.flown}))
+    for path, levels in selections:
+        message = unknown_case(levels, cases)
+        if message:
+            yield path, message
     if part.paired and part.paired not in cases[0]:
         yield "paired", f"no axis {quoted(part.paired)}{meant(part.paired, cases[0])}"
 
@@ -167,15 +171,18 @@ def named_cases(campaign: Campaign) -> list[dict[str, str]]:
     """
     base = campaign.base.model_dump(mode="json")
     base_values = [get(base, axis.path.split(".")) for axis in campaign.axes]
-    return [
-        choice(campaign.axes, chosen)
-        for chosen in chosen_levels(campaign)
-        if campaign.design != "one_at_a_time"
-        or not any(
-            index is not None and not axis.crossed and (axis.values or ())[index] == value
-            for index, axis, value in zip(chosen, campaign.axes, base_values, strict=True)
-        )
-    ]
+
+    def repeats_base(chosen: Sequence[int | None]) -> bool:
+        for index, axis, base_value in zip(chosen, campaign.axes, base_values, strict=True):
+            if index is not None and not axis.crossed and (axis.values or ())[index] == base_value:
+                return True
+        return False
+
+    named = []
+    for chosen in chosen_levels(campaign):
+        if campaign.design != "one_at_a_time" or not repeats_base(chosen):
+            named.append(choice(campaign.axes, chosen))
+    return named
 
 
 def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], single: bool = False) -> str:
@@ -183,172 +190,30 @@ def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], 
 
     With `single` the message is also returned if several cases have them.
     """
+    axes = list(cases[0]) if cases else []
     for axis, level in wanted.items():
-        names = list(cases[0]) if cases else []
-        if axis not in names:
-            return f"no axis {quoted(axis)}{meant(axis, names)}"
-        known = list(dict.fromkeys(case[axis] for case in cases))
-        if level not in known:
-            return f"no level {quoted(level)} of the axis {axis}{meant(level, known)}"
-    count = sum(all(case[axis] == level for axis, level in wanted.items()) for case in cases)
-    if not count:
+        if axis not in axes:
+            return f"no axis {quoted(axis)}{meant(axis, axes)}"
+        levels = list(dict.fromkeys(case[axis] for case in cases))
+        if level not in levels:
+            return f"no level {quoted(level)} of the axis {axis}{meant(level, levels)}"
+    matching = [case for case in cases if all(case[axis] == level for axis, level in wanted.items())]
+    if not matching:
         return "no case has these levels together"
-    return f"{count} cases have these levels; name one" if single and count > 1 else ""
+    if single and len(matching) > 1:
+        return f"{len(matching)} cases have these levels; name one"
+    return ""
 
 
 def meant(name: str, known: Iterable[str]) -> str:
     """Return the suggestion of a similar name, or else a list of the first known names."""
-    shown = [quoted(name).strip("'\"") for name in known]
-    listed = f" (known: {', '.join(shown[:12])}{', ...' if len(shown) > 12 else ''})" if shown else ""
-    return hint(name, known) or listed
+    names = list(known)
+    suggestion = hint(name, names)
+    if suggestion or not names:
+        return suggestion
+    listed = ", ".join(quoted(known_name).strip("'\"") for known_name in names[:_LISTED])
+    more = ", ..." if len(names) > _LISTED else ""
+    return f" (known: {listed}{more})"
 
 
-# --- axes and their labels --------------------------------------------------------------------------------------------
-
-_LONGEST = 200  # characters of a label
-
-
-class WrittenAxis(NamedTuple):
-    """An axis as written in the campaign file."""
-
-    axis: Axis
-    node: Node  # its YAML tree
-
-    @property
-    def key(self) -> str:
-        """The field with its levels: cards or values."""
-        return "cards" if "cards" in self.node.value else "values"
-
-    @property
-    def levels(self) -> list[Node]:
-        """The nodes of its levels."""
-        return list(self.node.value["values" if self.axis.cards is None else "cards"].value)
-
-
-def replaced(kind: str, axes: Sequence[WrittenAxis]) -> Iterator[Mistake]:
-    """Yield the axes whose value a later axis replaces: the later axis varies the same field or settings above it.
-
-    The opposite order is permitted: first the settings, then a field of them. In the design one_at_a_time any order is
-    permitted, but not the same field twice.
-    """
-    for later, (above, _) in enumerate(axes):
-        for number, (axis, node) in enumerate(axes[:later]):
-            is_same = axis.steps == above.steps
-            if is_same or ((kind != "one_at_a_time" or axis.crossed) and axis.steps[: len(above.steps)] == above.steps):
-                what = "varies the same field" if is_same else "replaces it; put that axis first"
-                message = f"{quoted(axis.path)}: the later axis {quoted(above.path)} {what}"
-                yield mistake_at(node, "path", message, f"axes.{number}")
-
-
-def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int] = ()) -> Iterator[Mistake]:
-    """Yield an input error if a design with axes of these sizes has too many axes or cases."""
-    one_at_a_time = 1 + sum(size for axis, size in enumerate(sizes) if axis not in crossed)
-    one_at_a_time *= math.prod(sizes[axis] for axis in crossed)
-    count = {"grid": math.prod(sizes), "zip": max(sizes, default=1)}.get(kind, one_at_a_time)
-    if len(sizes) > AXES:
-        yield mistake_at(root, "axes", f"{len(sizes)} axes; at most {AXES} are varied")
-    elif count > CASES:
-        rest = "are stored whole: give `store: metrics`" if kind == "grid" and count <= DESIGNS else "are computed"
-        yield mistake_at(root, "axes", f"{count} cases; at most {CASES} {rest}")
-
-
-def bad_levels(
-    kind: str, varied: WrittenAxis, values: Sequence[object], labels: Sequence[str], index: int
-) -> Iterator[Mistake]:
-    """Yield the input errors of the levels and labels of an axis.
-
-    Two levels must not be equal, except in a zip. A label must not be empty, too long, not printable, the label of the
-    base, or the label of a different level.
-    """
-    path = f"axes.{index}.{varied.key}"
-    for number, value in enumerate(values):
-        if kind != "zip" and value in values[:number]:
-            same = f"the same as level {values.index(value)} of the axis {quoted(varied.axis.path)} (0 is the first)"
-            yield mistake(varied.levels[number].place, f"{path}.{number}", same)
-    place = nearest(varied.node, ["labels"])
-    for label in labels:
-        if not label.strip() or len(label) > _LONGEST or not label.isprintable():
-            message = f"{quoted(label)} is no label: 1 to {_LONGEST} printable characters; give labels"
-            yield mistake(place, path, message)
-        elif kind == "one_at_a_time" and label == BASE_LABEL:
-            yield mistake(place, path, f"{label!r} is the label of the base; give labels")
-    named = dict(zip(labels, values, strict=True))
-    if any(named[label] != value for label, value in zip(labels, values, strict=True)):
-        yield mistake(place, path, "two levels have the same label; give labels")
-
-
-def equal_cases(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield an input error if two cases of a design have the same label, or two cases of a zip are equal."""
-    kind, axes = campaign.design, campaign.axes
-    pairs = list(zip(*(axis.values or () for axis in axes), strict=True)) if kind == "zip" else []
-    for index, pair in enumerate(pairs):
-        if pair in pairs[:index]:
-            same = f"level {index} of every axis is the same as level {pairs.index(pair)} (0 is the first)"
-            yield mistake_at(root, "axes", same)
-    labels = [case_label(choice(axes, chosen)) for chosen in chosen_levels(campaign)]
-    twice = next((label for index, label in enumerate(labels) if label in labels[:index]), None)
-    if twice is not None:
-        yield mistake_at(root, "axes", f"two cases have the label {quoted(twice)}; give other labels")
-
-
-def narrowing(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield the input errors of `when`, `exclude` and `constraints`.
-
-    Unknown axes and levels, invalid expressions, and selections that exclude no case or all cases.
-    """
-    known = {
-        name: [level_label(axis, index) for index in range(len(axis.values or ()))]
-        for name, axis in zip(axis_names(campaign.axes), campaign.axes, strict=True)
-    }
-    wanted = [(f"axes.{k}.when", axis.when) for k, axis in enumerate(campaign.axes)]
-    wanted += [(f"exclude.{k}", levels) for k, levels in enumerate(campaign.exclude)]
-    errors = [mistake_at(root, path, message) for path, levels in wanted for message in _unknown_levels(levels, known)]
-    errors += [
-        mistake_at(root, f"exclude.{k}", "names no axis") for k, levels in enumerate(campaign.exclude) if not levels
-    ]
-    if errors:
-        yield from errors
-        return
-    base = campaign.base.model_dump(mode="json")
-    whole = combinations(campaign.design, campaign.axes, (), (), base)
-    for key in ("exclude", "constraints"):
-        for k, selection in enumerate(getattr(campaign, key)):
-            alone = {"exclude": (), "constraints": ()} | {key: (selection,)}
-            try:
-                remaining = combinations(campaign.design, campaign.axes, alone["exclude"], alone["constraints"], base)
-            except ValueError as error:
-                yield mistake_at(root, f"{key}.{k}", str(error))
-                continue
-            if len(remaining) in (0, len(whole)):
-                yield mistake_at(root, f"{key}.{k}", f"leaves {'nothing' if remaining else 'everything'} out")
-    unlimited = combinations(campaign.design, [axis.model_copy(update={"when": {}}) for axis in campaign.axes])
-    for k, axis in enumerate(campaign.axes):
-        if axis.when and len(unlimited) == len(
-            combinations(
-                campaign.design,
-                [other if other is axis else other.model_copy(update={"when": {}}) for other in campaign.axes],
-            )
-        ):
-            yield mistake_at(root, f"axes.{k}.when", "no effect: every case has these levels")
-
-
-def _unknown_levels(wanted: Mapping[str, str | Sequence[str]], known: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    for name, levels in wanted.items():
-        if name not in known:
-            yield f"no axis {quoted(name)}{meant(name, known)}"
-            continue
-        for level in [levels] if isinstance(levels, str) else levels:
-            if level not in (*known[name], BASE_LABEL):
-                yield f"no level {quoted(level)} of the axis {name}{meant(level, known[name])}"
-
-
-def selection(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield an input error if the cases selected for all runs are no case or all cases."""
-    chosen = campaign.monte_carlo.selected if campaign.monte_carlo is not None else {}
-    if not chosen:
-        return
-    cases = named_cases(campaign)
-    if message := unknown_case(chosen, cases):
-        yield mistake_at(root, "monte_carlo.selected", message)
-    elif all(case[axis] == level for case in cases for axis, level in chosen.items()):
-        yield mistake_at(root, "monte_carlo.selected", "no effect: every case has these levels")
+_LISTED = 12  # names that a message lists

@@ -6,7 +6,7 @@ from pydantic import BaseModel, TypeAdapter, WithJsonSchema
 from pydantic.fields import FieldInfo
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.load import full_path
+from lvnav_trade.campaign.reading.assignments import full_path
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError

@@ -1,7 +1,6 @@
 """Checks that need the simulated trajectory: events, faults, phases, sensors."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,54 +53,73 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
     list of Mistake
         Each error once; settings without effect only if there is no other error.
     """
-    found = chain(
-        *(_named(campaign, case, events[case.id]) for case in cases),
-        *(_windows(campaign, case, events[case.id]) for case in cases),
-        _unmeasured(campaign, cases),
-    )
-    return list(dict.fromkeys(found)) or list(_without_effect(campaign, cases))
+    errors: list[Mistake] = []
+    for case in cases:
+        errors += _event_errors(campaign, events[case.id])
+        errors += _requirement_errors(campaign, case, events[case.id])
+        errors += _covariance_errors(campaign, case)
+        errors += _imu_and_fault_errors(campaign, case, events[case.id])
+    for case in cases:
+        errors += _condition_errors(campaign, case, events[case.id])
+    errors += _unmeasured(campaign, cases)
+    return list(dict.fromkeys(errors)) or list(_without_effect(campaign, cases))
 
 
-def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
-    """Yield the requirements, published numbers and faults of a case that do not fit its events."""
-    wanted = [
-        (f"{key}.{index}.{'during' if statement.during else 'at'}", event)
-        for key in ("requirements", "references")
-        for index, statement in enumerate(getattr(campaign, key))
-        for event in statement.events
-    ]
+def _event_errors(campaign: Campaign, times: Mapping[str, float]) -> Iterator[Mistake]:
+    """Yield the requirements, published numbers and diagnostics at events that do not occur."""
+    named_events = []
+    for key in ("requirements", "references"):
+        for index, statement in enumerate(getattr(campaign, key)):
+            field = "during" if statement.during else "at"
+            named_events += [(f"{key}.{index}.{field}", event) for event in statement.events]
     if campaign.covariance.at is not None:
-        wanted.append(("covariance.at", campaign.covariance.at))
-    for path, event in wanted:
+        named_events.append(("covariance.at", campaign.covariance.at))
+    for path, event in named_events:
         if event not in times:
-            near = tree.hint(event, times) or f" (it has {', '.join(times)})"
-            yield campaign.written.mistake(path, f"{event!r} is not an event of the trajectory{near}")
+            suggestion = tree.hint(event, times) or f" (it has {', '.join(times)})"
+            yield campaign.written.mistake(path, f"{event!r} is not an event of the trajectory{suggestion}")
+
+
+def _requirement_errors(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
+    """Yield the requirements on a backup strapdown that a case does not have, and in phases without length."""
     for index, requirement in enumerate(campaign.requirements):
         if requirement.metric.startswith(BACKUP) and not case.scenario.filter.backup:
             message = f"{requirement.metric!r}: a case has no such strapdown (filter.backup)"
             yield campaign.written.mistake(f"requirements.{index}.metric", message)
         ends = requirement.events
-        if requirement.during and len(ends) == 2 and all(end in times for end in ends):
-            first, last = (times[end] for end in ends)
+        if requirement.during and len(ends) == 2 and all(event in times for event in ends):
+            first, last = times[ends[0]], times[ends[1]]
             if first >= last:
                 message = f"the phase from {ends[0]} ({first:g} s) to {ends[1]} ({last:g} s) has no length"
                 yield campaign.written.mistake(f"requirements.{index}.during", message)
-    if campaign.covariance.error_bound and not case.scenario.filter.aided:
-        message = "the filter has no measurement; an error bound needs some"
-        yield campaign.written.mistake("covariance.error_bound", message)
-    elif campaign.covariance.error_bound and "attitude" in measured(case.scenario):
-        message = "not available with attitude among the measurements"
-        yield campaign.written.mistake("covariance.error_bound", message)
-    if campaign.covariance.protection is not None and (why := _unprotected(case.scenario)):
-        yield campaign.written.mistake("covariance.protection", why)
+
+
+def _covariance_errors(campaign: Campaign, case: Case) -> Iterator[Mistake]:
+    """Yield the diagnostics of linear covariance that are not available for the filter of a case."""
+    if campaign.covariance.error_bound:
+        message = ""
+        if not case.scenario.filter.aided:
+            message = "the filter has no measurement; an error bound needs some"
+        elif "attitude" in measured(case.scenario):
+            message = "not available with attitude among the measurements"
+        if message:
+            yield campaign.written.mistake("covariance.error_bound", message)
+    if campaign.covariance.protection is not None:
+        message = _missing_separation(case.scenario)
+        if message:
+            yield campaign.written.mistake("covariance.protection", message)
+
+
+def _imu_and_fault_errors(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
+    """Yield the settings of the IMU and of faults that do not fit the trajectory or the devices of a case."""
     for field, message in switched.of_imu(case.scenario, times):
         yield written(campaign, case, f"base.imu.{field}", message)
     for index, fault in enumerate(case.scenario.faults):
-        for field, message in _of_fault(fault, case.scenario, times):
+        for field, message in _fault_errors(fault, case.scenario, times):
             yield written(campaign, case, f"base.faults.{index}.{field}", message)
 
 
-def _unprotected(scenario: Scenario) -> str:
+def _missing_separation(scenario: Scenario) -> str:
     """Return the reason why solution separation is not available for a filter; empty if it is."""
     card = scenario.filter
     if not card.tight:
@@ -113,32 +131,39 @@ def _unprotected(scenario: Scenario) -> str:
     return ""
 
 
-def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+def _fault_errors(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Yield field and message for times outside the flight, and for unknown antennas, axes and satellites."""
     yield from switched.of_fault(fault, scenario, events)
     n_antenna = len(scenario.receiver.antennas)
     for antenna in getattr(fault, "antennas", ()):
         if antenna > n_antenna:
             yield "antennas", missing_antenna(antenna, n_antenna)
-    if isinstance(fault, DeadAxis) and fault.axis > (count := axis_counts(scenario.imu)[fault.unit - 1]):
-        yield "axis", missing_axis(fault.axis, count)
+    if isinstance(fault, DeadAxis):
+        n_axis = axis_counts(scenario.imu)[fault.unit - 1]
+        if fault.axis > n_axis:
+            yield "axis", missing_axis(fault.axis, n_axis)
     if isinstance(fault, Jamming) and scenario.receiver.link is None:
         yield "kind", "jamming lowers C/N0, and the receiver has no link budget (receiver.link)"
-    if wanted := getattr(fault, "satellites", ()):
+    fault_satellites = getattr(fault, "satellites", ())
+    if fault_satellites:
         names = satellites(scenario.constellation, scenario.trajectory.epoch).names
-        yield from (("satellites", missing_satellite(name, names)) for name in wanted if name not in names)
+        for name in fault_satellites:
+            if name not in names:
+                yield "satellites", missing_satellite(name, names)
 
 
 def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
     """Return an input error of a case, with the place of the value: in the base, or in the level of an axis."""
-    steps, root = [*path.split(".")], campaign.written.root
+    steps = path.split(".")
+    root = campaign.written.root
     for index, (name, axis) in enumerate(zip(axis_names(campaign.axes), campaign.axes, strict=True)):
-        varied = ["base", *axis.steps]
-        level = case.axes.get(name, "")
-        if steps[: len(varied)] == varied and level in (axis.labels or ()):
-            at = str((axis.labels or ()).index(level))
+        varied_steps = ["base", *axis.steps]
+        labels = axis.labels or ()
+        label = case.axes.get(name, "")
+        if steps[: len(varied_steps)] == varied_steps and label in labels:
             key = "cards" if root and tree.find(root, ["axes", index, "cards"]) else "values"
-            steps = ["axes", str(index), key, at, *steps[len(varied) :]]
+            level = str(labels.index(label))
+            steps = ["axes", str(index), key, level, *steps[len(varied_steps) :]]
             break
     return campaign.written.mistake(path, message, steps)
 
@@ -148,12 +173,13 @@ def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list
 
     Paths may begin with ``base.`` or not. Errors in a data file have the line in that file already.
     """
-    return [
-        error
-        if error.line or not error.path
-        else written(campaign, case, f"base.{error.path.removeprefix('base.')}", error.message)
-        for error in mistakes
-    ]
+    errors = []
+    for error in mistakes:
+        if error.path and not error.line:
+            path = f"base.{error.path.removeprefix('base.')}"
+            error = written(campaign, case, path, error.message)
+        errors.append(error)
+    return errors
 
 
 def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, list[str]]:
@@ -171,24 +197,33 @@ def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, li
     dict of str to list of str
         Lines by kind: beyond_limits, warnings, notes.
     """
-    lines = {
-        name: list(dict.fromkeys(remark.text for remark in of_flights if remark.kind == kind))
-        for name, kind in KINDS.items()
-    }
-    return lines | {"warnings": lines["warnings"] + warnings(cases), "notes": lines["notes"] + _broken_records(cases)}
+    lines = {}
+    for name, kind in KINDS.items():
+        texts = [remark.text for remark in of_flights if remark.kind == kind]
+        lines[name] = list(dict.fromkeys(texts))
+    lines["warnings"] += warnings(cases)
+    lines["notes"] += _damaged_records(cases)
+    return lines
 
 
-def _broken_records(cases: Sequence[Case]) -> list[str]:
+def _damaged_records(cases: Sequence[Case]) -> list[str]:
     """Return a line for each navigation file of a case in which records of satellites are damaged."""
     constellations = {case.scenario.constellation.model_dump_json(): case.scenario.constellation for case in cases}
-    return list(dict.fromkeys(chain.from_iterable(map(left_out, constellations.values()))))
+    lines: dict[str, None] = {}
+    for constellation in constellations.values():
+        lines |= dict.fromkeys(left_out(constellation))
+    return list(lines)
 
 
 def remark_lines(remarks: Mapping[str, Sequence[str]]) -> list[str]:
     """Return remarks as lines to print, each with its kind; the first line combines all settings beyond limits."""
-    beyond = "; ".join(remarks.get("beyond_limits", ()))
-    lines = [f"{BEYOND}: {beyond}"] if beyond else []
-    return lines + [f"{KINDS[name]}: {line}" for name in ("warnings", "notes") for line in remarks.get(name, ())]
+    lines = []
+    beyond_limits = "; ".join(remarks.get("beyond_limits", ()))
+    if beyond_limits:
+        lines.append(f"{BEYOND}: {beyond_limits}")
+    for name in ("warnings", "notes"):
+        lines += [f"{KINDS[name]}: {line}" for line in remarks.get(name, ())]
+    return lines
 
 
 def warnings(cases: Sequence[Case]) -> list[str]:
@@ -197,27 +232,31 @@ def warnings(cases: Sequence[Case]) -> list[str]:
     A line is returned for each sensor that only some cases use, for each satellite that a fault affects only in some
     cases, for stored gains of another trajectory, and for persistent IMU faults that no test excludes.
     """
-    found = [
-        f"sensors.{name}: no measurement of the filter uses it in {'; '.join(case.label for case in idle)}"
-        for name, using, idle in _sensors(cases)
-        if using and idle
-    ]
-    for (_, name), (index, affected, idle) in _satellites(cases).items():
+    lines = []
+    for name, using, idle in _sensor_users(cases):
+        if using and idle:
+            labels = "; ".join(case.label for case in idle)
+            lines.append(f"sensors.{name}: no measurement of the filter uses it in {labels}")
+    for (_, name), (index, affected, idle) in _affected_satellites(cases).items():
         if affected and idle:
             labels = "; ".join(case.label for case in idle)
-            found.append(f"faults.{index}.satellites: {name} {_NOT_RECEIVED} in {labels}")
-    found += [f"{case.label}: {line}" for case in cases if (line := _other_flight(case.scenario))]
-    return found + [f"{case.label}: {line}" for case in cases if (line := switched.unprotected(case.scenario))]
+            lines.append(f"faults.{index}.satellites: {name} {_NOT_RECEIVED} in {labels}")
+    for warning_of in (_other_flight, switched.unprotected):
+        for case in cases:
+            warning = warning_of(case.scenario)
+            if warning:
+                lines.append(f"{case.label}: {warning}")
+    return lines
 
 
 def _without_effect(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
     """Yield the satellites named by a fault that no case receives while the fault is active."""
-    for (_, name), (index, affected, idle) in _satellites(cases).items():
+    for (_, name), (index, affected, idle) in _affected_satellites(cases).items():
         if not affected:
             yield written(campaign, idle[0], f"base.faults.{index}.satellites", f"{name} {_NOT_RECEIVED}")
 
 
-class _Naming(NamedTuple):
+class _FaultEffect(NamedTuple):
     """Cases with and without an effect of a fault on a satellite that it names."""
 
     number: int  # of the fault, from 0
@@ -225,14 +264,15 @@ class _Naming(NamedTuple):
     idle: list[Case]
 
 
-def _satellites(cases: Sequence[Case]) -> dict[tuple[str, str], _Naming]:
+def _affected_satellites(cases: Sequence[Case]) -> dict[tuple[str, str], _FaultEffect]:
     """Return, by fault and satellite, the cases in which the satellite is received while the fault is active."""
-    by_satellite: dict[tuple[str, str], _Naming] = {}
+    by_satellite: dict[tuple[str, str], _FaultEffect] = {}
     for case in cases:
         for index, name, is_idle in switched.unreceived(case.scenario):
             key = (case.scenario.faults[index].model_dump_json(), name)
-            naming = by_satellite.setdefault(key, _Naming(index, [], []))
-            (naming.idle if is_idle else naming.affected).append(case)
+            effect = by_satellite.setdefault(key, _FaultEffect(index, [], []))
+            cases_alike = effect.idle if is_idle else effect.affected
+            cases_alike.append(case)
     return by_satellite
 
 
@@ -244,40 +284,49 @@ def _other_flight(scenario: Scenario) -> str:
     if not gains.flight_digest:
         return f"filter.gains: {gains.name!r} does not say for which flight it was computed"
     name = scenario.trajectory.name
-    here = f"{name!r}{' with other numbers' if name == gains.flight else ''}"
-    return f"filter.gains: computed for the flight {gains.flight!r}, used on {here}"
+    flight = f"{name!r} with other numbers" if name == gains.flight else repr(name)
+    return f"filter.gains: computed for the flight {gains.flight!r}, used on {flight}"
 
 
-def _sensors(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list[Case]]]:
+def _sensor_users(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list[Case]]]:
     """Yield each sensor with the cases that use it and those that do not; control of the vehicle uses attitude."""
-    for name in dict.fromkeys(name for case in cases for name in case.scenario.sensors):
-        used: dict[bool, list[Case]] = {True: [], False: []}
+    names = [name for case in cases for name in case.scenario.sensors]
+    for name in dict.fromkeys(names):
+        using: list[Case] = []
+        idle: list[Case] = []
         for case in cases:
             card = case.scenario.sensors.get(name)
-            if card is not None:
-                steered = card.measurement == "attitude" and case.scenario.control is not None
-                used[steered or card.measurement in case.scenario.filter.measurements].append(case)
-        yield name, used[True], used[False]
+            if card is None:
+                continue
+            is_for_control = card.measurement == "attitude" and case.scenario.control is not None
+            is_for_filter = card.measurement in case.scenario.filter.measurements
+            if is_for_control or is_for_filter:
+                using.append(case)
+            else:
+                idle.append(case)
+        yield name, using, idle
 
 
 def _unmeasured(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
     """Yield the measurements whose sensor is null in every case."""
     for name in SENSOR_MEASUREMENTS:
-        listing = [case for case in cases if name in case.scenario.filter.measurements]
-        if listing and not any(name in measured(case.scenario) for case in listing):
+        using = [case for case in cases if name in case.scenario.filter.measurements]
+        if using and not any(name in measured(case.scenario) for case in using):
             message = f"no sensor of the scenario measures {name} in any case"
-            yield written(campaign, listing[0], "base.filter.measurements", message)
+            yield written(campaign, using[0], "base.filter.measurements", message)
 
 
-def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
+def _condition_errors(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
     """Yield the sensors that cannot be simulated on a trajectory, or whose conditions are never met."""
     for name, card in case.scenario.sensors.items():
-        if card is not None:
-            reason = card.refusal(case.scenario.trajectory.epoch)
-            if reason:
-                yield written(campaign, case, f"base.sensors.{name}", reason)
-            for field, message in switched.of_sensor(card, case.scenario, events):
-                yield written(campaign, case, f"base.sensors.{name}.{field}".rstrip("."), message)
+        if card is None:
+            continue
+        path = f"base.sensors.{name}"
+        reason = card.refusal(case.scenario.trajectory.epoch)
+        if reason:
+            yield written(campaign, case, path, reason)
+        for field, message in switched.of_sensor(card, case.scenario, events):
+            yield written(campaign, case, f"{path}.{field}" if field else path, message)
     for field, message in switched.of_filter(case.scenario, events):
         yield written(campaign, case, f"base.filter.{field}", message)
 
@@ -310,18 +359,20 @@ def read_card(name: str, folder: Path) -> TrajectoryCard:
 def preview(card: TrajectoryCard) -> Preview:
     """Return the trajectory of a card every second and at its events; InputError if the trajectory is invalid."""
     flight = build(card)
+    names = list(flight.events)
+    times = list(flight.events.values())
     grid = np.arange(np.ceil(flight.start / _STEP), np.floor(flight.end / _STEP) + 1.0) * _STEP
-    t = np.unique(np.concatenate([[flight.start], grid, list(flight.events.values()), [flight.end]]))
-    m = motion(flight, t)
-    theta = frames.earth_angle(flight.theta0, t)
-    latitude, longitude, altitude = frames.geodetic_from_ecef(frames.ecef_from_eci(m.r_i, theta))
+    t = np.unique(np.concatenate([[flight.start], grid, times, [flight.end]]))
+    state = motion(flight, t)
+    r_e = frames.ecef_from_eci(state.r_i, frames.earth_angle(flight.theta0, t))
+    ground_velocity_i = frames.earth_velocity(state.r_i, state.v_i)
+    latitude, longitude, altitude = frames.geodetic_from_ecef(r_e)
     reference = {
         "t_s": t,
         "latitude_rad": latitude,
         "longitude_rad": longitude,
         "altitude_m": altitude,
-        "ground_speed_m_per_s": np.linalg.norm(frames.earth_velocity(m.r_i, m.v_i), axis=1),
+        "ground_speed_m_per_s": np.linalg.norm(ground_velocity_i, axis=1),
     }
-    names, times = list(flight.events), list(flight.events.values())
     events = {"event": names, "kind": ["event"] * len(names), "t_s": times, "t_end_s": times}
     return Preview(card.name, reference, events)

@@ -6,7 +6,7 @@ from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.axes import Case, case_label
 from lvnav_trade.campaign.definition.published_cards import PublishedNumber
 from lvnav_trade.campaign.definition.schema import ByRule, Campaign
-from lvnav_trade.campaign.reading.checks import WrittenAxis
+from lvnav_trade.campaign.reading.axis_checks import WrittenAxis
 from lvnav_trade.campaign.syntax import marked, tree
 from lvnav_trade.campaign.syntax.tree import SourceTree
 from lvnav_trade.scenario.scenario import Scenario

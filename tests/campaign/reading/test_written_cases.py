@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.definition.schema import Axis
-from lvnav_trade.campaign.reading.checks import WrittenAxis
+from lvnav_trade.campaign.reading.axis_checks import WrittenAxis
 from lvnav_trade.campaign.reading.written_cases import first_cases
 from lvnav_trade.campaign.syntax.card_lookup import nowhere
 from lvnav_trade.campaign.syntax.tree import Node

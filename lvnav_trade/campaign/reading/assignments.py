@@ -1,0 +1,99 @@
+"""Assignments to the settings of a campaign, such as ``monte_carlo.runs=500`` on the command line."""
+
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.expand import expanded
+from lvnav_trade.campaign.syntax import fields, marked, tree
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, nowhere
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.scenario.scenario import Scenario
+
+
+def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
+    """Return the campaign's tree with one assignment applied; InputError if the assignment is invalid."""
+    text, equals, value = assignment.partition("=")
+    if not equals or not text.strip():
+        raise InputError(f"{tree.HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
+    path = full_path(text.strip(), tree.HERE)
+    _refuse_varied(root, path)
+    return _put_value(root, path, _parsed_value(value, path), Campaign, shelf, "")
+
+
+def full_path(text: str, where: str) -> list[str]:
+    """Return the steps of a dotted path from the top of the campaign; `base.` may be omitted."""
+    path = text.split(".")
+    if path[0] in Campaign.model_fields:
+        return path
+    if path[0] in Scenario.model_fields:
+        return ["base", *path]
+    replacement = fields.old_key(Scenario, path[0])
+    if replacement:
+        raise InputError(f"{where}: {text}: {replacement}")
+    names = (*Campaign.model_fields, *Scenario.model_fields)
+    suggestion = tree.hint(path[0], names) or f" (known: {', '.join(names)})"
+    raise InputError(f"{where}: {text}: unknown path{suggestion}")
+
+
+def _parsed_value(text: str, path: list[str]) -> tree.Node:
+    """Return the YAML value of an assignment, which has no place in a file."""
+    place = nowhere(tree.HERE)
+    if not text.strip():
+        raise tree.refuse(place, ".".join(path), "has no value after '='")
+    try:
+        value = tree.plain(tree.parse(text, tree.HERE, place.folder))
+        return tree.from_plain(value, place)
+    except InputError as error:
+        raise tree.refuse(place, ".".join(path), f"{quoted(text)}: {error.records[0].message}") from None
+
+
+def _refuse_varied(root: tree.Node, path: list[str]) -> None:
+    """Refuse to set a field that an axis varies: the axis would silently override the assignment."""
+    axes = tree.find(root, ["axes"])
+    if path[0] != "base" or axes is None or not axes.is_list:
+        return
+    for index, axis in enumerate(axes.value):
+        varied_path = tree.find(axis, ["path"])
+        if varied_path is None:
+            continue
+        steps = str(varied_path.value).removeprefix("base.").split(".")
+        if steps == path[1 : 1 + len(steps)]:
+            message = f"is varied by axis {index} ({varied_path.value}); set axes.{index} instead"
+            raise tree.refuse(nowhere(tree.HERE), ".".join(path), message)
+
+
+def _put_value(
+    node: tree.Node, steps: list[str], value: tree.Node, kind: fields.Kind, shelf: Shelf, path: str
+) -> tree.Node:
+    """Return the settings `node` at `path` with `value` at `steps` below it; a card on the way is expanded first."""
+    if not steps:
+        return value
+    key, below = steps[0], steps[1:]
+    if fields.models(kind) and (isinstance(node.value, str) or tree.find(node, ["card"])):
+        node = expanded(node, kind, shelf, path)
+    child_path = tree.join(path, key)
+    if fields.item(kind, 0) is not None:
+        items = node if node.is_list else tree.Node([], node.place)
+        index = tree.index_of(key, items.value, value.place, path)
+        item = _put_value(items.value[index], below, value, fields.item(kind, index), shelf, child_path)
+        return tree.with_item(items, index, item)
+    if _changes_kind(node, key, kind):
+        return tree.put(tree.Node({}, value.place), steps, value)
+    if key not in fields.names(kind) and fields.entries(kind) is None:
+        suggestion = tree.hint(key, fields.names(kind, node))
+        message = fields.old_key(kind, key) or f"unknown path{suggestion}"
+        raise tree.refuse(value.place, child_path, message)
+    settings = node if node.is_map else tree.Node({}, value.place)
+    child = settings.value.get(key, tree.Node(None, value.place))
+    child_kind = fields.child(kind, key, settings)
+    changed_child = _put_value(child, below, value, child_kind, shelf, child_path)
+    place = settings.keys.get(key)
+    return tree.with_child(marked.unmarked_at(settings, steps), key, changed_child, place)
+
+
+def _changes_kind(node: tree.Node, key: str, kind: fields.Kind) -> bool:
+    """Whether a key belongs to another alternative of an annotation than the present settings."""
+    if len(fields.models(kind)) < 2:
+        return False
+    present_model = fields.member(kind, node)
+    if present_model is None:
+        return False
+    return key in fields.names(kind) and key not in fields.by_key(present_model)
