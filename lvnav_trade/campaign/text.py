@@ -26,6 +26,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | Non
     return "\n".join(_aligned(line, widths) for line in lines)
 
 
+def frame_table(frame: Any) -> str:
+    """Return the table of a pandas DataFrame."""
+    return table(list(frame.columns), list(frame.itertuples(index=False)))
+
+
 def _aligned(line: Sequence[str], widths: Sequence[int]) -> str:
     cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=True)]
     return "  ".join(cells).rstrip()

@@ -92,8 +92,8 @@ def file_option(content: str, default: str = "") -> Any:
 
 
 def _out(metavar: str, content: str, default: str) -> Any:
-    known = f"{content} [default: {default}]" if default else content
-    return typer.Option("--out", "-o", metavar=metavar, help=known, show_default=False)
+    help_text = f"{content} [default: {default}]" if default else content
+    return typer.Option("--out", "-o", metavar=metavar, help=help_text, show_default=False)
 
 
 CampaignFile = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="campaign file, or one that comes with the tool")]
@@ -123,11 +123,11 @@ def _options(
 
 
 class VerbResult(NamedTuple):
-    """What a verb found: text for people, content for programs, and the exit code that it means."""
+    """Result of a verb."""
 
-    text: str
-    content: Mapping[str, Any] = MappingProxyType({})
-    code: int = 0
+    text: str  # for people
+    content: Mapping[str, Any] = MappingProxyType({})  # for programs
+    code: int = 0  # exit code
 
 
 def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., VerbResult]], Callable[..., None]]:
@@ -141,39 +141,50 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., VerbRe
     def add(function: Callable[..., VerbResult]) -> Callable[..., None]:
         name = function.__name__.replace("_", "-")
         arguments = inspect.signature(function, eval_str=True).parameters
-        records = {key: one.annotation for key, one in arguments.items() if hasattr(one.annotation, "_fields")}
-        parameters = {one.name: one for argument in arguments.values() for one in _options_of(argument)}
-        prints = "as_json" in parameters
-        for option, kind in (("as_json", Json), ("debug", Debug)) if with_json else (("debug", Debug),):
-            parameters[option] = inspect.Parameter(
-                option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind
-            )
+        records = {
+            key: argument.annotation for key, argument in arguments.items() if hasattr(argument.annotation, "_fields")
+        }
+        options = {option.name: option for argument in arguments.values() for option in _options_of(argument)}
+        takes_json = "as_json" in options
+        if with_json:
+            options["as_json"] = _flag("as_json", Json)
+        options["debug"] = _flag("debug", Debug)
 
         @app.command(name, cls=Verb, epilog=f"Example: lvnav-trade {name} {example}")
         @wraps(function)
-        def command(*, debug: bool, as_json: bool = False, **given: Any) -> None:
+        def command(*, debug: bool, as_json: bool = False, **values: Any) -> None:
             with errors(as_json, debug):
-                if (jobs := given.get("jobs", -1)) == 0 or jobs < -1:
+                jobs = values.get("jobs", -1)
+                if jobs == 0 or jobs < -1:
                     raise InputError(f"--jobs {jobs}: give a number of worker processes, or -1 for all cores")
-                begun, says = time.monotonic(), not as_json and not given.get("quiet", False)
-                if says and sys.stderr.isatty():  # a log has the lines of the progress, and one line where it fails
-                    _begin(name, given)
-                options = {key: record(*map(given.get, record._fields)) for key, record in records.items()}
-                plain = {key: value for key, value in given.items() if key in arguments}
-                answer = function(**plain, **options, **({"as_json": as_json} if prints else {}))
+                start = time.monotonic()
+                is_talkative = not as_json and not values.get("quiet", False)
+                if is_talkative and sys.stderr.isatty():  # a log has the progress, and one line in case of failure
+                    _print_input(name, values)
+                call = {key: value for key, value in values.items() if key in arguments}
+                for key, record in records.items():
+                    call[key] = record(*map(values.get, record._fields))
+                if takes_json:
+                    call["as_json"] = as_json
+                answer = function(**call)
                 if as_json:
                     _print_json(name, answer.code, **answer.content)
                 else:
                     print(answer.text)
-                if says and "quiet" in given:
-                    _say(f"{name}: {_duration(time.monotonic() - begun)} in total")
-                _leave_with_answer(answer.code)
+                if is_talkative and "quiet" in values:
+                    _say(f"{name}: {_duration(time.monotonic() - start)} in total")
+                _exit_answered(answer.code)
 
-        command.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
-        command.__annotations__ = {option: parameter.annotation for option, parameter in parameters.items()}
+        command.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]
+        command.__annotations__ = {key: option.annotation for key, option in options.items()}
         return command
 
     return add
+
+
+def _flag(name: str, annotation: Any) -> inspect.Parameter:
+    """Return an option that is off by default."""
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
 
 
 def _options_of(argument: inspect.Parameter) -> list[inspect.Parameter]:
@@ -181,20 +192,20 @@ def _options_of(argument: inspect.Parameter) -> list[inspect.Parameter]:
     record = argument.annotation
     if not hasattr(record, "_fields"):
         return [argument]
-    kinds = get_type_hints(record, include_extras=True)
-    return [
-        inspect.Parameter(
-            field, argument.kind, default=record._field_defaults.get(field, argument.empty), annotation=kinds[field]
-        )
-        for field in record._fields
-    ]
+    annotations = get_type_hints(record, include_extras=True)
+    options = []
+    for field in record._fields:
+        default = record._field_defaults.get(field, argument.empty)
+        options.append(inspect.Parameter(field, argument.kind, default=default, annotation=annotations[field]))
+    return options
 
 
-def _begin(name: str, given: Mapping[str, Any]) -> None:
+def _print_input(name: str, values: Mapping[str, Any]) -> None:
     """Print the input of a verb, before the import of the packages that the verb needs."""
-    read = next((given[argument] for argument in _READ if given.get(argument) is not None), None)
-    if read is not None:
-        _say(f"{name}: reading {read}")
+    for argument in _READ:
+        if values.get(argument) is not None:
+            _say(f"{name}: reading {values[argument]}")
+            return
 
 
 def _say(line: str) -> None:
@@ -205,12 +216,18 @@ def _say(line: str) -> None:
 
 def _duration(seconds: float) -> str:
     """Return a duration in words: 12 s, 3 min 5 s, 2 h 10 min."""
-    minutes, hours = seconds / 60.0, seconds / 3600.0
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
     if seconds < 59.5:
-        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+        return f"{seconds:.0f} s"
+    minutes, hours = seconds / 60.0, seconds / 3600.0
     if minutes < 59.5:
-        return f"{int(seconds + 0.5) // 60} min {int(seconds + 0.5) % 60} s"
-    return f"{int(minutes + 0.5) // 60} h {int(minutes + 0.5) % 60} min" if hours < 1000 else f"{hours:.0f} h"
+        whole_seconds = int(seconds + 0.5)
+        return f"{whole_seconds // 60} min {whole_seconds % 60} s"
+    if hours < 1000:
+        whole_minutes = int(minutes + 0.5)
+        return f"{whole_minutes // 60} h {whole_minutes % 60} min"
+    return f"{hours:.0f} h"
 
 
 @contextmanager
@@ -226,29 +243,29 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
                 raise
             except Exception as error:
                 raise_if_interrupted(error)
-                _leave_with_error(error, as_json, debug)
+                _exit_on(error, as_json, debug)
     except KeyboardInterrupt:
-        _leave(130, as_json, "interrupted; the same command resumes")
+        _exit(130, as_json, "interrupted; the same command resumes")
 
 
-def _leave_with_error(error: Exception, as_json: bool, debug: bool) -> NoReturn:
+def _exit_on(error: Exception, as_json: bool, debug: bool) -> NoReturn:
     """Exit with the line and the exit code of an error; with `debug`, an internal error is raised."""
     error_type = type(error).__name__
     if isinstance(error, InputError):
-        _leave(2, as_json, str(error), error.records)
+        _exit(2, as_json, str(error), error.records)
     if error_type == "Halted":
-        _leave(FAILED, as_json, str(error))
+        _exit(FAILED, as_json, str(error))
     if error_type == "TerminatedWorkerError":
-        _leave(FAILED, as_json, "a worker process died (out of memory?); the same command tries again")
+        _exit(FAILED, as_json, "a worker process died (out of memory?); the same command tries again")
     if isinstance(error, OSError) and error.errno and not debug:
-        _leave(FAILED if is_full_disk(error) else 2, as_json, system_message(error))
+        _exit(FAILED if is_full_disk(error) else 2, as_json, system_message(error))
     if debug:
         raise error
     text = str(error).strip().partition("\n")[0]
-    _leave(INTERNAL, as_json, f"internal error: {error_type}: {text} (--debug shows where; please report it)")
+    _exit(INTERNAL, as_json, f"internal error: {error_type}: {text} (--debug shows where; please report it)")
 
 
-def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
+def _exit(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
     """Print a message and exit; in a CI service, also annotate the line of the file."""
     message = visible(without_credentials(message))
     if as_json:
@@ -263,7 +280,7 @@ def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = 
     raise typer.Exit(code)
 
 
-def _leave_with_answer(code: int) -> NoReturn:
+def _exit_answered(code: int) -> NoReturn:
     """Exit with the code of an answer; exit codes 1 and 3 come from here only."""
     global _answered
     _answered = True

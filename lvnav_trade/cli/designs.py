@@ -12,6 +12,7 @@ from lvnav_trade.quantities.errors import InputError
 
 _ROWS = 20
 _WIDE = ("label", "limiting_requirement")  # texts too wide for a terminal
+_OMITTED = ("_formal_", "_probability_", "_verdict", "_count")  # parts of the names of further columns
 
 
 @verb('results/demo --where "velocity < 0.5 m/s" --sort position')
@@ -51,21 +52,27 @@ def cases(
         "written": written,
     }
     if units:
-        return VerbResult(table(["column", "unit", "meaning"], list(result.columns.itertuples(index=False))), content)
-    lines = [_shown(result, limit, bool(names))]
-    more = len(result.rows) - limit
-    lines.append(f"{len(result.rows)} of {result.total} cases{f', {limit} of them shown' if more > 0 else ''}")
-    lines += [f"written: {written}"] if written else []
+        rows = list(result.columns.itertuples(index=False))
+        return VerbResult(table(["column", "unit", "meaning"], rows), content)
+    summary = f"{len(result.rows)} of {result.total} cases"
+    if len(result.rows) > limit:
+        summary += f", {limit} of them shown"
+    lines = [_first_rows(result, limit, bool(names)), summary]
+    if written:
+        lines.append(f"written: {written}")
     return VerbResult("\n".join(lines), content)
 
 
-def _shown(found: Any, limit: int, is_chosen: bool) -> str:
+def _first_rows(result: Any, limit: int, is_chosen: bool) -> str:
     """Return the first rows as a table; unless the user has chosen columns, only the most informative columns."""
-    omitted = ("_formal_", "_probability_", "_verdict", "_count")
-    rows = found.rows.head(limit)
-    columns = [
-        name for name in rows if is_chosen or not (name in _WIDE or any(fragment in name for fragment in omitted))
-    ]
-    names = [name for name in columns if is_chosen or not (rows[name].astype(str) == "").all()]
-    head = [name if is_chosen else name.removeprefix("axis_") for name in names]
-    return table(head, list(rows[names].itertuples(index=False, name=None)))
+    rows = result.rows.head(limit)
+    if is_chosen:
+        return table(list(rows.columns), list(rows.itertuples(index=False, name=None)))
+    names = [name for name in rows if _is_informative(name) and not (rows[name].astype(str) == "").all()]
+    header = [name.removeprefix("axis_") for name in names]
+    return table(header, list(rows[names].itertuples(index=False, name=None)))
+
+
+def _is_informative(name: str) -> bool:
+    """Whether a column is shown by default."""
+    return name not in _WIDE and not any(fragment in name for fragment in _OMITTED)

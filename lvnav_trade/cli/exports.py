@@ -37,8 +37,8 @@ def export_vectors(
 
     vectors = api.export_vectors(campaign, out, case, run, sets or (), kind.value)
     rows = [[f"{name}.{kind.value}", len(frame)] for name, frame in vectors.tables.items()]
-    text = f"{table(['file', 'rows'], rows)}\nunits: {out / 'columns.csv'}\nuse: {out / 'README.md'}"
-    return VerbResult(text, {"folder": str(out), "run": run, "files": sorted(vectors.files)})
+    lines = [table(["file", "rows"], rows), f"units: {out / 'columns.csv'}", f"use: {out / 'README.md'}"]
+    return VerbResult("\n".join(lines), {"folder": str(out), "run": run, "files": sorted(vectors.files)})
 
 
 @verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
@@ -63,13 +63,21 @@ def export_filter(
 
     code = api.export_filter(campaign, out, case, runs, sets or (), progress)
     lines = [f"files: {out}"]
+    replayed = []
     if code.replayed is not None:
-        worst = code.replayed.groupby("estimate", sort=False).agg(runs=("run", "nunique"), worst=("difference", "max"))
+        replayed = code.replayed.to_dict(orient="records")
+        by_estimate = code.replayed.groupby("estimate", sort=False)
+        worst = by_estimate.agg(runs=("run", "nunique"), worst=("difference", "max"))
         rows = [[row.Index, row.runs, f"{row.worst:.1e}"] for row in worst.itertuples()]
         lines.insert(0, table(["estimate", "runs", "largest difference"], rows))
-        lines.append(f"replayed: {'agrees' if code.agrees else 'an estimate differs by more than 1e-9 of its size'}")
+        agreement = "agrees" if code.agrees else "an estimate differs by more than 1e-9 of its size"
+        lines.append(f"replayed: {agreement}")
     elif runs:
         lines.append(f"no C compiler is here; where one is: {code.command}")
-    content = {"folder": str(out), "compiler": code.compiler, "agrees": code.agrees}
-    rows_of = [] if code.replayed is None else code.replayed.to_dict(orient="records")
-    return VerbResult("\n".join(lines), content | {"replayed": rows_of}, 0 if code.agrees else 1)
+    content = {
+        "folder": str(out),
+        "compiler": code.compiler,
+        "agrees": code.agrees,
+        "replayed": replayed,
+    }
+    return VerbResult("\n".join(lines), content, 0 if code.agrees else 1)

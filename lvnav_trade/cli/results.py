@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -34,21 +34,29 @@ def estimate_q(
     """
     from lvnav_trade import api
 
-    estimated = api.estimate_q(campaign, out, sets or (), case, runs, step)
-    estimate, card, files = estimated.noise, estimated.card, estimated.files
-    noises = {"whole flight": estimate.whole, **{name: noise for name, _, _, noise in estimate.phases}}
-    beyond = estimate.whole._replace(attitude=estimate.card.attitude_noise, velocity=estimate.card.velocity_noise)
-    rows = [_row(name, noise) for name, noise in noises.items()]
-    rows.append([*_row("the card: whole flight beyond the unit's own", beyond)[:3], "-"])
-    head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
-    text = f"{table(head, rows)}\ncard: {card}\nerror per step: {files[0]}, {files[1]}"
-    densities = {name: noise._asdict() for name, noise in noises.items()}
-    return VerbResult(text, {"card": str(card), "files": [*map(str, files)], "densities_si": densities})
+    outcome = api.estimate_q(campaign, out, sets or (), case, runs, step)
+    estimate = outcome.noise
+    densities = {"whole flight": estimate.whole}
+    for name, _, _, noise in estimate.phases:
+        densities[name] = noise
+    rows = [_density_row(name, noise) for name, noise in densities.items()]
+    excess = estimate.whole._replace(attitude=estimate.card.attitude_noise, velocity=estimate.card.velocity_noise)
+    excess_row = _density_row("the card: whole flight beyond the unit's own", excess)
+    rows.append([*excess_row[:3], "-"])  # the card has no position noise
+    header = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
+    steps_csv, steps_png = outcome.files
+    text = f"{table(header, rows)}\ncard: {outcome.card}\nerror per step: {steps_csv}, {steps_png}"
+    content = {
+        "card": str(outcome.card),
+        "files": [str(file) for file in outcome.files],
+        "densities_si": {name: noise._asdict() for name, noise in densities.items()},
+    }
+    return VerbResult(text, content)
 
 
-def _row(name: str, noise: object) -> list[str]:
-    attitude, velocity, position = (getattr(noise, block) for block in ("attitude", "velocity", "position"))
-    return [name, f"{math.degrees(attitude) * 60.0:.3g}", f"{velocity:.3g}", f"{position:.3g}"]
+def _density_row(name: str, noise: Any) -> list[str]:
+    attitude = math.degrees(noise.attitude) * 60.0  # rad/sqrt(s) to deg/sqrt(h)
+    return [name, f"{attitude:.3g}", f"{noise.velocity:.3g}", f"{noise.position:.3g}"]
 
 
 @verb("demo -o my_gains.yaml")
@@ -91,9 +99,12 @@ def report(
 
     if no_tables and keep is None:
         raise InputError("--no-tables: only --keep writes CSV tables")
-    built = api.report(folder, keep, not no_tables, ("png", "svg") if figures else (), brief)
-    page, stored = str(built.page), str(built.kept) if built.kept is not None else None
-    return VerbResult(f"report: {page}" + (f"\nkept: {stored}" if stored else ""), {"report": page, "kept": stored})
+    formats = ("png", "svg") if figures else ()
+    built = api.report(folder, keep, not no_tables, formats, brief)
+    text = f"report: {built.page}"
+    if built.kept is None:
+        return VerbResult(text, {"report": str(built.page), "kept": None})
+    return VerbResult(f"{text}\nkept: {built.kept}", {"report": str(built.page), "kept": str(built.kept)})
 
 
 @verb("my_vehicle/base results/ascent --effect velocity_error_3d=5%")
@@ -123,14 +134,11 @@ def compare(
     from lvnav_trade import api
     from lvnav_trade.report import compare as comparison
 
-    comparison_made = api.compare(base, candidate, effect or (), confidence, comparison.parse_map(maps or ()), jobs)
-    content = {**comparison.content(comparison_made), "written": comparison.write(comparison_made, md, junit)}
-    lines = [
-        table(comparison.HEAD, comparison.rows(comparison_made)),
-        *comparison_made.notes,
-        comparison.answer(comparison_made),
-    ]
-    return VerbResult("\n".join(lines), content, comparison.EXIT[comparison_made.verdict])
+    names = comparison.parse_map(maps or ())
+    result = api.compare(base, candidate, effect or (), confidence, names, jobs)
+    content = {**comparison.content(result), "written": comparison.write(result, md, junit)}
+    lines = [table(comparison.HEAD, comparison.rows(result)), *result.notes, comparison.answer(result)]
+    return VerbResult("\n".join(lines), content, comparison.EXIT[result.verdict])
 
 
 @verb("results/ascent my_vehicle/base", with_json=False)
@@ -178,10 +186,20 @@ def export_trajectory(
     from lvnav_trade import api
 
     exported = api.export_trajectory(source, out, sets or (), case, rate)
-    apart = table(["largest difference", "SI"], [[k, f"{v:.1e}"] for k, v in exported.difference.items()])
-    text = f"{apart}\nevents: {', '.join(exported.events)}\nrows: {exported.file}\ncard: {exported.card}"
-    content = {"file": str(exported.file), "card": str(exported.card), "events": exported.events}
-    return VerbResult(text, content | {"difference": exported.difference})
+    differences = [[quantity, f"{value:.1e}"] for quantity, value in exported.difference.items()]
+    lines = [
+        table(["largest difference", "SI"], differences),
+        f"events: {', '.join(exported.events)}",
+        f"rows: {exported.file}",
+        f"card: {exported.card}",
+    ]
+    content = {
+        "file": str(exported.file),
+        "card": str(exported.card),
+        "events": exported.events,
+        "difference": exported.difference,
+    }
+    return VerbResult("\n".join(lines), content)
 
 
 @verb("my_vehicle --from flight.csv")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from lvnav_trade.campaign.text import table
+from lvnav_trade.campaign.text import frame_table, table
 from lvnav_trade.cli.answers import answer_of, check_preferred, components_together, shared, shown, with_ranking
 from lvnav_trade.cli.clusters import Backend, workers
 from lvnav_trade.cli.console import CampaignFile, Jobs, Json, Out, Quiet, Sets, VerbResult, folder_option, verb
@@ -90,13 +90,13 @@ def run(
     check_preferred(options.prefer or ())
     folder = options.out or Path("results") / loaded.name
     if options.shard is not None:
-        if options.prefer or options.copy_to or force.scheduler is not None or force.backend != Backend.PROCESSES:
+        uses_cluster = force.scheduler is not None or force.backend != Backend.PROCESSES
+        if options.prefer or options.copy_to or uses_cluster:
             raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
-        return shared(
-            api.run_shard(
-                loaded, options.shard, (), folder, force.jobs, options.fresh, options.fail_fast, choose(quiet)
-            )
+        shard_outcome = api.run_shard(
+            loaded, options.shard, (), folder, force.jobs, options.fresh, options.fail_fast, choose(quiet)
         )
+        return shared(shard_outcome)
     covariance_rows, show = shown(as_json or loaded.is_space)
     with workers(force.backend, force.scheduler, folder, force.jobs) as (place, count):
         task = Task(
@@ -104,7 +104,9 @@ def run(
         )
         results = carry_out(loaded, place, task)
     answer = answer_of(results, covariance_rows, options.report)
-    return with_ranking(answer, results, options.prefer) if options.prefer else answer
+    if options.prefer:
+        return with_ranking(answer, results, options.prefer)
+    return answer
 
 
 @verb("my_campaign.yaml --strict")
@@ -114,11 +116,14 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
     from lvnav_trade.campaign.reading.flights import remark_lines
 
     checked = api.check(campaign, sets or (), strict)
-    counted = f"{len(checked.cases)} {'case' if len(checked.cases) == 1 else 'cases'}"
-    good = f"{campaign}: good, {f'{checked.designs} designs' if checked.designs else counted}"
-    case_list = [{"id": case.id, "label": case.label} for case in checked.cases]
     remarks = {name: list(getattr(checked, name)) for name in ("beyond_limits", "warnings", "notes")}
-    return VerbResult("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": case_list, "mistakes": []})
+    if checked.designs:
+        size = f"{checked.designs} designs"
+    else:
+        size = "1 case" if len(checked.cases) == 1 else f"{len(checked.cases)} cases"
+    lines = [*remark_lines(remarks), f"{campaign}: good, {size}"]
+    case_list = [{"id": case.id, "label": case.label} for case in checked.cases]
+    return VerbResult("\n".join(lines), {**remarks, "cases": case_list, "mistakes": []})
 
 
 @verb("demo")
@@ -129,9 +134,15 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
 
     planned = api.plan(campaign, sets or (), out, strict)
     lines = [_planned(planned), *remark_lines({"warnings": planned.warnings}), planned.cost]
-    content = {"cases": planned.cases.to_dict("records"), "blocks": planned.blocks, "seconds": planned.seconds}
-    content |= {"disk_mb": planned.disk_mb, "memory_mb": planned.memory_mb, "warnings": list(planned.warnings)}
-    content["designs"] = None if planned.designs is None else planned.designs._asdict()
+    content = {
+        "cases": planned.cases.to_dict("records"),
+        "blocks": planned.blocks,
+        "seconds": planned.seconds,
+        "disk_mb": planned.disk_mb,
+        "memory_mb": planned.memory_mb,
+        "warnings": list(planned.warnings),
+        "designs": None if planned.designs is None else planned.designs._asdict(),
+    }
     return VerbResult("\n".join(lines), content)
 
 
@@ -144,8 +155,8 @@ def _planned(plan: Plan) -> str:
     if len(cases) <= _LISTED:
         return table(["case", "label", "runs", "done"], [list(row) for row in cases.itertuples(index=False)])
     total, finished = int(cases["runs"].sum()), int(cases["done"].sum())
-    of_runs = f"{total} runs, {finished} of them done" if total else "linear covariance alone"
-    return f"{len(cases)} cases, {of_runs}; `--json` lists the cases"
+    extent = f"{total} runs, {finished} of them done" if total else "linear covariance alone"
+    return f"{len(cases)} cases, {extent}; `--json` lists the cases"
 
 
 @verb("smoke")
@@ -164,14 +175,14 @@ def selfcheck(
     from lvnav_trade.campaign.running.progress import choose
 
     outcome = api.selfcheck(campaign, sets or (), jobs, choose(quiet))
-    frame, counts = outcome.frame, {verdict: outcome.count(verdict) for verdict in VERDICTS}
+    counts = {verdict: outcome.count(verdict) for verdict in VERDICTS}
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
-    lines = [table(list(frame.columns), list(frame.itertuples(index=False))), summary]
     content = {
         "counts": counts,
         "checks": [result.check.content() | {"cases": list(result.cases)} for result in outcome.checks],
     }
-    return VerbResult("\n".join(lines), content, api.MET if outcome.passed else api.VIOLATED)
+    text = f"{frame_table(outcome.frame)}\n{summary}"
+    return VerbResult(text, content, api.MET if outcome.passed else api.VIOLATED)
 
 
 @verb('results/demo "imu=tactical_mems, filter=tight" 17')
@@ -191,11 +202,21 @@ def replay(
         by_quantity = errors.set_index("quantity")
         sizes, units = by_quantity.error.to_dict(), by_quantity.unit.to_dict()
         events.append({"event": event, "t_s": t, "errors": sizes, "units": units})
-        rows.append([event, f"{t:.3f} s", *(f"{sizes[name]:.6g} {units[name]}" for name in sizes)])
-    run_name = f"{replayed.label}, run {number}{f': {replayed.failure}' if replayed.failure else ''}"
-    text = f"{run_name}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {replayed.trace}"
-    content = {"case": replayed.case, "label": replayed.label, "run": number, "failure": replayed.failure}
-    return VerbResult(text, {**content, "events": events, "trace": str(replayed.trace)})
+        cells = [f"{sizes[quantity]:.6g} {units[quantity]}" for quantity in sizes]
+        rows.append([event, f"{t:.3f} s", *cells])
+    title = f"{replayed.label}, run {number}"
+    if replayed.failure:
+        title += f": {replayed.failure}"
+    text = f"{title}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {replayed.trace}"
+    content = {
+        "case": replayed.case,
+        "label": replayed.label,
+        "run": number,
+        "failure": replayed.failure,
+        "events": events,
+        "trace": str(replayed.trace),
+    }
+    return VerbResult(text, content)
 
 
 @verb("results/demo")
@@ -207,7 +228,9 @@ def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> VerbRe
     from lvnav_trade import api
 
     progress = api.status(folder)
-    return VerbResult(progress.text, progress._asdict() | {"cases": [case._asdict() for case in progress.cases]})
+    content = progress._asdict()
+    content["cases"] = [case._asdict() for case in progress.cases]
+    return VerbResult(progress.text, content)
 
 
 @verb("imu.gyro")
@@ -223,12 +246,15 @@ def fields(
     from lvnav_trade import api
 
     documents = api.fields(path or "")
-    blocks = []
+    blocks, parts = [], []
     for document in documents:
         title = f"kind: {document.kind} - {document.title}" if document.kind else document.title
-        rows = [[row.field, row.default, "; ".join(filter(None, (row.type, row.meaning)))] for row in document.rows]
+        rows = []
+        for row in document.rows:
+            accepted = "; ".join(filter(None, (row.type, row.meaning)))
+            rows.append([row.field, row.default, accepted])
         blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows, _width())}")
-    parts = [document._asdict() | {"rows": [row._asdict() for row in document.rows]} for document in documents]
+        parts.append(document._asdict() | {"rows": [row._asdict() for row in document.rows]})
     return VerbResult("\n\n".join(blocks), {"path": path or "", "parts": parts})
 
 
@@ -264,14 +290,15 @@ def cards(
     if name is not None and not selected:
         text = api.card_text(name)
         return VerbResult(text.removesuffix("\n"), {"name": name, "text": text})
-    listed = table(["card", "what"], [[card.name, card.title] for card in selected])
-    if long:
-        width = min(_width(), 100)
-        sources = [fill(card.source, width, initial_indent="  ", subsequent_indent="  ") for card in selected]
-        listed = "\n\n".join(
-            f"{card.name}: {card.title}\n{source}" for card, source in zip(selected, sources, strict=True)
-        )
-    return VerbResult(listed, {"cards": [card._asdict() for card in selected]})
+    content = {"cards": [card._asdict() for card in selected]}
+    if not long:
+        return VerbResult(table(["card", "what"], [[card.name, card.title] for card in selected]), content)
+    width = min(_width(), 100)
+    entries = []
+    for card in selected:
+        source = fill(card.source, width, initial_indent="  ", subsequent_indent="  ")
+        entries.append(f"{card.name}: {card.title}\n{source}")
+    return VerbResult("\n\n".join(entries), content)
 
 
 @verb("velocity")
@@ -284,18 +311,18 @@ def metrics(
     """
     from lvnav_trade import api
 
-    known_metrics = api.metrics(name or "")
+    listing = api.metrics(name or "")
     blocks = []
-    for named_by, rows in known_metrics.metrics.groupby("named_by", sort=False):
-        lines = list(rows[["metric", "unit", "meaning"]].itertuples(index=False))
-        listed = lines if name else components_together(lines)
-        blocks.append(f"Named by {named_by}:\n{table(['metric', 'unit', 'meaning'], listed, _width())}")
-    if known_metrics.tables:
-        content = [[table_name, _noun(text)] for table_name, text in known_metrics.tables.items()]
-        blocks.append(f"Tables:\n{table(['table', 'content'], content, _width())}")
-    return VerbResult(
-        "\n\n".join(blocks), {"metrics": known_metrics.metrics.to_dict("records"), "tables": known_metrics.tables}
-    )
+    for named_by, metric_rows in listing.metrics.groupby("named_by", sort=False):
+        rows = list(metric_rows[["metric", "unit", "meaning"]].itertuples(index=False))
+        if not name:
+            rows = components_together(rows)
+        blocks.append(f"Named by {named_by}:\n{table(['metric', 'unit', 'meaning'], rows, _width())}")
+    if listing.tables:
+        table_rows = [[table_name, _noun(text)] for table_name, text in listing.tables.items()]
+        blocks.append(f"Tables:\n{table(['table', 'content'], table_rows, _width())}")
+    content = {"metrics": listing.metrics.to_dict("records"), "tables": listing.tables}
+    return VerbResult("\n\n".join(blocks), content)
 
 
 class StudyOptions(NamedTuple):
@@ -336,6 +363,11 @@ def study(
     rows = [[name, *map(str, counts)] for name, counts in result.campaigns.items()]
     lines = [f"failed: {line}" for line in result.failures]
     lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {result.page}"]
-    content: dict[str, Any] = {"page": str(result.page), "failures": result.failures, "campaigns": result.campaigns}
-    content |= {"published": result.published, "hold": result.hold}
+    content = {
+        "page": str(result.page),
+        "failures": result.failures,
+        "campaigns": result.campaigns,
+        "published": result.published,
+        "hold": result.hold,
+    }
     return VerbResult("\n".join(lines), content, api.FAILED if result.failures else api.MET)

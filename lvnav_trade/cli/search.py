@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lvnav_trade.campaign.text import table
+from lvnav_trade.campaign.text import frame_table
 from lvnav_trade.cli.console import CampaignFile, Jobs, Sets, VerbResult, folder_option, verb
 
 Page = Annotated[Path | None, folder_option("the report and its tables", "results/NAME")]
@@ -41,12 +41,17 @@ def solve(
 
     solution = api.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs, least)
     answers = solution.answers.drop(columns=["evaluations", "base_value"], errors="ignore")
-    lines = [table(list(answers.columns), list(answers.itertuples(index=False)))]
+    lines = [frame_table(answers)]
     if len(solution.confirmed):
-        lines += ["", table(list(solution.confirmed.columns), list(solution.confirmed.itertuples(index=False)))]
+        lines += ["", frame_table(solution.confirmed)]
     lines += [f"{solution.seconds:.0f} s", f"report: {solution.page}"]
-    content = {"answers": solution.answers.to_dict("records"), "confirmed": solution.confirmed.to_dict("records")}
-    return VerbResult("\n".join(lines), {**content, "seconds": solution.seconds, "report": str(solution.page)})
+    content = {
+        "answers": solution.answers.to_dict("records"),
+        "confirmed": solution.confirmed.to_dict("records"),
+        "seconds": solution.seconds,
+        "report": str(solution.page),
+    }
+    return VerbResult("\n".join(lines), content)
 
 
 @verb("trade/sobol")
@@ -59,14 +64,20 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
     from lvnav_trade import api
 
     result = api.indices(campaign, sets or (), out, jobs)
-    lines = [table(list(result.indices.columns), list(result.indices.itertuples(index=False)))]
-    lines += [f"linear covariance: {result.remark}"] if result.remark else []
+    lines = [frame_table(result.indices)]
+    if result.remark:
+        lines.append(f"linear covariance: {result.remark}")
     lines += [f"{result.samples} designs, {result.seconds:.0f} s", f"report: {result.page}"]
-    content = {"case": result.case, "error": result.error, "predicted": result.predicted, "seconds": result.seconds}
-    content |= {"remark": result.remark}
-    return VerbResult(
-        "\n".join(lines), {**content, "indices": result.indices.to_dict("records"), "report": str(result.page)}
-    )
+    content = {
+        "case": result.case,
+        "error": result.error,
+        "predicted": result.predicted,
+        "seconds": result.seconds,
+        "remark": result.remark,
+        "indices": result.indices.to_dict("records"),
+        "report": str(result.page),
+    }
+    return VerbResult("\n".join(lines), content)
 
 
 @verb("trade/tune")
@@ -79,12 +90,17 @@ def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs
     from lvnav_trade import api
 
     result = api.tune(campaign, sets or (), out, jobs)
-    parts = [(frame.columns, frame.itertuples(index=False)) for frame in (result.values, result.cases)]
-    lines = [table(list(columns), list(rows)) for columns, rows in parts]
-    lines += [
+    lines = [
+        frame_table(result.values),
+        frame_table(result.cases),
         f"{result.evaluations} looks, {result.seconds:.0f} s",
         f"report: {result.page}",
         f"card: {result.file}",
     ]
-    content = {"values": result.values.to_dict("records"), "cases": result.cases.to_dict("records")}
-    return VerbResult("\n".join(lines), {**content, "seconds": result.seconds, "report": str(result.page)})
+    content = {
+        "values": result.values.to_dict("records"),
+        "cases": result.cases.to_dict("records"),
+        "seconds": result.seconds,
+        "report": str(result.page),
+    }
+    return VerbResult("\n".join(lines), content)
