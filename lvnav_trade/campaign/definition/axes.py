@@ -1,8 +1,7 @@
 """Cases of a campaign from its axes: designs (grid, zip, one at a time), labels and digests."""
 
-import hashlib
 import itertools
-import json
+import operator
 import re
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,24 +10,28 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
+from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
-from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import is_index
 from lvnav_trade.quantities import expression
-from lvnav_trade.quantities.input_files import read_bytes
-from lvnav_trade.quantities.input_limits import DATA_BYTES
-from lvnav_trade.quantities.marks import MARKS, unmarked
-from lvnav_trade.quantities.shared_cards import Resources
+from lvnav_trade.quantities.marks import unmarked
 from lvnav_trade.scenario.rules import breaches_of_case
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
-
-RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
 
 BASE_LABEL = "base"
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+}
 _LONG = re.compile(
     r"^[+-]?(?=[\d.]{8})\d*\.\d+(?:[eE][+-]?\d+)?(?= |$)"
 )  # a number with many digits, followed by its unit
+
+
+Chosen = tuple[int | None, ...]
+"""Index of the level of every axis; None is the value of the base."""
 
 
 class Case(NamedTuple):
@@ -40,7 +43,7 @@ class Case(NamedTuple):
     scenario: Scenario  # complete settings
 
 
-def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> Iterator[tuple[int | None, ...]]:
+def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> Iterator[Chosen]:
     """Yield for each case the level of every axis; None is the value of the base.
 
     In the design one_at_a_time, the axes with the indices `crossed` take each of their levels in every case of the
@@ -51,13 +54,17 @@ def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> It
     elif design == "grid":
         yield from itertools.product(*(range(size) for size in sizes))
     elif design in ("zip", "latin_hypercube", "sobol"):
-        yield from ((index,) * len(sizes) for index in range(sizes[0]))
+        for index in range(sizes[0]):
+            yield (index,) * len(sizes)
     else:
-        at_base = [range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)]
+        at_base: list[Sequence[int | None]] = [
+            range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)
+        ]
         yield from itertools.product(*at_base)
         for axis, size in enumerate(sizes):
             if axis not in crossed:
-                yield from itertools.product(*[range(size) if k == axis else each for k, each in enumerate(at_base)])
+                one_varied = [*at_base[:axis], range(size), *at_base[axis + 1 :]]
+                yield from itertools.product(*one_varied)
 
 
 def combinations(
@@ -66,32 +73,43 @@ def combinations(
     exclude: Sequence[Mapping[str, str | Sequence[str]]] = (),
     constraints: Sequence[str] = (),
     base: Mapping[str, Any] | None = None,
-) -> list[tuple[int | None, ...]]:
+) -> list[Chosen]:
     """Return for each case the level of every axis, as `levels`.
 
     Cases that are excluded or violate a constraint are omitted, and so are cases that equal another because of `when`.
 
     base : the base scenario; constraints use its value of an axis at level None
     """
-    names = axis_names(axes)
-    found: dict[tuple[int | None, ...], None] = {}
-    crossed = [place for place, axis in enumerate(axes) if axis.crossed]
-    for chosen in levels(design, [len(axis.values or axis.cards or ()) for axis in axes], crossed):
-        labels = choice(axes, chosen)
-        nested: list[int | None] = []
-        for axis, name, index in zip(axes, names, chosen, strict=True):
-            nested.append(index if _has(labels, axis.when) else None)
-            labels[name] = labels[name] if nested[-1] is not None else BASE_LABEL
-        if not any(one and _has(labels, one) for one in exclude) and all(
-            _keeps(one, axes, nested, base or {}) for one in constraints
-        ):
-            found.setdefault(tuple(nested))
-    return list(found)
+    sizes = [len(axis.values or axis.cards or ()) for axis in axes]
+    crossed = [number for number, axis in enumerate(axes) if axis.crossed]
+    remaining: dict[Chosen, None] = {}
+    for chosen in levels(design, sizes, crossed):
+        applied, labels = _applied_levels(axes, chosen)
+        if any(excluded and _has(labels, excluded) for excluded in exclude):
+            continue
+        if all(_satisfies(constraint, axes, applied, base or {}) for constraint in constraints):
+            remaining.setdefault(applied)
+    return list(remaining)
+
+
+def _applied_levels(axes: Sequence[Axis], chosen: Sequence[int | None]) -> tuple[Chosen, dict[str, str]]:
+    """Return the levels of a case and their labels; an axis whose `when` is not satisfied has the value of the base."""
+    labels = choice(axes, chosen)
+    applied: list[int | None] = []
+    for axis, name, index in zip(axes, axis_names(axes), chosen, strict=True):
+        level = index if _has(labels, axis.when) else None
+        if level is None:
+            labels[name] = BASE_LABEL
+        applied.append(level)
+    return tuple(applied), labels
 
 
 def _has(labels: Mapping[str, str], wanted: Mapping[str, str | Sequence[str]]) -> bool:
     """Whether every axis named has its level, or one of its levels."""
-    return all(labels.get(name) in ([one] if isinstance(one, str) else one) for name, one in wanted.items())
+    for name, permitted in wanted.items():
+        if labels.get(name) not in ([permitted] if isinstance(permitted, str) else permitted):
+            return False
+    return True
 
 
 def sides(constraint: str) -> tuple[str, str, str]:
@@ -105,16 +123,17 @@ def sides(constraint: str) -> tuple[str, str, str]:
     return left, comparison, right
 
 
-def _keeps(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
+def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
     """Whether a combination satisfies a constraint; ValueError names an axis without numbers."""
     left, comparison, right = sides(constraint)
-    values = {
-        name: get(base, axis.steps) if index is None else (axis.values or ())[index]
-        for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True)
-    }
-    numbers = {name: _number(name, values) for name in (*expression.names(left), *expression.names(right))}
-    a, b = (float(expression.evaluate(side, numbers)) for side in (left, right))
-    return {"<=": a <= b, ">=": a >= b, "<": a < b, ">": a > b}[comparison]
+    values = {}
+    for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True):
+        values[name] = get(base, axis.steps) if index is None else (axis.values or ())[index]
+    names = (*expression.names(left), *expression.names(right))
+    numbers = {name: _number(name, values) for name in names}
+    left_value = float(expression.evaluate(left, numbers))
+    right_value = float(expression.evaluate(right, numbers))
+    return _COMPARISONS[comparison](left_value, right_value)
 
 
 def _number(name: str, values: Mapping[str, Any]) -> float:
@@ -134,73 +153,75 @@ def level_label(axis: Axis, index: int) -> str:
         return axis.labels[index]
     if axis.cards is not None:
         return Path(axis.cards[index]).stem
-    value = (axis.values or ())[index]
+    values = axis.values or ()
+    value = values[index]
     if isinstance(value, Mapping):
         return str(value.get("name") or value.get("card") or index)
-    return "none" if value is None else _rounded(axis.values or ())[index]
+    return "none" if value is None else _rounded(values)[index]
 
 
 def _rounded(values: Sequence[Any]) -> list[str]:
     """Return values as text, with numbers rounded to six digits unless this makes two values equal."""
-    texts = [_LONG.sub(lambda found: f"{float(found[0]):.6g}", str(value)) for value in values]
-    return texts if len(set(texts)) == len(texts) else [str(value) for value in values]
+    exact = [str(value) for value in values]
+    rounded = [_LONG.sub(_six_digits, text) for text in exact]
+    return rounded if len(set(rounded)) == len(rounded) else exact
+
+
+def _six_digits(match: re.Match[str]) -> str:
+    return f"{float(match[0]):.6g}"
 
 
 def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
     """Return a short name for each axis: the last word of its path, or the whole path if that word is not unique."""
-    short = [axis.path.rpartition(".")[2] for axis in axes]
-    return tuple(
-        name if short.count(name) == 1 and not is_index(name) else axis.path.removeprefix("base.")
-        for name, axis in zip(short, axes, strict=True)
-    )
+    last_words = [axis.path.rpartition(".")[2] for axis in axes]
+    names = []
+    for word, axis in zip(last_words, axes, strict=True):
+        is_unique = last_words.count(word) == 1 and not is_index(word)
+        names.append(word if is_unique else axis.path.removeprefix("base."))
+    return tuple(names)
 
 
 def choice(axes: Sequence[Axis], chosen: Sequence[int | None]) -> dict[str, str]:
     """Return the label of the level of a case, by name of the axis."""
-    return {
-        name: BASE_LABEL if index is None else level_label(axis, index)
-        for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True)
-    }
+    labels = {}
+    for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True):
+        labels[name] = BASE_LABEL if index is None else level_label(axis, index)
+    return labels
 
 
 def case_label(axes: Mapping[str, str]) -> str:
     """Return the label of a case."""
-    if not axes or all(level == BASE_LABEL for level in axes.values()):
-        return BASE_LABEL
-    return ", ".join(f"{name}={level}" for name, level in axes.items() if level != BASE_LABEL)
-
-
-Chosen = tuple[int | None, ...]
-"""Index of the level of every axis; None is the value of the base."""
+    varied = [f"{name}={level}" for name, level in axes.items() if level != BASE_LABEL]
+    return ", ".join(varied) if varied else BASE_LABEL
 
 
 class _CaseCache:
     """Cached scenarios and cases of a loaded campaign, as long as the campaign is in use."""
 
     def __init__(self, campaign: Campaign, scenarios: "Scenarios | None" = None) -> None:
-        place = id(campaign)
-        self.campaign = weakref.ref(campaign, lambda _: _KNOWN.pop(place, None))
+        identity = id(campaign)
+        self.campaign = weakref.ref(campaign, lambda _: _CACHES.pop(identity, None))
         self.scenarios = scenarios
         self.cases: tuple[Case, ...] = ()
 
 
-_KNOWN: dict[int, _CaseCache] = {}  # by identity: a campaign is frozen, so its cases never change
+_CACHES: dict[int, _CaseCache] = {}  # by identity: a campaign is frozen, so its cases never change
 
 
 def remember(campaign: Campaign, scenarios: "Scenarios") -> None:
     """Cache the scenarios validated while a campaign was read, so that `cases` need not validate them again."""
-    _KNOWN[id(campaign)] = _CaseCache(campaign, scenarios)
+    _CACHES[id(campaign)] = _CaseCache(campaign, scenarios)
 
 
 def cases(campaign: Campaign) -> list[Case]:
     """Return the cases of a loaded campaign in the order of its design; equal scenarios are one case."""
-    known = _KNOWN.get(id(campaign))
-    if known is None or known.campaign() is not campaign:
-        known = _KNOWN[id(campaign)] = _CaseCache(campaign)
-    if not known.cases:
-        known.cases = tuple(_cases(campaign, known.scenarios))
-        known.scenarios = None
-    return list(known.cases)
+    cache = _CACHES.get(id(campaign))
+    if cache is None or cache.campaign() is not campaign:
+        cache = _CACHES[id(campaign)] = _CaseCache(campaign)
+    if not cache.cases:
+        cache.cases = tuple(_distinct_cases(campaign, cache.scenarios))
+        cache.scenarios = None
+    return list(cache.cases)
 
 
 def probes(campaign: Campaign) -> list[Case]:
@@ -215,19 +236,21 @@ def probes(campaign: Campaign) -> list[Case]:
     return [case for case in checked if not any(breaches_of_case(case.scenario))]
 
 
-def _cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:
-    found: dict[str, Case] = {}
+def _distinct_cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:
+    """Return the cases of a campaign, the first of those with equal digests."""
     base = campaign.base.model_dump(mode="json")
-    made = Scenarios([axis.steps[0] for axis in campaign.axes], campaign.base) if scenarios is None else scenarios
-    known: dict[int, tuple[BaseModel, Any]] = {}
+    if scenarios is None:
+        scenarios = Scenarios([axis.steps[0] for axis in campaign.axes], campaign.base)
+    contents: dict[int, tuple[BaseModel, Any]] = {}
+    by_digest: dict[str, Case] = {}
     for chosen in chosen_levels(campaign):
-        scenario = made.known(chosen)
+        scenario = scenarios.known(chosen)
         if scenario is None:
-            scenario = made.validated(chosen, _changed(base, campaign.axes, chosen))
+            scenario = scenarios.validated(chosen, _changed(base, campaign.axes, chosen))
         axes = choice(campaign.axes, chosen)
-        digest = case_id(scenario, campaign.seed, campaign.keep.history, known)
-        found.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
-    return list(found.values())
+        digest = case_id(scenario, campaign.seed, campaign.keep.history, contents)
+        by_digest.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
+    return list(by_digest.values())
 
 
 def _changed(base: Mapping[str, Any], axes: Sequence[Axis], chosen: Chosen) -> Any:
@@ -260,22 +283,21 @@ class Scenarios:
     ) -> None:
         self._varied = varied
         self._plain = plain
-        self._made: dict[Chosen, Scenario] = {}
+        self._scenarios: dict[Chosen, Scenario] = {}
         self._sections: dict[tuple[str, Chosen], BaseModel] = {}
         if base is not None:
             self._keep((None,) * len(varied), base)
 
     def known(self, chosen: Chosen) -> Scenario | None:
         """Return the validated scenario with these levels of the axes, or None if there is none yet."""
-        return self._made.get(chosen)
+        return self._scenarios.get(chosen)
 
     def validated(self, chosen: Chosen, written: Mapping[str, Any]) -> Scenario:
         """Validate the scenario with these levels from its sections as written; raises pydantic's ValidationError."""
-        sections = {name: self._sections.get((name, self._levels(name, chosen))) for name in written}
-        data = {
-            name: self._plain(section) if sections[name] is None else sections[name]
-            for name, section in written.items()
-        }
+        data = {}
+        for name, section in written.items():
+            validated_section = self._sections.get((name, self._section_levels(name, chosen)))
+            data[name] = self._plain(section) if validated_section is None else validated_section
         try:
             scenario = Scenario.model_validate(data)
         except ValidationError:  # again from the written values, so that the message quotes these
@@ -284,17 +306,19 @@ class Scenarios:
         return scenario
 
     def _keep(self, chosen: Chosen, scenario: Scenario) -> None:
-        self._made[chosen] = scenario
+        """Store a validated scenario and its sections."""
+        self._scenarios[chosen] = scenario
         for name in type(scenario).model_fields:
             section = getattr(scenario, name)
             if isinstance(section, BaseModel):
-                self._sections.setdefault((name, self._levels(name, chosen)), section)
+                self._sections.setdefault((name, self._section_levels(name, chosen)), section)
 
-    def _levels(self, name: str, chosen: Chosen) -> Chosen:
+    def _section_levels(self, name: str, chosen: Chosen) -> Chosen:
+        """Return the levels of the axes that vary a section."""
         return tuple(index for section, index in zip(self._varied, chosen, strict=True) if section == name)
 
 
-def chosen_levels(campaign: Campaign) -> list[tuple[int | None, ...]]:
+def chosen_levels(campaign: Campaign) -> list[Chosen]:
     """Return for each case of a loaded campaign the level of every axis."""
     base = campaign.base.model_dump(mode="json") if campaign.constraints else None
     return combinations(campaign.design, campaign.axes, campaign.exclude, campaign.constraints, base)
@@ -320,62 +344,3 @@ def get(data: Any, path: Sequence[str]) -> Any:
         else:
             data = data.get(key) if isinstance(data, dict) else None
     return data
-
-
-def case_id(
-    scenario: Scenario, seed: int, history: float, known: dict[int, tuple[BaseModel, Any]] | None = None
-) -> str:
-    """Return the digest of a case: 12 hexadecimal digits.
-
-    The digest covers the scenario, the seed, the step of the history (s) and the version of the results. The step is
-    included because covariance steps are cut at history times. A file named in the scenario enters by its content and
-    not by its path: a copy of the campaign in another folder has the same digest, an edited almanac gives another.
-
-    known : cache of fields by identity, each with its content; extended here. It keeps a reference to the field, so
-        that no new object gets the same identity
-    """
-    data = {
-        "scenario": _undrawn(_canonical(scenario, known), scenario),
-        "seed": seed,
-        "history": history,
-        "results_version": RESULTS_VERSION,
-    }
-    return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()[:12]
-
-
-def _undrawn(found: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """Return the content of a scenario without vehicle dispersions that no run draws (nominal guidance)."""
-    card = scenario.trajectory
-    if not isinstance(card, VehicleAscent) or card.guidance != "nominal":
-        return found
-    flight = found["trajectory"]
-    vehicle = {key: value for key, value in flight["vehicle"].items() if key != "dispersions"}
-    return {**found, "trajectory": {**flight, "vehicle": vehicle}}
-
-
-def _canonical(model: BaseModel, known: dict[int, tuple[BaseModel, Any]] | None = None) -> dict[str, Any]:
-    kind, without, below = type(model), set(), {}
-    for name in kind.model_fields:
-        value = getattr(model, name)
-        extra = kind.model_fields[name].json_schema_extra
-        unset = isinstance(extra, dict) and extra.get("digest_if_set") and value == kind.model_fields[name].default
-        if unset or name in MARKS or isinstance(value, Resources) or (name == "resources" and value is None):
-            without.add(name)
-        elif isinstance(value, BaseModel):
-            _, found = (known or {}).get(id(value), (None, None))
-            below[name] = _canonical(value) if found is None else found
-            if known is not None:
-                known[id(value)] = value, below[name]
-        elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
-            below[name] = [_canonical(item) for item in value]
-        elif isinstance(value, dict):
-            below[name] = {k: _canonical(one) if isinstance(one, BaseModel) else one for k, one in value.items()}
-        elif isinstance(value, str) and fields.is_path(kind, name):
-            below[name] = _content(value)
-        elif isinstance(value, tuple) and fields.is_path(kind, name):
-            below[name] = [_content(item) for item in value]
-    return model.model_dump(mode="json", exclude={*below, *without}) | below
-
-
-def _content(file: str) -> str:
-    return hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest()

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
-from lvnav_trade.campaign.definition.axes import BASE_LABEL, Case, Chosen, axis_names, case_id, chosen_levels, put
+from lvnav_trade.campaign.definition.axes import BASE_LABEL, Case, Chosen, axis_names, chosen_levels, put
+from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.statistics.display_units import split

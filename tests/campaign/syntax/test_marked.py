@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.campaign.definition.axes import case_id, cases
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.versions import campaign_digest
