@@ -22,7 +22,7 @@ def shipped(folder: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / folder
 
 
-_MANY = 12
+_LISTED = 12  # largest number of cards that a message lists
 
 
 class Shelf(NamedTuple):
@@ -38,7 +38,8 @@ class Shelf(NamedTuple):
     def find(self, name: str, folder: Path) -> Path | None:
         """Return the file of the card `name` as written in a file of `folder`, or None."""
         for start in (folder, *self.folders):
-            for candidate in (start / name, start / f"{name}.yaml", start / f"{name}.yml"):
+            for file_name in (name, f"{name}.yaml", f"{name}.yml"):
+                candidate = start / file_name
                 if os.path.isfile(candidate):
                     return candidate.resolve()
         return None
@@ -55,8 +56,8 @@ class Shelf(NamedTuple):
         name = str(node.value)
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
-            candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
-            raise tree.refuse(node.place, path, f"no card {quoted(name)}{_near(name, candidates)}")
+            candidates = [*self.known(), *_neighbours(name, node.place.folder), *map(str, words)]
+            raise tree.refuse(node.place, path, f"no card {quoted(name)}{_suggestion(name, candidates)}")
         state = file.stat()
         card = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
         if isinstance(card, InputError):
@@ -65,33 +66,41 @@ class Shelf(NamedTuple):
 
 
 @lru_cache(maxsize=128)
-def _parsed(file: Path, here: str, size: int, changed: int) -> tree.Node | InputError:
-    """Return the tree of a card's file, or its input error; size and time of change are arguments of the cache."""
+def _parsed(file: Path, working_folder: str, size: int, changed: int) -> tree.Node | InputError:
+    """Return the tree of a card's file, or its input error.
+
+    The other arguments only identify the entry of the cache: messages have paths relative to the working folder.
+    """
     try:
         return tree.read_mapping(file)
     except InputError as error:
         return error
 
 
-def _near(name: str, known: Sequence[str]) -> str:
+def _suggestion(name: str, known: Sequence[str]) -> str:
     """Return the suggestion of a similar card, or else the cards of the folder in the name."""
     folder, _, last = name.rpartition("/")
-    shelf = [card for card in known if card.rpartition("/")[0] == folder]
-    if not folder or not shelf:
+    cards_of_folder = [card for card in known if card.rpartition("/")[0] == folder]
+    if not folder or not cards_of_folder:
         return tree.hint(name, known)
-    names = [card.rpartition("/")[2] for card in shelf]
+    names = [card.rpartition("/")[2] for card in cards_of_folder]
     if tree.hint(last, names):
-        return tree.hint(name, shelf)
-    return f" ({folder}/ has {', '.join(names[:_MANY])}{', ...' if len(names) > _MANY else ''})"
+        return tree.hint(name, cards_of_folder)
+    listed = ", ".join(names[:_LISTED])
+    more = ", ..." if len(names) > _LISTED else ""
+    return f" ({folder}/ has {listed}{more})"
 
 
-def _beside(name: str, folder: Path) -> list[str]:
+def _neighbours(name: str, folder: Path) -> list[str]:
     """Return the names of the cards in the folder of the path `name`, written in the same way."""
     place = (folder / name).parent
     if not os.path.exists(place):
         return []
-    found = [*place.glob("*.yaml"), *place.glob("*.yml")]
-    return [str(Path(name).with_name(file.name if Path(name).suffix else file.stem)) for file in found]
+    has_suffix = bool(Path(name).suffix)
+    names = []
+    for file in (*place.glob("*.yaml"), *place.glob("*.yml")):
+        names.append(str(Path(name).with_name(file.name if has_suffix else file.stem)))
+    return names
 
 
 def _cards(folder: Path) -> Iterator[tuple[str, Path]]:
@@ -111,20 +120,23 @@ class CardInfo(NamedTuple):
 
 def catalogue(folder: Path) -> list[CardInfo]:
     """Return the cards that a campaign in `folder` can name; a card of the user hides one of the tool."""
-    found: dict[str, CardInfo] = {}
+    by_name: dict[str, CardInfo] = {}
     for start in Shelf.of(folder).folders:
         for name, file in _cards(start):
-            found.setdefault(name, _info(name, file))
-    return sorted(found.values())
+            by_name.setdefault(name, _card_info(name, file))
+    return sorted(by_name.values())
 
 
-def _info(name: str, file: Path) -> CardInfo:
+def _card_info(name: str, file: Path) -> CardInfo:
     try:
         card = tree.read_mapping(file).value
     except InputError as error:
         return CardInfo(name, "(cannot be read)", str(error), tree.show(file))
-    texts = [" ".join(str(card[key].value).split()) if key in card else "" for key in ("name", "source")]
-    return CardInfo(name, texts[0], texts[1], tree.show(file))
+
+    def text(key: str) -> str:
+        return " ".join(str(card[key].value).split()) if key in card else ""
+
+    return CardInfo(name, text("name"), text("source"), tree.show(file))
 
 
 def card_text(name: str, folder: Path) -> str:
@@ -132,7 +144,7 @@ def card_text(name: str, folder: Path) -> str:
     shelf = Shelf.of(folder)
     file = shelf.find(name, folder)
     if file is None:
-        raise InputError(f"no card {quoted(name)}{_near(name, shelf.known())}")
+        raise InputError(f"no card {quoted(name)}{_suggestion(name, shelf.known())}")
     tree.read_mapping(file)
     return file.read_text(encoding="utf-8-sig")
 
@@ -158,10 +170,13 @@ def campaign_file(name: str) -> Path:
     path = Path(name)
     if os.path.exists(path) or path.is_absolute() or not path.name:
         return path
-    inside = Path(*path.parts[1:]) if path.parts[0] == "campaigns" and len(path.parts) > 1 else path
-    for candidate in (inside, inside.with_name(f"{inside.name}.yaml")):
-        if os.path.isfile(shipped("campaigns") / candidate):
-            return shipped("campaigns") / candidate
+    below_campaigns = path
+    if path.parts[0] == "campaigns" and len(path.parts) > 1:
+        below_campaigns = Path(*path.parts[1:])
+    for candidate in (below_campaigns, below_campaigns.with_name(f"{below_campaigns.name}.yaml")):
+        file = shipped("campaigns") / candidate
+        if os.path.isfile(file):
+            return file
     return path
 
 

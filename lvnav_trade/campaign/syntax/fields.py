@@ -22,9 +22,15 @@ def options(kind: Kind, keep: type | None = None) -> tuple[Kind, ...]:
     origin = _origin(kind)
     if origin is Annotated:
         inner, *metadata = get_args(kind)
-        return tuple(data for data in metadata if keep and isinstance(data, keep))[:1] or options(inner, keep)
+        for data in metadata:
+            if keep and isinstance(data, keep):
+                return (data,)
+        return options(inner, keep)
     if origin in (Union, types.UnionType):
-        return tuple(option for part in get_args(kind) for option in options(part, keep))
+        alternatives: list[Kind] = []
+        for alternative in get_args(kind):
+            alternatives += options(alternative, keep)
+        return tuple(alternatives)
     return (kind,)
 
 
@@ -39,7 +45,11 @@ def models(kind: Kind) -> tuple[type[BaseModel], ...]:
 
 def literals(kind: Kind) -> tuple[Any, ...]:
     """Return the literal words among the alternatives."""
-    return tuple(word for option in options(kind) if _origin(option) is Literal for word in get_args(option))
+    words: list[Any] = []
+    for option in options(kind):
+        if _origin(option) is Literal:
+            words += get_args(option)
+    return tuple(words)
 
 
 def by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
@@ -49,13 +59,20 @@ def by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 def entries(kind: Kind) -> Kind | None:
     """Return the annotation of the values of a mapping with free keys; None for anything else."""
-    return next((get_args(option)[1] for option in options(kind) if _origin(option) is dict), None)
+    for option in options(kind):
+        if _origin(option) is dict:
+            _, values = get_args(option)
+            return values
+    return None
 
 
 def old_key(kind: Kind, key: str) -> str:
     """Return the message on the replacement of a key of earlier versions; empty for any other key."""
-    former = (getattr(model, "OLD_KEYS", {}) for model in models(kind))
-    return next((str(keys[key]) for keys in former if key in keys), "")
+    for model in models(kind):
+        replacements = getattr(model, "OLD_KEYS", {})
+        if key in replacements:
+            return str(replacements[key])
+    return ""
 
 
 @cache
@@ -68,18 +85,24 @@ def is_path(model: type[BaseModel], key: str) -> bool:
 
 def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
     """Return the annotation of a field, or None; `node` (the present value) selects among alternatives."""
+    free_entries = entries(kind)
+    if free_entries is not None:
+        return free_entries
     if is_index(key):
-        below = item(kind, int(key))
-    else:
-        candidates = (by_key(model) for model in _likely(kind, node))
-        below = next((fields[key].annotation for fields in candidates if key in fields), None)
-    return entries(kind) or below
+        return item(kind, int(key))
+    for model in _likely(kind, node):
+        info = by_key(model).get(key)
+        if info is not None:
+            return info.annotation
+    return None
 
 
 def item(kind: Kind, index: int) -> Kind | None:
     """Return the annotation of an item of a sequence; None for anything else."""
-    sequences = (get_args(option) for option in options(kind) if _origin(option) in (tuple, list, Sequence))
-    for items in sequences:
+    for option in options(kind):
+        if _origin(option) not in (tuple, list, Sequence):
+            continue
+        items = get_args(option)
         if len(items) == 2 and items[1] is Ellipsis:
             return items[0]
         if index < len(items):
@@ -89,7 +112,10 @@ def item(kind: Kind, index: int) -> Kind | None:
 
 def names(kind: Kind, node: Node | None = None) -> tuple[str, ...]:
     """Return the keys of the settings of an annotation; `node` (the present value) selects among alternatives."""
-    return tuple(dict.fromkeys(name for model in _likely(kind, node) for name in by_key(model)))
+    keys: dict[str, None] = {}
+    for model in _likely(kind, node):
+        keys |= dict.fromkeys(by_key(model))
+    return tuple(keys)
 
 
 def tag_of(model: type[BaseModel]) -> str | None:
@@ -106,17 +132,21 @@ def tags(kind: Kind) -> tuple[str, ...]:
 
 def member(kind: Kind, node: Node | None) -> type[BaseModel] | None:
     """Return the alternative of a mapping: by its `kind`, or else by a key that only one alternative has."""
-    found = models(kind)
-    if len(found) == 1 or node is None or not node.is_map:
-        return found[0] if len(found) == 1 else None
+    alternatives = models(kind)
+    if len(alternatives) == 1:
+        return alternatives[0]
+    if node is None or not node.is_map:
+        return None
     if "kind" in node.value:
-        return next((model for model in found if tag_of(model) == node.value["kind"].value), None)
-    # number of alternatives with each key; a key is distinctive if the number is one
-    counts = Counter(name for model in found for name in by_key(model))
-    likely = [model for model in found if any(key in by_key(model) and counts[key] == 1 for key in node.value)]
+        tag = node.value["kind"].value
+        return next((model for model in alternatives if tag_of(model) == tag), None)
+    models_with_key = Counter(key for model in alternatives for key in by_key(model))
+    distinctive = {key for key in node.value if models_with_key[key] == 1}
+    likely = [model for model in alternatives if distinctive & by_key(model).keys()]
     return likely[0] if len(likely) == 1 else None
 
 
 def _likely(kind: Kind, node: Node | None) -> tuple[type[BaseModel], ...]:
-    chosen = member(kind, node)
-    return (chosen,) if chosen else models(kind)
+    """Return the alternative that a node is, or all alternatives if that is open."""
+    model = member(kind, node)
+    return (model,) if model else models(kind)

@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
-from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
+from lvnav_trade.campaign.syntax.composer import BoundedComposer, syntax_message
 from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
 from lvnav_trade.quantities import input_limits
 from lvnav_trade.quantities.errors import HIDDEN, InputError, Mistake, quoted, refuse_all
@@ -65,7 +64,9 @@ class SourceTree:
         """levels: expanded levels of each axis, with their places; filled: paths not given in the base, which have the
         first level of an axis.
         """
-        self.root, self.levels, self.filled = root, levels, frozenset(filled)
+        self.root = root
+        self.levels = levels
+        self.filled = frozenset(filled)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SourceTree)
@@ -80,22 +81,25 @@ class SourceTree:
         """
         if self.root is None:
             return Mistake(message, path)
-        way = list(path.split(".") if steps is None else steps)
-        node, above = find(self.root, way), find(self.root, way[:-1])
-        if node is not None and node.is_map and above is not None and way[-1] in above.keys:
-            return mistake(above.keys[str(way[-1])], path, message)
-        return mistake(nearest(self.root, way), path, message)
+        tree_path = [str(step) for step in (path.split(".") if steps is None else steps)]
+        node, above = find(self.root, tree_path), find(self.root, tree_path[:-1])
+        if node is not None and node.is_map and above is not None and tree_path[-1] in above.keys:
+            return mistake(above.keys[tree_path[-1]], path, message)
+        return mistake(nearest(self.root, tree_path), path, message)
 
 
 def nearest(node: Node, steps: Iterable[str | int]) -> Place:
     """Return the place of the node at a path, or of the nearest existing node above it; a key may contain dots."""
-    rest = [str(step) for step in steps]
-    while rest:
-        whole = find(node, [".".join(rest)])
-        below, rest = (whole, []) if whole is not None else (find(node, rest[:1]), rest[1:])
+    remaining = [str(step) for step in steps]
+    while remaining:
+        dotted_key = find(node, [".".join(remaining)])
+        if dotted_key is not None:
+            return dotted_key.place
+        below = find(node, remaining[:1])
         if below is None:
             break
         node = below
+        remaining = remaining[1:]
     return node.place
 
 
@@ -118,42 +122,46 @@ def hint(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'this'?)``, by meaning or by spelling; empty if no known word is similar."""
     if len(word) > input_limits.QUOTED_LENGTH:
         return ""
-    spelled = {str(name).lower(): str(name) for name in known}
-    if word.lower() in MEANINGS:
-        synonym = meant(word, spelled.values())
+    lower = word.lower()
+    spellings = {str(name).lower(): str(name) for name in known}
+    if lower in MEANINGS:
+        synonym = meant(word, spellings.values())
         return f" (did you mean {synonym!r}?)" if synonym else ""
-    near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
-    near = near or [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
-    return f" (did you mean {spelled[near[0]]!r}?)" if near else ""
+    similar = difflib.get_close_matches(lower, list(spellings), n=1, cutoff=0.6)
+    if not similar and len(word) > 2:
+        similar = [name for name in spellings if name.startswith(f"{lower}_")]
+    return f" (did you mean {spellings[similar[0]]!r}?)" if similar else ""
 
 
 def read(path: Path) -> Node:
     """Read a YAML file into a tree; InputError if it cannot be read."""
-    shown = show(path)
+    shown_path = show(path)
     try:
         if path.is_dir():
-            raise InputError(f"{shown}: is a folder, not a YAML file")
+            raise InputError(f"{shown_path}: is a folder, not a YAML file")
         if not path.exists():
-            raise InputError(f"{shown}: no such file{hint(path.name, (other.name for other in path.parent.glob('*')))}")
+            neighbours = (file.name for file in path.parent.glob("*"))
+            raise InputError(f"{shown_path}: no such file{hint(path.name, neighbours)}")
     except (OSError, ValueError) as error:  # a name that no file can have
-        raise InputError(f"{quoted(shown)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{quoted(shown_path)}: cannot be read: {reason}") from None
     try:
         text = read_bytes(path, input_limits.YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{shown}: is not a text file in UTF-8") from None
-    return parse(text, shown, path.resolve().parent)
+        raise InputError(f"{shown_path}: is not a text file in UTF-8") from None
+    return parse(text, shown_path, path.resolve().parent)
 
 
 def parse(text: str, file: str, folder: Path) -> Node:
     """Parse YAML text of `file`; relative paths in it start from `folder`."""
     reader = YAML(typ="rt", pure=True)
-    reader.Composer = _BoundedComposer
+    reader.Composer = BoundedComposer
     try:
         root = reader.compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        raise InputError(records=[Mistake(_syntax(error, text, line), "", file, line, column)]) from None
+        raise InputError(records=[Mistake(syntax_message(error, text, line), "", file, line, column)]) from None
     except (YAMLError, ValueError) as error:
         raise InputError(f"{file}: is not YAML: {str(error).splitlines()[0]}") from None
     if root is None:
@@ -176,48 +184,6 @@ def show(path: Path) -> str:
     """Return a path for messages: relative to the working folder if it is below it, otherwise absolute."""
     relative = os.path.relpath(path)
     return str(path) if relative.startswith("..") else relative
-
-
-def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
-    if isinstance(error, _RefusedError):
-        return str(error.problem)
-    lines = text.splitlines()
-    indent = lines[line - 1][: len(lines[line - 1]) - len(lines[line - 1].lstrip())] if line <= len(lines) else ""
-    if "\t" in indent or "'\\t'" in str(error.problem):
-        return "a tab; YAML is indented with spaces"
-    problem = str(error.problem or error.context or "is not YAML").splitlines()[0].replace("'<scalar>'", "a word")
-    begun = error.context_mark.line + 1 if error.context_mark and error.problem_mark else line
-    return f"is not YAML: {problem}{f' (in what begins on line {begun})' if begun != line else ''}"
-
-
-class _RefusedError(MarkedYAMLError):
-    """Valid YAML that is refused: an anchor that is defined twice, or a file that exceeds a limit."""
-
-
-class _BoundedComposer(Composer):
-    """Composes nodes and stops at the first that exceeds a limit of number, depth or length, or repeats an anchor."""
-
-    nodes = deep = aliases = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.parser.peek_event()
-        self.nodes, self.deep = self.nodes + 1, self.deep + 1
-        is_alias = isinstance(event, AliasEvent)
-        self.aliases += is_alias
-        for size, most, what in (
-            (self.nodes, input_limits.YAML_NODES, "words, lists and mappings"),
-            (self.deep, input_limits.YAML_DEPTH, "lists and mappings within each other"),
-            (self.aliases, input_limits.YAML_ALIASES, "aliases"),
-            (index + 1 if isinstance(index, int) else 0, input_limits.LIST_LENGTH, "items in a list"),
-            (len(getattr(event, "value", None) or ""), input_limits.WORD_LENGTH, "characters in a text"),
-        ):
-            if size > most:
-                raise _RefusedError(problem=f"more than {most} {what}", problem_mark=event.start_mark)
-        if not is_alias and event.anchor in self.anchors:
-            raise _RefusedError(problem="an anchor of this name is defined above", problem_mark=event.start_mark)
-        node = super().compose_node(parent, index)
-        self.deep -= 1
-        return node
 
 
 # Tags that YAML itself gives to plain words; all but the first five remain text
@@ -244,36 +210,44 @@ class _Conversion:
         if id(raw) in above:
             self.mistakes.append(mistake(place, path, "an alias that contains itself"))
             return Node(None, place)
+        containers = (*above, id(raw))
         if isinstance(raw, MappingNode):
-            return self._mapping(raw, place, path, (*above, id(raw)))
+            return self._mapping(raw, place, path, containers)
         if isinstance(raw, SequenceNode):
-            items = [self.node(item, join(path, index), (*above, id(raw))) for index, item in enumerate(raw.value)]
+            items = [self.node(item, join(path, index), containers) for index, item in enumerate(raw.value)]
             return Node(items, place)
-        if str(raw.tag).rpartition(":")[2] not in _TAGS:
+        if _short_tag(raw) not in _TAGS:
             self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
-        if character := HIDDEN.search(_text(raw)):  # it would change what a terminal or a report shows
-            hidden = f"{quoted(_text(raw))} has the hidden character U+{ord(character[0]):04X}; remove it"
-            self.mistakes.append(mistake(place, path, hidden))
+        hidden_character = HIDDEN.search(_text(raw))
+        if hidden_character:  # it would change what a terminal or a report shows
+            code = f"U+{ord(hidden_character[0]):04X}"
+            message = f"{quoted(_text(raw))} has the hidden character {code}; remove it"
+            self.mistakes.append(mistake(place, path, message))
         return Node(_scalar(raw), place)
 
     def _mapping(self, raw: MappingNode, place: Place, path: str, above: tuple[int, ...]) -> Node:
         values: dict[str, Node] = {}
         keys: dict[str, Place] = {}
         for key_node, value_node in raw.value:
-            here = self.place(key_node)
+            key_place = self.place(key_node)
             if not isinstance(key_node, ScalarNode):
-                self.mistakes.append(mistake(here, path, "a key should be a word"))
+                self.mistakes.append(mistake(key_place, path, "a key should be a word"))
                 continue
             key = str(key_node.value)
             if key in values:
                 message = f"the key {quoted(key)} is given twice (first on line {keys[key].line})"
-                self.mistakes.append(mistake(here, join(path, key), message))
+                self.mistakes.append(mistake(key_place, join(path, key), message))
                 continue
-            keys[key] = here
+            keys[key] = key_place
             value = self.node(value_node, join(path, key), above)
             # The parser gives an empty value the place of the next word; the place of its key is better.
-            values[key] = value if value.value is not None else Node(None, here)
+            values[key] = value if value.value is not None else Node(None, key_place)
         return Node(values, place, keys)
+
+
+def _short_tag(raw: ScalarNode) -> str:
+    """Return the tag of a word without its namespace, such as ``int``."""
+    return str(raw.tag).rpartition(":")[2]
 
 
 def _text(raw: ScalarNode) -> str:
@@ -282,20 +256,22 @@ def _text(raw: ScalarNode) -> str:
 
 def _scalar(raw: ScalarNode) -> Any:
     """Return the value of a plain word by YAML 1.2: dates, ``no`` and ``12:30`` remain text."""
-    kind = str(raw.tag).rpartition(":")[2]
+    tag = _short_tag(raw)
     text = _text(raw)
-    if kind in ("int", "float") and not is_plain(text):  # 1_000: a number of YAML 1.1
+    lower = text.lower()
+    if tag in ("int", "float") and not is_plain(text):  # 1_000: a number of YAML 1.1
         return text
     try:
-        if kind == "int":
-            return int(text, 0) if text.lstrip("+-")[:2].lower() in ("0x", "0o") else int(text)
-        if kind == "float":
-            return float(re.sub(r"^([+-]?)\.(inf|nan)$", r"\1\2", text.lower()))
+        if tag == "int":
+            has_base = lower.lstrip("+-")[:2] in ("0x", "0o")
+            return int(text, 0) if has_base else int(text)
+        if tag == "float":
+            return float(re.sub(r"^([+-]?)\.(inf|nan)$", r"\1\2", lower))
     except ValueError:
         return text
-    if kind == "bool" and text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    return None if kind == "null" else text
+    if tag == "bool" and lower in ("true", "false"):
+        return lower == "true"
+    return None if tag == "null" else text
 
 
 def join(path: str, key: str | int) -> str:
@@ -329,20 +305,22 @@ def with_child(node: Node, key: str, child: Node, key_place: Place | None = None
 
 def without(node: Node, key: str) -> Node:
     """Return a copy of a mapping without `key`."""
-    kept = [name for name in node.value if name != key]
-    return Node({name: node.value[name] for name in kept}, node.place, {name: node.keys[name] for name in kept})
+    values = {name: child for name, child in node.value.items() if name != key}
+    keys = {name: node.keys[name] for name in values}
+    return Node(values, node.place, keys)
 
 
 def put(node: Node, path: list[str], child: Node) -> Node:
     """Return the tree with `child` at `path`; missing mappings on the way are created."""
     if not path:
         return child
+    key, below = path[0], path[1:]
     if node.is_list:
-        index = index_of(path[0], node.value, node.place)
-        return with_item(node, index, put(node.value[index], path[1:], child))
-    start = node if node.is_map else Node({}, child.place)
-    below = start.value.get(path[0], Node({}, child.place))
-    return with_child(start, path[0], put(below, path[1:], child), start.keys.get(path[0]))
+        index = index_of(key, node.value, node.place)
+        return with_item(node, index, put(node.value[index], below, child))
+    mapping = node if node.is_map else Node({}, child.place)
+    present = mapping.value.get(key, Node({}, child.place))
+    return with_child(mapping, key, put(present, below, child), mapping.keys.get(key))
 
 
 def with_item(node: Node, index: int, child: Node) -> Node:
@@ -364,10 +342,11 @@ def is_index(word: str) -> bool:
 
 def find(node: Node, path: Iterable[str | int]) -> Node | None:
     """Return the node at `path`, or None."""
-    for key in path:
-        if node.is_map and str(key) in node.value:
-            node = node.value[str(key)]
-        elif node.is_list and is_index(str(key)) and int(key) < len(node.value):
+    for step in path:
+        key = str(step)
+        if node.is_map and key in node.value:
+            node = node.value[key]
+        elif node.is_list and is_index(key) and int(key) < len(node.value):
             node = node.value[int(key)]
         else:
             return None

@@ -124,10 +124,3 @@ def test_where_settings_were_written_makes_no_difference_to_what_they_say() -> N
     assert one == other
     assert str(one.mistake("a", "is odd")) == "a: is odd"
     assert str(other.mistake("a", "is odd")) == "f:1:4: a: is odd"
-
-
-def test_an_anchor_that_stands_twice_is_refused_where_it_stands_again(tmp_path):
-    with pytest.raises(InputError) as caught:
-        tree.parse("&x 1: &x 1\nname: two\n", "card.yaml", tmp_path)
-    record = caught.value.records[0]
-    assert (record.message, record.line, record.column) == ("an anchor of this name is defined above", 1, 7)
