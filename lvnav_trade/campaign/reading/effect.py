@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case, axis_names
-from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.tree import HERE, Node, Place, is_index, join
 from lvnav_trade.quantities.errors import Mistake, quoted
@@ -16,9 +16,9 @@ from lvnav_trade.simulation.settings_read import EffectiveSettings
 
 _DESCRIPTIONS = ("kind", "name", "source", "resources", *MARKS)
 # States that no measurement affects are refused in a card too: the user of the filter expects them to be estimated.
-_OF_FILTERS = re.compile(r"filter\.(extra_states|consider|as_noise)\.\d+")
+_STATE_LISTS = re.compile(r"filter\.(extra_states|consider|as_noise)\.\d+")
 # Sections that every case has: as a whole such a section always has an effect.
-_ALWAYS = frozenset(name for name, field in Scenario.model_fields.items() if field.is_required())
+_REQUIRED_SECTIONS = frozenset(name for name, field in Scenario.model_fields.items() if field.is_required())
 _UNREAD = "no effect: nothing that is computed for this campaign reads it"
 _HINTS = (
     ("filter.sensor_models.*.latency", "without delay_compensation nothing is compensated"),
@@ -91,39 +91,60 @@ class _SettingReader:
         is_override: bool = False,
     ) -> GivenSetting:
         """Return the setting of a node; counts: path whose reading counts for it; is_free: it could be omitted."""
-        within = tuple(setting for setting in self._within(node, kind, path) if setting.must_act or setting.within)
         is_whole = _has_readable_content(node, kind)
         is_own = self.is_own(place) or (not is_whole and self.is_own(node.place))
+        is_required_section = is_whole and path in _REQUIRED_SECTIONS
         # a value of null says that there is no such thing, and so needs no effect
-        must_act = is_free and is_own and node.value is not None and not (is_whole and path in _ALWAYS)
-        must_act |= _OF_FILTERS.fullmatch(path) is not None
-        is_card = node.is_map and fields.entries(kind) is None
-        at = node.place if node.place.file == HERE and not is_whole else place  # a value set on the command line
-        return GivenSetting(path, at, within, counts or path, is_whole, is_card, must_act, is_override, is_own)
+        must_act = is_free and is_own and node.value is not None and not is_required_section
+        is_from_command_line = node.place.file == HERE and not is_whole
+        return GivenSetting(
+            path=path,
+            place=node.place if is_from_command_line else place,
+            within=tuple(setting for setting in self._within(node, kind, path) if setting.must_act or setting.within),
+            counts=counts or path,
+            is_whole=is_whole,
+            is_card=node.is_map and fields.entries(kind) is None,
+            must_act=must_act or _STATE_LISTS.fullmatch(path) is not None,
+            is_override=is_override,
+            is_own=is_own,
+        )
 
     def _within(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
         if node.is_map:
             yield from self._fields(node, kind, path)
         elif node.is_list:
             for number, child in enumerate(node.value):
-                below = fields.item(kind, number)
-                if fields.models(below):
-                    yield self.stated(child, below, join(path, number), child.place)
-                elif fields.literals(below):
-                    yield self.stated(child, below, join(path, number), child.place, path)
+                item_kind = fields.item(kind, number)
+                item_path = join(path, number)
+                if fields.models(item_kind):
+                    yield self.stated(child, item_kind, item_path, child.place)
+                elif fields.literals(item_kind):
+                    yield self.stated(child, item_kind, item_path, child.place, counts=path)
 
     def _fields(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
-        held, model = fields.entries(kind), fields.member(kind, node)
+        """Yield the settings in a mapping: fields of a card, or entries with free keys."""
+        entry_kind = fields.entries(kind)
+        model = fields.member(kind, node)
         is_inline = self.is_own(node.place)
         for key, child in node.value.items():
-            below, at = held or (fields.child(model, key) if model else None), join(path, key)
-            if below is None or (model is not None and key in _DESCRIPTIONS):
+            child_kind = entry_kind
+            if not child_kind and model:
+                child_kind = fields.child(model, key)
+            if child_kind is None or (model is not None and key in _DESCRIPTIONS):
                 continue
             info = fields.by_key(model).get(key) if model is not None else None
-            is_part = is_inline and child.place.file == node.place.file  # not set on the command line
-            is_free = not (is_part and info is not None and info.is_required())
-            is_field = held is None or (child.is_map and fields.models(held))
-            yield self.stated(child, below, at, node.keys[key], "" if is_field else path, is_free, not is_inline)
+            is_required = info is not None and info.is_required()
+            is_in_same_file = is_inline and child.place.file == node.place.file  # not set on the command line
+            is_field = entry_kind is None or (child.is_map and fields.models(entry_kind))
+            yield self.stated(
+                child,
+                child_kind,
+                join(path, key),
+                node.keys[key],
+                counts="" if is_field else path,
+                is_free=not (is_in_same_file and is_required),
+                is_override=not is_inline,
+            )
 
 
 def _has_readable_content(node: Node, kind: Any) -> bool:
@@ -165,11 +186,10 @@ class Effects:
     """
 
     def __init__(self, campaign: Campaign, cases: Sequence[Case]) -> None:
-        self.campaign, self.cases = campaign, cases
-        names = axis_names(campaign.axes)
-        self.levels = {
-            case.id: [_level(case, *one) for one in zip(names, campaign.axes, strict=True)] for case in cases
-        }
+        self.campaign = campaign
+        self.cases = cases
+        named_axes = list(zip(axis_names(campaign.axes), campaign.axes, strict=True))
+        self.levels = {case.id: [_level(case, name, axis) for name, axis in named_axes] for case in cases}
         self.steps = [[*axis.steps] for axis in campaign.axes]
         self.roots = [*_roots(campaign)]
 
@@ -178,31 +198,39 @@ class Effects:
 
         None if no further case can show an effect. known : effective settings by digest of the prepared cases.
         """
-        unproven = [
-            (root, setting)
-            for root in self.roots
-            for setting in root.demands()
-            if not any(_acts(setting, used) for used in self._seen(root, setting, known))
-        ]
-        remaining = [case for case in self.cases if case.id not in known]
-        counts = [sum(self._stands(root, setting, case) for root, setting in unproven) for case in remaining]
-        most = max(counts, default=0)
-        return remaining[counts.index(most)] if most else None
+        unproven = []
+        for root in self.roots:
+            for setting in root.demands():
+                if not any(_acts(setting, used) for used in self._effective_settings(root, setting, known)):
+                    unproven.append((root, setting))
+        best_case, most_settings = None, 0
+        for case in self.cases:
+            if case.id not in known:
+                n_settings = sum(self._has_setting(root, setting, case) for root, setting in unproven)
+                if n_settings > most_settings:
+                    best_case, most_settings = case, n_settings
+        return best_case
 
     def mistakes(self, known: Mapping[str, EffectiveSettings | None]) -> list[Mistake]:
         """Return an input error for every setting without effect on any case.
 
         known : effective settings by digest of the prepared cases.
         """
-        errors = [error for root in self.roots for error in self._fruitless(root, root.stated, known)]
+        errors: list[Mistake] = []
+        for root in self.roots:
+            errors += self._fruitless(root, root.stated, known)
         return list(dict.fromkeys(errors))
 
     def _fruitless(
         self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
     ) -> list[Mistake]:
-        within = [error for below in setting.within for error in self._fruitless(root, below, known)]
+        """Return the errors of a setting without effect: one for the setting, or those of the settings within it."""
+        within: list[Mistake] = []
+        for below in setting.within:
+            within += self._fruitless(root, below, known)
         message, is_idle = self._message(root, setting, known)
-        if not message or (within and not is_idle and not (setting.is_card and len(within) > 1)):
+        combines_fields = setting.is_card and len(within) > 1
+        if not message or (within and not is_idle and not combines_fields):
             return within
         return [tree.mistake(setting.place, setting.shown, message)]
 
@@ -215,29 +243,33 @@ class Effects:
         """
         if not setting.must_act:
             return "", False
-        standing = [case for case in self.cases if self._stands(root, setting, case)]
-        if not standing:
+        cases = [case for case in self.cases if self._has_setting(root, setting, case)]
+        if not cases:
             return self._replaced(root, setting), False
-        seen = [known.get(case.id) for case in standing]
-        if any(used is None or _acts(setting, used) for used in seen):
-            return "", False
-        reason = next((reason for used in seen if used and (reason := _idle(setting, used))), "")
-        return reason or _hinted(setting.path, standing[0].scenario), bool(reason)
+        idle_reason = ""
+        for case in cases:
+            effective = known.get(case.id)
+            if effective is None or _acts(setting, effective):
+                return "", False
+            idle_reason = idle_reason or _idle_reason(setting, effective)
+        return idle_reason or _unread_message(setting.path, cases[0].scenario), bool(idle_reason)
 
     def _replaced(self, root: _Root, setting: GivenSetting) -> str:
         """Return the message if an axis replaces an overridden field of a card in every case, else an empty message.
 
         The varied field itself and settings without a card may be given in the base, since the base is complete.
         """
-        is_there = root.axis < 0 or any(chosen[root.axis] == root.level for chosen in self.levels.values())
-        for axis, steps in enumerate(self.steps):
-            is_below = _is_at_or_below(setting.path, steps) and setting.path != ".".join(steps)
-            if axis > root.axis and is_there and setting.is_override and is_below:
+        has_case = root.axis < 0 or any(chosen[root.axis] == root.level for chosen in self.levels.values())
+        if not has_case or not setting.is_override:
+            return ""
+        for axis in range(root.axis + 1, len(self.steps)):
+            steps = self.steps[axis]
+            if _is_within(setting.path, steps) and setting.path != ".".join(steps):
                 path = quoted(self.campaign.axes[axis].path)
                 return f"no case has it: the axis {path} replaces it; write it in the axis's values"
         return ""
 
-    def _stands(self, root: _Root, setting: GivenSetting, case: Case) -> bool:
+    def _has_setting(self, root: _Root, setting: GivenSetting, case: Case) -> bool:
         """Whether a case has a setting.
 
         All values that an axis gives to one field are equivalent, because whether a field is read does not depend on
@@ -248,27 +280,30 @@ class Effects:
             is_value = not setting.is_whole and setting.path == ".".join(self.steps[root.axis])
             if not is_value or chosen[root.axis] is None or self.campaign.design == "zip":
                 return False
-        return not any(
-            axis > root.axis and level is not None and _is_at_or_below(setting.path, self.steps[axis])
-            for axis, level in enumerate(chosen)
-        )
+        for axis in range(root.axis + 1, len(chosen)):
+            if chosen[axis] is not None and _is_within(setting.path, self.steps[axis]):
+                return False  # replaced by a later axis
+        return True
 
-    def _seen(
+    def _effective_settings(
         self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
     ) -> Iterator[EffectiveSettings]:
         """Yield the effective settings of the prepared cases that have a setting."""
         for case in self.cases:
-            used = known.get(case.id)
-            if used is not None and self._stands(root, setting, case):
-                yield used
+            effective = known.get(case.id)
+            if effective is not None and self._has_setting(root, setting, case):
+                yield effective
 
 
-def _is_at_or_below(path: str, steps: Sequence[str]) -> bool:
+def _is_within(path: str, steps: Sequence[str]) -> bool:
+    """Whether a path is at or below the field with these steps."""
     return path.split(".")[: len(steps)] == [*steps]
 
 
-def _level(case: Case, name: str, axis: Any) -> int | None:
-    labels, label = axis.labels or (), case.axes.get(name)
+def _level(case: Case, name: str, axis: Axis) -> int | None:
+    """Return the index of the level of an axis in a case; None for the value of the base."""
+    labels = axis.labels or ()
+    label = case.axes.get(name)
     return labels.index(label) if label in labels else None
 
 
@@ -280,12 +315,13 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
         return
     is_resolved = {*written.root.value} >= {*Campaign.model_fields} and {*base.value} >= {*Scenario.model_fields}
     reader = _SettingReader((HERE,) if is_resolved else (HERE, written.root.place.file))
-    whole = reader.stated(base, Scenario, "", base.place, is_free=False)
+    base_setting = reader.stated(base, Scenario, "", base.place, is_free=False)
     filled = {".".join(axis.steps) for axis in campaign.axes} & written.filled
-    yield _Root(-1, 0, whole._replace(within=tuple(_without(whole.within, filled))))
+    yield _Root(-1, 0, base_setting._replace(within=tuple(_without(base_setting.within, filled))))
     for number, (axis, levels) in enumerate(zip(campaign.axes, written.levels, strict=True)):
+        kind = _kind_at(base, axis.steps)
         for level, (node, place) in enumerate(levels):
-            yield _Root(number, level, reader.stated(node, _kind_at(base, axis.steps), ".".join(axis.steps), place))
+            yield _Root(number, level, reader.stated(node, kind, ".".join(axis.steps), place))
 
 
 def _kind_at(base: Node, steps: Sequence[str]) -> Any:
@@ -305,30 +341,37 @@ def _without(settings: Sequence[GivenSetting], paths: Collection[str]) -> Iterat
             yield setting._replace(within=tuple(_without(setting.within, paths)))
 
 
-def _acts(setting: GivenSetting, used: EffectiveSettings) -> bool:
+def _acts(setting: GivenSetting, effective: EffectiveSettings) -> bool:
     """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
-    if _idle(setting, used):
+    if _idle_reason(setting, effective):
         return False
-    if any(_is_at_or_below(setting.path, whole.split(".")) for whole in used.whole):
+    if any(_is_within(setting.path, whole.split(".")) for whole in effective.whole):
         return True
-    if not setting.is_whole and setting.counts in used.read:
+    if not setting.is_whole and setting.counts in effective.read:
         return True
-    return (setting.is_whole or setting.is_card) and any(path.startswith(f"{setting.path}.") for path in used.read)
+    if not setting.is_whole and not setting.is_card:
+        return False
+    return any(path.startswith(f"{setting.path}.") for path in effective.read)
 
 
-def _idle(setting: GivenSetting, used: EffectiveSettings) -> str:
+def _idle_reason(setting: GivenSetting, effective: EffectiveSettings) -> str:
     """Return the reason why a setting has no effect although it is read; empty if there is none."""
     steps = setting.path.split(".")
-    above = (".".join(steps[: k + 1]) for k in range(len(steps)))
-    return next((used.idle[at] for at in above if at in used.idle and (setting.is_own or at not in used.exact)), "")
+    for depth in range(1, len(steps) + 1):
+        path = ".".join(steps[:depth])
+        if path in effective.idle and (setting.is_own or path not in effective.exact):
+            return effective.idle[path]
+    return ""
 
 
-def _hinted(path: str, scenario: Scenario) -> str:
+def _unread_message(path: str, scenario: Scenario) -> str:
     """Return the message for a setting that is not read, with the reason if it is known."""
     steps = path.split(".")
     if steps[0] == "sensors" and len(steps) == 2:
         card = scenario.sensors.get(steps[1])
         if card is not None and card.measurement not in scenario.filter.measurements:
             return f"no effect: {card.measurement} is not among the measurements of any filter"
-    hint = next((words for pattern, words in _HINTS if fnmatchcase(path, pattern)), "")
-    return f"no effect: {hint}" if hint else _UNREAD
+    for pattern, reason in _HINTS:
+        if fnmatchcase(path, pattern):
+            return f"no effect: {reason}"
+    return _UNREAD

@@ -30,25 +30,25 @@ class _Expander:
         if fields.models(kind):
             return self._settings(node, kind, path, depth)
         if node.is_list and fields.item(kind, 0) is not None:
-            return Node(
-                [
-                    self.expand(child, fields.item(kind, index), join(path, index), depth)
-                    for index, child in enumerate(node.value)
-                ],
-                node.place,
-            )
+            items = []
+            for index, child in enumerate(node.value):
+                items.append(self.expand(child, fields.item(kind, index), join(path, index), depth))
+            return Node(items, node.place)
         return self._entries(node, kind, path, depth, None) if node.is_map else node
 
     def _entries(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None) -> Node:
         """Expand each entry of a mapping with free keys; `under`: the card that the mapping overrides."""
-        below = fields.entries(kind)
-        for key, child in list(node.value.items()) if below is not None else ():
-            old = tree.find(under, [key]) if under is not None else None
-            if old is not None and old.is_map and child.is_map and "card" not in child.value:
-                whole = self._mapping(child, below, join(path, key), depth, old)
+        entry_kind = fields.entries(kind)
+        if entry_kind is None:
+            return node
+        for key, child in list(node.value.items()):
+            overridden = tree.find(under, [key]) if under is not None else None
+            changes_fields = overridden is not None and overridden.is_map and child.is_map
+            if changes_fields and "card" not in child.value:
+                entry = self._mapping(child, entry_kind, join(path, key), depth, overridden)
             else:
-                whole = self.expand(child, below, join(path, key), depth)
-            node = tree.with_child(node, key, whole, node.keys[key])
+                entry = self.expand(child, entry_kind, join(path, key), depth)
+            node = tree.with_child(node, key, entry, node.keys[key])
         return node
 
     def _settings(self, node: Node, kind: Kind, path: str, depth: int) -> Node:
@@ -71,43 +71,47 @@ class _Expander:
         try:
             if not isinstance(reference.value, str):
                 raise tree.refuse(reference.place, path, "a card is named by a word such as imu/tactical_fog")
-            name, folder = reference.value, reference.place.folder
-            if name in fields.tags(kind) and self.shelf.find(name, folder) is None:
+            name = reference.value
+            if name in fields.tags(kind) and self.shelf.find(name, reference.place.folder) is None:
                 raise tree.refuse(reference.place, path, f"no card {quoted(name)} (did you mean {{kind: {name}}}?)")
             card = self.shelf.read(reference, path, fields.literals(kind))
         except InputError as error:
             self.mistakes.extend(error.records)
             return node
-        whole = self._settings(card, kind, path, depth + 1)
+        settings = self._settings(card, kind, path, depth + 1)
         if not node.is_map:
-            return whole
+            return settings
         # An override may itself name a card one level down, and the overridden settings may be named by a card.
-        over = tree.without(node, "card")
-        if _is_another(whole, over, kind):
-            self.mistakes.append(_of_another_kind(name, whole, over, kind, path))
-            return whole
-        return _overridden(whole, self._mapping(over, kind, path, depth, whole), over, kind)
+        override = tree.without(node, "card")
+        if _is_another(settings, override, kind):
+            self.mistakes.append(_other_kind_mistake(name, settings, override, kind, path))
+            return settings
+        expanded_override = self._mapping(override, kind, path, depth, settings)
+        return _overridden(settings, expanded_override, override, kind)
 
     def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
+        """Return settings with the cards in their fields expanded; `under`: the card that the settings override."""
         if fields.entries(kind) is not None:
             return self._entries(node, kind, path, depth, under)
         model = fields.member(kind, under or node)
-        tag = fields.tag_of(model) if model else None
-        if tag and under is None and "kind" not in node.value and len(fields.models(kind)) > 1:
-            node = tree.with_child(node, "kind", Node(tag, node.place))
         if model is None:
             return node
+        tag = fields.tag_of(model)
+        if tag and under is None and "kind" not in node.value and len(fields.models(kind)) > 1:
+            node = tree.with_child(node, "kind", Node(tag, node.place))
         for key, child in list(node.value.items()):
-            below = fields.child(model, key, child)
-            if below is None:
+            child_kind = fields.child(model, key, child)
+            if child_kind is None:
                 continue
+            child_path = join(path, key)
+            overridden = tree.find(under, [key]) if under is not None else None
             if fields.is_path(model, key):
-                whole = self._file(child, join(path, key))
-            elif under is not None and child.is_map and not _replaces(tree.find(under, [key]), child, below):
-                whole = self._mapping(child, below, join(path, key), depth, tree.find(under, [key]) or child)
+                expanded_child = self._file(child, child_path)
+            elif under is not None and child.is_map and not _replaces(overridden, child, child_kind):
+                expanded_child = self._mapping(child, child_kind, child_path, depth, overridden or child)
             else:
-                whole = self.expand(child, below, join(path, key), depth)
-            node = tree.with_child(node, key, whole, node.keys[key])
+                expanded_child = self.expand(child, child_kind, child_path, depth)
+            node = tree.with_child(node, key, expanded_child, node.keys[key])
         return node
 
     def _file(self, node: Node, path: str) -> Node:
@@ -119,8 +123,8 @@ class _Expander:
             return node
         file = node.place.folder / node.value
         if not os.path.isfile(file):
-            what = "is a folder, not a file" if os.path.isdir(file) else "no such file"
-            self.mistakes.append(mistake(node.place, path, f"{what}: {quoted(node.value)}"))
+            problem = "is a folder, not a file" if os.path.isdir(file) else "no such file"
+            self.mistakes.append(mistake(node.place, path, f"{problem}: {quoted(node.value)}"))
             return node
         return Node(str(file.resolve()), node.place)
 
@@ -134,21 +138,29 @@ def _is_another(base: Node, over: Node, kind: Kind) -> bool:
     """Whether both are settings, and `over` is of another kind."""
     if not (base.is_map and over.is_map) or len(fields.models(kind)) < 2:
         return False
-    meant = fields.member(kind, over)
-    return meant is not None and meant is not fields.member(kind, base)
+    override_model = fields.member(kind, over)
+    return override_model is not None and override_model is not fields.member(kind, base)
 
 
-def _of_another_kind(name: str, whole: Node, over: Node, kind: Kind, path: str) -> Mistake:
+def _other_kind_mistake(name: str, card: Node, over: Node, kind: Kind, path: str) -> Mistake:
     """Return the input error of settings that override a card of another kind, at the first key that the card lacks."""
-    of_card, meant = fields.member(kind, whole), fields.member(kind, over)
-    tags = [tag for tag in (of_card and fields.tag_of(of_card), meant and fields.tag_of(meant)) if tag]
-    if "kind" in over.value or len(tags) < 2:
+    card_tag, override_tag = _tag(card, kind), _tag(over, kind)
+    if "kind" not in over.value and card_tag and override_tag:
+        card_keys = fields.names(kind, card)
+        key = next(key for key in over.value if key not in card_keys)
+        message = (
+            f"the card {quoted(name)} is of kind {card_tag}, which has no {key}; name a card of kind {override_tag}"
+        )
+    else:
         key = "kind" if "kind" in over.value else next(iter(over.value))
         message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
-    else:
-        key = next(key for key in over.value if key not in fields.names(kind, whole))
-        message = f"the card {quoted(name)} is of kind {tags[0]}, which has no {key}; name a card of kind {tags[1]}"
     return mistake(over.keys[key], join(path, key), message)
+
+
+def _tag(node: Node, kind: Kind) -> str | None:
+    """Return the value of `kind` of settings; None if they have none or it is open."""
+    model = fields.member(kind, node)
+    return None if model is None else fields.tag_of(model)
 
 
 def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
@@ -160,10 +172,11 @@ def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
         return over
     result = base
     for key, child in over.value.items():
-        old = base.value.get(key)
-        below = fields.child(kind, key, base)
-        changed = child if old is None or below is None else _overridden(old, child, written.value[key], below)
-        result = tree.with_child(result, key, changed, over.keys[key])
+        base_child = base.value.get(key)
+        child_kind = fields.child(kind, key, base)
+        if base_child is not None and child_kind is not None:
+            child = _overridden(base_child, child, written.value[key], child_kind)
+        result = tree.with_child(result, key, child, over.keys[key])
     return with_marks_of(base, Node(result.value, base.place, result.keys), over)
 
 
@@ -175,19 +188,19 @@ def expand(node: Node, kind: Kind, shelf: Shelf, path: str = "") -> tuple[Node, 
 
 def expanded(node: Node, kind: Kind, shelf: Shelf, path: str) -> Node:
     """Return the tree of settings at `path` with all cards expanded; InputError if there are input errors."""
-    whole, mistakes = expand(node, kind, shelf, path)
+    result, mistakes = expand(node, kind, shelf, path)
     refuse_all(mistakes)
-    return whole
+    return result
 
 
-_OF_ONE = ("name", "id")  # fields that must differ between requirements
+_INDIVIDUAL = ("name", "id")  # fields that must differ between requirements
 
 
 class RequirementSet(Card):
-    """Requirements that belong together, such as those of one mission, and where they are from."""
+    """Requirements that belong together, such as those of one mission."""
 
     name: str
-    source: str
+    source: str  # document in which they are stated
     requirements: tuple[Requirement, ...] = Field(min_length=1)
 
 
@@ -208,43 +221,47 @@ def splice(root: Node, shelf: Shelf) -> tuple[Node, list[Mistake]]:
             items.append(item)
             continue
         try:
-            items += _members(item, f"requirements.{index}", shelf)
+            items += _requirements(item, f"requirements.{index}", shelf)
         except InputError as error:
             mistakes += error.records
     return tree.with_child(root, "requirements", Node(items, node.place), root.keys["requirements"]), mistakes
 
 
-def _members(item: Node, path: str, shelf: Shelf) -> list[Node]:
+def _requirements(item: Node, path: str, shelf: Shelf) -> list[Node]:
     """Return the requirements of a set, with the fields changed that are given together with its name."""
     reference = item.value["card"] if item.is_map else item
     if not isinstance(reference.value, str):
         raise tree.refuse(reference.place, path, "should be a requirement, or the name of a set of them")
     card = shelf.read(reference, path)
-    over = tree.without(item, "card") if item.is_map else Node({}, item.place)
-    for key in over.value:
-        if key in _OF_ONE or key not in Requirement.model_fields:
-            known = [name for name in Requirement.model_fields if name not in _OF_ONE]
-            message = f"cannot be changed for a whole set{tree.hint(key, known)}"
-            raise tree.refuse(over.keys[key], f"{path}.{key}", message)
+    changes = tree.without(item, "card") if item.is_map else Node({}, item.place)
+    common_fields = [name for name in Requirement.model_fields if name not in _INDIVIDUAL]
+    for key in changes.value:
+        if key not in common_fields:
+            message = f"cannot be changed for a whole set{tree.hint(key, common_fields)}"
+            raise tree.refuse(changes.keys[key], f"{path}.{key}", message)
     if "requirements" not in card.value:
         raise tree.refuse(reference.place, path, f"{reference.value!r} is no set of requirements")
     try:
         RequirementSet.model_validate(tree.plain(card))
     except ValidationError as error:
         raise InputError(records=explain(error, card, RequirementSet, path)) from None
-    members: list[Node] = tree.find(card, ["requirements"]).value  # type: ignore[union-attr]
     source = card.value["source"]
-    return [_changed(_with_source(member, source), over) for member in members]
+    requirements = []
+    for requirement in card.value["requirements"].value:
+        requirements.append(_changed(_with_source(requirement, source), changes))
+    return requirements
 
 
-def _with_source(member: Node, source: Node) -> Node:
+def _with_source(requirement: Node, source: Node) -> Node:
     """Return a requirement of a set, with the source of the set if it has no source of its own."""
-    return member if "source" in member.value else tree.with_child(member, "source", source, source.place)
+    if "source" in requirement.value:
+        return requirement
+    return tree.with_child(requirement, "source", source, source.place)
 
 
-def _changed(member: Node, over: Node) -> Node:
+def _changed(requirement: Node, changes: Node) -> Node:
     """Return a requirement with fields changed; an event replaces a phase, and a phase an event."""
-    for key, other in (("at", "during"), ("during", "at")):
-        if key in over.value and other in member.value and other not in over.value:
-            member = tree.without(member, other)
-    return Node(member.value | over.value, member.place, member.keys | over.keys)
+    for key, alternative in (("at", "during"), ("during", "at")):
+        if key in changes.value and alternative in requirement.value and alternative not in changes.value:
+            requirement = tree.without(requirement, alternative)
+    return Node(requirement.value | changes.value, requirement.place, requirement.keys | changes.keys)

@@ -59,32 +59,44 @@ def ruled(root: Node) -> tuple[Rule | None, Node]:
     InputError
         The rule has an input error.
     """
-    axes, stated = find(root, ["axes"]), _text(root, "store")
+    axes = find(root, ["axes"])
+    store = _text(root, "store")
     design = _text(root, "design") or "grid"
-    if stated in ROWS and (axes is None or not axes.value):
-        message = f"{stated}: no effect: the campaign has no axes, so that its one case is stored whole"
+    if store in ROWS and (axes is None or not axes.value):
+        message = f"{store}: no effect: the campaign has no axes, so that its one case is stored whole"
         raise InputError(records=[mistake_at(root, "store", message)])
-    if axes is None or not axes.is_list or stated not in ("", *ROWS):
+    if axes is None or not axes.is_list or store not in ("", *ROWS):
         return None, root
     if design not in _RULES:
-        if stated in ROWS:
-            raise InputError(records=[mistake_at(root, "store", f"{stated}: of the designs {', '.join(_RULES)}")])
+        if store in ROWS:
+            raise InputError(records=[mistake_at(root, "store", f"{store}: of the designs {', '.join(_RULES)}")])
         return None, root
-    node = find(root, ["samples"])
-    samples = node.value if node is not None else None
-    many = isinstance(samples, int) and not isinstance(samples, bool) and samples > CASES
-    if not stated and design != "grid" and not many:
+    samples_node = find(root, ["samples"])
+    samples = samples_node.value if samples_node is not None else None
+    exceeds_cases = isinstance(samples, int) and not isinstance(samples, bool) and samples > CASES
+    if not store and design != "grid" and not exceeds_cases:
         return None, root
-    made = [_ends(axis, index, design) for index, axis in enumerate(axes.value)]
-    whole = [axis for axis, _ in made]
-    if not stated and design == "grid" and math.prod(map(_levels, whole)) <= CASES:
+    axes_at_ends, ends = [], []
+    for index, axis in enumerate(axes.value):
+        axis_at_ends, axis_ends = _ends(axis, index, design)
+        axes_at_ends.append(axis_at_ends)
+        ends.append(axis_ends)
+    grid_size = math.prod(_level_count(axis) for axis in axes_at_ends)
+    if not store and design == "grid" and grid_size <= CASES:
         return None, root
-    _check_count(root, design, samples, math.prod(map(_levels, whole)))
+    _check_count(root, design, samples, grid_size)
+    rule = Rule(
+        store=store or ROWS[0],
+        design=design,
+        samples=samples if design != "grid" else None,
+        ends=tuple(ends),
+    )
     place = axes.place
-    root = tree.with_child(root, "axes", Node(whole, place), root.keys["axes"])
+    root = tree.with_child(root, "axes", Node(axes_at_ends, place), root.keys["axes"])
     root = tree.put(root, ["design"], Node("one_at_a_time", place))
-    root = tree.put(root, ["samples"], Node(None, place)) if node is not None else root
-    return Rule(stated or ROWS[0], design, samples if design != "grid" else None, tuple(ends for _, ends in made)), root
+    if samples_node is not None:
+        root = tree.put(root, ["samples"], Node(None, place))
+    return rule, root
 
 
 def _text(root: Node, key: str) -> str:
@@ -92,7 +104,7 @@ def _text(root: Node, key: str) -> str:
     return str(node.value) if node is not None and node.value is not None else ""
 
 
-def _levels(axis: Node) -> int:
+def _level_count(axis: Node) -> int:
     """Return the number of levels of an axis with a list of levels; 1 if the list cannot be read."""
     for key in ("values", "cards"):
         levels = find(axis, [key])
@@ -101,14 +113,14 @@ def _levels(axis: Node) -> int:
     return 1
 
 
-def _check_count(root: Node, design: str, samples: Any, grid: int) -> None:
+def _check_count(root: Node, design: str, samples: Any, grid_size: int) -> None:
+    """Refuse a number of samples or of combinations that is not possible for a design."""
     if design == "grid":
-        if find(root, ["samples"]) is not None and samples is not None:
-            raise InputError(
-                records=[mistake_at(root, "samples", f"no effect: of the designs {' and '.join(_RULES[1:])} only")]
-            )
-        if grid > DESIGNS:
-            raise InputError(records=[mistake_at(root, "axes", f"{grid} cases; at most {DESIGNS} are computed")])
+        if samples is not None:
+            message = f"no effect: of the designs {' and '.join(_RULES[1:])} only"
+            raise InputError(records=[mistake_at(root, "samples", message)])
+        if grid_size > DESIGNS:
+            raise InputError(records=[mistake_at(root, "axes", f"{grid_size} cases; at most {DESIGNS} are computed")])
         return
     if isinstance(samples, bool) or not isinstance(samples, int) or not 2 <= samples <= DESIGNS:
         message = f"{quoted(samples)} is no count; a whole number from 2 to {DESIGNS}"
@@ -127,14 +139,15 @@ def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[AxisEnds, bo
     log = find(axis, ["log"])
     is_log = bool(log is not None and log.value)
     try:
-        stated = tree.plain(limits)
-        if not isinstance(stated, list) or len(stated) != 2:
+        limit_values = tree.plain(limits)
+        if not isinstance(limit_values, list) or len(limit_values) != 2:
             raise ValueError("should be [least, largest]")
-        ends = ends_of(stated)._replace(whole=False)
+        ends = ends_of(limit_values)._replace(whole=False)
         values = between(np.array([0.0, 1.0]), ends, is_log)
     except ValueError as error:
         raise refuse(limits.place, f"axes.{index}.between", str(error)) from None
-    return with_values(axis, "between", [ends.text(float(value)) for value in values]), (ends, is_log)
+    axis_at_ends = with_values(axis, "between", [ends.text(float(value)) for value in values])
+    return axis_at_ends, (ends, is_log)
 
 
 def with_designs(at_ends: Campaign, rule: Rule) -> Campaign:
@@ -147,46 +160,49 @@ def with_designs(at_ends: Campaign, rule: Rule) -> Campaign:
     axes = tuple(at_ends.axes)
     if rule.samples is not None:
         unit_cube = points(rule.design, len(axes), rule.samples, at_ends.seed)
-        drawn = zip(axes, rule.ends, unit_cube.T, strict=True)
-        update["axes"] = tuple(_sampled(axis, ends, coordinate) for axis, ends, coordinate in drawn)
-    whole = at_ends.model_copy(update=update)
-    probe = at_ends.model_copy(
-        update={
-            "exclude": (),
-            "constraints": (),
-            "axes": tuple(axis.model_copy(update={"when": {}}) for axis in axes),
-        }
-    )
-    stated = tuple(
-        axis if ends is None else axis.model_copy(update=_stated(ends))
-        for axis, ends in zip(axes, rule.ends, strict=True)
-    )
-    whole._by_rule = ByRule(stated, probe)
-    return whole
+        coordinates = zip(axes, rule.ends, unit_cube.T, strict=True)
+        update["axes"] = tuple(_sampled(axis, ends, coordinate) for axis, ends, coordinate in coordinates)
+    space = at_ends.model_copy(update=update)
+    unconditional_axes = tuple(axis.model_copy(update={"when": {}}) for axis in axes)
+    probe = at_ends.model_copy(update={"exclude": (), "constraints": (), "axes": unconditional_axes})
+    written_axes = []
+    for axis, ends in zip(axes, rule.ends, strict=True):
+        written_axes.append(axis if ends is None else axis.model_copy(update=_written_fields(ends)))
+    space._by_rule = ByRule(tuple(written_axes), probe)
+    return space
 
 
-def _stated(ends: tuple[AxisEnds, bool]) -> dict[str, Any]:
+def _written_fields(ends: tuple[AxisEnds, bool]) -> dict[str, Any]:
     """Return the fields of a sampled axis as written in the campaign file."""
     limits, is_log = ends
-    stated = tuple(limits.text(value) for value in limits[:2])
-    return {"between": stated, "log": is_log, "values": None, "labels": None}
+    return {
+        "between": (limits.text(limits.first), limits.text(limits.last)),
+        "log": is_log,
+        "values": None,
+        "labels": None,
+    }
 
 
 def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats) -> Axis:
     """Return an axis with one value per sample, from the coordinates (n,) of the samples in the unit interval."""
+    values: list[Any]
+    labels: list[str]
     if ends is None:
-        levels, names = axis.values or (), axis.labels or ()
-        at = np.minimum((coordinate * len(levels)).astype(int), len(levels) - 1).tolist()
-        return axis.model_copy(update={"values": tuple(levels[k] for k in at), "labels": tuple(names[k] for k in at)})
-    limits, is_log = ends
-    least, largest = axis.values or (0.0, 1.0)
-    low, high = split(least), split(largest)
-    shown = between(coordinate, limits, is_log).tolist()
-    labels = tuple(f"{value:.6g} {limits.unit}".rstrip() for value in shown)
-    if low is None or high is None:  # a number without a unit
-        return axis.model_copy(update={"values": tuple(shown), "labels": labels})
-    si = between(coordinate, AxisEnds(low[0], high[0], low[1], False), is_log).tolist()
-    return axis.model_copy(update={"values": tuple(f"{value!r} {low[1]}" for value in si), "labels": labels})
+        all_values, all_labels = axis.values or (), axis.labels or ()
+        levels = np.minimum((coordinate * len(all_values)).astype(int), len(all_values) - 1).tolist()
+        values = [all_values[level] for level in levels]
+        labels = [all_labels[level] for level in levels]
+    else:
+        limits, is_log = ends
+        values = between(coordinate, limits, is_log).tolist()
+        labels = [f"{value:.6g} {limits.unit}".rstrip() for value in values]
+        least, largest = axis.values or (0.0, 1.0)
+        least_si, largest_si = split(least), split(largest)
+        if least_si is not None and largest_si is not None:  # quantities, not numbers without a unit
+            unit = least_si[1]
+            limits_si = AxisEnds(least_si[0], largest_si[0], unit, False)
+            values = [f"{value!r} {unit}" for value in between(coordinate, limits_si, is_log).tolist()]
+    return axis.model_copy(update={"values": tuple(values), "labels": tuple(labels)})
 
 
 def choice_of_runs(campaign: Campaign, root: Node) -> Iterator[Mistake]:

@@ -42,18 +42,19 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
     A sampled design becomes a zip of its points.
     """
     node = find(root, ["axes"])
-    design = find(root, ["design"])
-    kind = str(design.value) if design is not None else "grid"
     if node is None or not node.is_list:
         return root, []
+    design_node = find(root, ["design"])
+    design = str(design_node.value) if design_node is not None else "grid"
     axes, mistakes = list(node.value), list[Mistake]()
     try:
-        if kind in SAMPLED:
-            axes = _sampled(root, kind, axes)
+        if design in SAMPLED:
+            axes = _sampled(root, design, axes)
             root = tree.without(tree.put(root, ["design"], Node("zip", node.place)), "samples")
         else:
-            if (count := find(root, ["samples"])) is not None and count.value is not None:
-                raise refuse(count.place, "samples", f"no effect: of the designs {' and '.join(SAMPLED[:2])} only")
+            samples = find(root, ["samples"])
+            if samples is not None and samples.value is not None:
+                raise refuse(samples.place, "samples", f"no effect: of the designs {' and '.join(SAMPLED[:2])} only")
             axes = [written(axis, index) for index, axis in enumerate(axes)]
     except InputError as error:
         mistakes += error.records
@@ -62,54 +63,64 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
 
 def written(axis: Node, index: int) -> Node:
     """Return an axis with linspace, logspace or range replaced by a list of values; InputError if it is not valid."""
-    made: dict[str, Callable[[Sequence[Any], AxisEnds], Floats]] = {
-        "linspace": _linspace,
-        "logspace": _logspace,
-        "range": _range,
-    }
-    stated_too = axis.is_map and any(key in axis.value and axis.value[key].value is not None for key in _LEVELS)
-    for key, make in made.items() if not stated_too else ():
-        if axis.is_map and (stated := find(axis, [key])) is not None and stated.value is not None:
-            path = f"axes.{index}.{key}"
-            try:
-                parts = tree.plain(stated)
-                if not isinstance(parts, list) or len(parts) != 3:
-                    raise ValueError(f"should be [first, last, {'step' if key == 'range' else 'count'}]")
-                ends = ends_of(parts[:2])
-                values = make(parts, ends)
-            except ValueError as error:
-                raise refuse(stated.place, path, str(error)) from None
-            return with_values(axis, key, [ends.text(float(value)) for value in values])
-    if axis.is_map and (limits := find(axis, ["between"])) is not None and limits.value is not None:
+    if not axis.is_map:
+        return axis
+    has_levels = any(key in axis.value and axis.value[key].value is not None for key in _LEVELS)
+    if not has_levels:
+        for key, make_values in _RULES.items():
+            rule = find(axis, [key])
+            if rule is not None and rule.value is not None:
+                return _with_rule_values(axis, index, key, rule, make_values)
+    limits = find(axis, ["between"])
+    if limits is not None and limits.value is not None:
         raise refuse(axis.place, f"axes.{index}.between", f"needs a sampled design: {', '.join(SAMPLED)}")
     return axis
+
+
+def _with_rule_values(
+    axis: Node, index: int, key: str, rule: Node, make_values: Callable[[Sequence[Any], AxisEnds], Floats]
+) -> Node:
+    """Return an axis with the values of a rule, such as ``linspace: [first, last, count]``."""
+    try:
+        numbers = tree.plain(rule)
+        if not isinstance(numbers, list) or len(numbers) != 3:
+            raise ValueError(f"should be [first, last, {'step' if key == 'range' else 'count'}]")
+        ends = ends_of(numbers[:2])
+        values = make_values(numbers, ends)
+    except ValueError as error:
+        raise refuse(rule.place, f"axes.{index}.{key}", str(error)) from None
+    return with_values(axis, key, [ends.text(float(value)) for value in values])
 
 
 def with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
     """Return an axis with a list of values in place of the rule `key`, such as linspace."""
     place = axis.keys[key]
     children = Node([Node(value, place) for value in values], place)
-    for name in (key, "log"):
-        axis = tree.without(axis, name) if name in axis.value else axis
+    axis = tree.without(axis, key)
+    if "log" in axis.value:
+        axis = tree.without(axis, "log")
     return tree.with_child(axis, "values", children, place)
 
 
 def ends_of(parts: Sequence[Any]) -> AxisEnds:
     """Return the ends of an axis; ValueError unless they are two numbers or two quantities in the same unit."""
-    first, last = (
-        _QUANTITY.fullmatch(with_ascii_minus(str(end))) if not isinstance(end, bool) else None for end in parts[:2]
-    )
+    first, last = (_quantity(end) for end in parts[:2])
     if first is None or last is None:
         raise ValueError("should begin and end with numbers, or quantities such as '0.1 deg'")
-    if first[2] != last[2]:
+    (first_number, first_unit), (last_number, last_unit) = first, last
+    if first_unit != last_unit:
         raise ValueError("begins and ends in different units; write both in one")
-    whole = all(isinstance(end, int) for end in parts)
-    ends = AxisEnds(float(first[1]), float(last[1]), first[2] or "", whole)
-    if not all(map(math.isfinite, ends[:2])):
+    if not math.isfinite(first_number) or not math.isfinite(last_number):
         raise ValueError("should begin and end with numbers that are not beyond all bounds")
-    if ends.first == ends.last:
+    if first_number == last_number:
         raise ValueError("begins where it ends")
-    return ends
+    return AxisEnds(first_number, last_number, first_unit, whole=all(isinstance(end, int) for end in parts))
+
+
+def _quantity(value: Any) -> tuple[float, str] | None:
+    """Return number and unit of a number or quantity; None for anything else."""
+    match = None if isinstance(value, bool) else _QUANTITY.fullmatch(with_ascii_minus(str(value)))
+    return None if match is None else (float(match[1]), match[2] or "")
 
 
 def _count(value: Any) -> int:
@@ -127,100 +138,136 @@ def _logspace(parts: Sequence[Any], ends: AxisEnds) -> Floats:
 
 
 def _range(parts: Sequence[Any], ends: AxisEnds) -> Floats:
-    read = _QUANTITY.fullmatch(with_ascii_minus(str(parts[2]))) if not isinstance(parts[2], bool) else None
-    if read is None or (read[2] or "") != ends.unit:
-        raise ValueError(f"needs a step in the unit of its ends{f' ({ends.unit})' if ends.unit else ''}")
-    step = float(read[1])
-    if not math.isfinite(step) or step == 0.0 or (ends.last - ends.first) / step < 0.0:
+    quantity = _quantity(parts[2])
+    if quantity is None or quantity[1] != ends.unit:
+        unit = f" ({ends.unit})" if ends.unit else ""
+        raise ValueError(f"needs a step in the unit of its ends{unit}")
+    step, _ = quantity
+    length = ends.last - ends.first
+    if not math.isfinite(step) or step == 0.0 or length / step < 0.0:
         raise ValueError("a step that leads away from its last value")
-    steps = (ends.last - ends.first) / step * (1.0 + 1e-12)  # so that rounding does not lose the last value
+    steps = length / step * (1.0 + 1e-12)  # so that rounding does not lose the last value
     if not 1.0 <= steps < CASES:
         raise ValueError(f"{math.floor(min(steps, 1e9)) + 1} values; from 2 to {CASES} are possible")
     count = math.floor(steps) + 1
     return np.asarray(ends.first + step * np.arange(count))
 
 
-def between(part: Floats, ends: AxisEnds, log: bool) -> Floats:
-    """Return the values at fractions `part` (n,) of the interval between the ends, or of its logarithm."""
+_RULES: dict[str, Callable[[Sequence[Any], AxisEnds], Floats]] = {
+    "linspace": _linspace,
+    "logspace": _logspace,
+    "range": _range,
+}
+
+
+def between(fraction: Floats, ends: AxisEnds, log: bool) -> Floats:
+    """Return the values at fractions (n,) of the interval between the ends, or of its logarithm."""
     if not log:
-        return ends.first + part * (ends.last - ends.first)
+        return ends.first + fraction * (ends.last - ends.first)
     if min(ends.first, ends.last) <= 0.0:
         raise ValueError("a logarithm needs ends above zero")
-    return np.asarray(ends.first * (ends.last / ends.first) ** part)
+    return np.asarray(ends.first * (ends.last / ends.first) ** fraction)
 
 
 # --- samples ----------------------------------------------------------------------------------------------------------
 
 
 def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
-    """Return the points (n, dimensions) of a design in the unit cube: a Latin hypercube, a scrambled Sobol sequence
-    (`count` a power of two), or Box and Behnken's (count is not used: every pair of axes at both ends, the others in
-    the middle, and the centre once).
+    """Return the points of a design in the unit cube.
 
-    ValueError where there is no such design.
+    Parameters
+    ----------
+    kind : str
+        ``latin_hypercube``, ``sobol`` (scrambled) or ``box_behnken``.
+    dimensions : int
+        Number of axes.
+    count : int
+        Number of points: a power of two for Sobol, not used for Box-Behnken.
+    seed : int
+        Seed of the random design.
+
+    Returns
+    -------
+    (n, dimensions) array
+        Coordinates between 0 and 1.
+
+    Raises
+    ------
+    ValueError
+        There is no such design.
     """
     if kind == "box_behnken":
-        if dimensions < 3:
-            raise ValueError("Box-Behnken needs three axes or more")
-        found = [np.full(dimensions, 0.5)]
-        for i in range(dimensions):
-            for j in range(i + 1, dimensions):
-                for a, b in ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)):
-                    point = np.full(dimensions, 0.5)
-                    point[[i, j]] = a, b
-                    found.append(point)
-        return np.array(found)
+        return _box_behnken(dimensions)
     from scipy.stats import qmc  # half a second of every process, for few campaigns
 
     if kind == "sobol":
-        if count & (count - 1):
-            raise ValueError(
-                f"{count} samples; Sobol's sequence is even for a power of two, such as {2 ** (count.bit_length())}"
-            )
+        is_power_of_two = count & (count - 1) == 0
+        if not is_power_of_two:
+            next_power = 2 ** count.bit_length()
+            raise ValueError(f"{count} samples; Sobol's sequence is even for a power of two, such as {next_power}")
         return np.asarray(qmc.Sobol(dimensions, scramble=True, seed=seed).random_base2(count.bit_length() - 1))
     return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(count))
 
 
+def _box_behnken(dimensions: int) -> Floats:
+    """Return the centre, and every pair of axes at both ends with the others in the middle."""
+    if dimensions < 3:
+        raise ValueError("Box-Behnken needs three axes or more")
+    centre = np.full(dimensions, 0.5)
+    design = [centre]
+    for i in range(dimensions):
+        for j in range(i + 1, dimensions):
+            for pair in ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)):
+                point = centre.copy()
+                point[[i, j]] = pair
+                design.append(point)
+    return np.array(design)
+
+
 def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
     """Return the axes with one value per point of a sampled design."""
-    stated, seed = find(root, ["samples"]), find(root, ["seed"])
+    samples, seed = find(root, ["samples"]), find(root, ["seed"])
     try:
-        if kind == "box_behnken" and stated is not None:
+        if kind == "box_behnken" and samples is not None:
             raise ValueError("no effect: the number of axes decides how many points a Box-Behnken design has")
-        wanted = stated.value if stated is not None else None
-        if isinstance(wanted, int) and CASES < wanted <= DESIGNS:
-            raise ValueError(f"{wanted} cases; at most {CASES} are stored whole: give `store: metrics`")
-        count = 2 if kind == "box_behnken" else _count(wanted)
-        number = seed.value if seed is not None and isinstance(seed.value, int) else 0
-        found = points(kind, len(axes), count, number)
+        required = samples.value if samples is not None else None
+        if isinstance(required, int) and CASES < required <= DESIGNS:
+            raise ValueError(f"{required} cases; at most {CASES} are stored whole: give `store: metrics`")
+        count = 2 if kind == "box_behnken" else _count(required)
+        seed_number = seed.value if seed is not None and isinstance(seed.value, int) else 0
+        unit_cube = points(kind, len(axes), count, seed_number)
     except ValueError as error:
         raise InputError(records=[mistake_at(root, "samples", str(error))]) from None
-    return [_drawn(axis, index, found[:, index]) for index, axis in enumerate(axes)]
+    return [_sampled_axis(axis, index, unit_cube[:, index]) for index, axis in enumerate(axes)]
 
 
-def _drawn(axis: Node, index: int, part: Floats) -> Node:
-    """Return an axis with one value per sample, at the fractions `part` (n,) of its interval or of its levels."""
+def _sampled_axis(axis: Node, index: int, fraction: Floats) -> Node:
+    """Return an axis with one value per sample, at fractions (n,) of its interval or of its levels."""
     if not axis.is_map:
         return axis
-    log = find(axis, ["log"])
-    if (stated := find(axis, ["between"])) is not None and stated.value is not None:
+    limits_node = find(axis, ["between"])
+    if limits_node is not None and limits_node.value is not None:
+        log = find(axis, ["log"])
         try:
-            limits = tree.plain(stated)
+            limits = tree.plain(limits_node)
             if not isinstance(limits, list) or len(limits) != 2:
                 raise ValueError("should be [least, largest]")
             ends = ends_of(limits)._replace(whole=False)
-            values = between(part, ends, bool(log is not None and log.value))
+            values = between(fraction, ends, bool(log is not None and log.value))
         except ValueError as error:
-            raise refuse(stated.place, f"axes.{index}.between", str(error)) from None
+            raise refuse(limits_node.place, f"axes.{index}.between", str(error)) from None
         return with_values(axis, "between", [ends.text(float(value)) for value in values])
     axis = written(axis, index)
     key = "cards" if "cards" in axis.value else "values"
     levels = axis.value.get(key)
     if levels is None or not levels.is_list or not levels.value:
         return axis
-    at = np.minimum((part * len(levels.value)).astype(int), len(levels.value) - 1)
-    chosen = tree.with_child(axis, key, Node([levels.value[k] for k in at], levels.place), axis.keys[key])
+    n_levels = len(levels.value)
+    chosen = np.minimum((fraction * n_levels).astype(int), n_levels - 1)
+    sampled_levels = Node([levels.value[k] for k in chosen], levels.place)
+    sampled_axis = tree.with_child(axis, key, sampled_levels, axis.keys[key])
     labels = find(axis, ["labels"])
-    if labels is None or not labels.is_list or len(labels.value) != len(levels.value):
-        return chosen
-    return tree.with_child(chosen, "labels", Node([labels.value[k] for k in at], labels.place), axis.keys["labels"])
+    if labels is None or not labels.is_list or len(labels.value) != n_levels:
+        return sampled_axis
+    sampled_labels = Node([labels.value[k] for k in chosen], labels.place)
+    return tree.with_child(sampled_axis, "labels", sampled_labels, axis.keys["labels"])
