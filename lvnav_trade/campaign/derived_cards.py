@@ -24,7 +24,6 @@ from lvnav_trade.trajectory.flight import identity
 
 _SHORTEST = 5.0  # s; a shorter phase is merged with the next
 _LEAST_RUNS = 10
-_SAME_TIME = 1e-6  # s
 
 
 class ProcessNoise(NamedTuple):
@@ -72,38 +71,50 @@ def process_noise(campaign: Campaign, case: Case, runs: int, step: float | None 
         raise InputError(f"a step of {length:g} s; give one above zero")
     prepared = prepare(case.scenario, history=length)
     errors = step_errors(prepared, campaign.seed, runs)
-    phases = tuple(
-        (f"{first} to {second}", start, end, densities(errors, prepared, start, end))
-        for (first, start), (second, end) in pairwise(_phase_boundaries(prepared))
+    phases = []
+    for (first, start), (second, end) in pairwise(_phase_boundaries(prepared)):
+        phases.append((f"{first} to {second}", start, end, densities(errors, prepared, start, end)))
+    of_flight = densities(errors, prepared)
+    case_text = f", {case.label}" if case.axes else ""
+    source = f"estimate-q of {campaign.name}{case_text}: {runs} runs, steps of {length:g} s"
+    return ProcessNoise(
+        whole=of_flight,
+        phases=tuple(phases),
+        steps=steps_table(errors),
+        card=_filter_card(case, of_flight, source),
     )
-    whole = densities(errors, prepared)
-    words = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"
-    return ProcessNoise(whole, phases, steps_table(errors), _card(case, whole, words))
 
 
 def _phase_boundaries(prepared: Prepared) -> list[tuple[str, float]]:
     """Return the boundaries of the phases, name and time (s), from the start of the flight to its end."""
-    marks = [("start", float(prepared.t_hist[0]))]
+    first_time, last_time = float(prepared.t_hist[0]), float(prepared.t_hist[-1])
+    boundaries = [("start", first_time)]
+    previous = first_time
     for name, t in sorted(flown_events(prepared).items(), key=lambda item: item[1]):
-        if t - marks[-1][1] >= _SHORTEST:
-            marks.append((name, t))
-    if prepared.t_hist[-1] - marks[-1][1] >= _SHORTEST:
-        marks.append(("end", float(prepared.t_hist[-1])))
-    return marks
+        if t - previous >= _SHORTEST:
+            boundaries.append((name, t))
+            previous = t
+    if last_time - previous >= _SHORTEST:
+        boundaries.append(("end", last_time))
+    return boundaries
 
 
-def _card(case: Case, noise: Densities, words: str) -> FilterCard:
+def _filter_card(case: Case, noise: Densities, source: str) -> FilterCard:
     """Return the case's filter card with the estimated noise in excess of the IMU noise that the filter models.
 
     The filter adds the random walks of its IMU card to the noise of its own card, so the variances are subtracted here.
     """
     imu, _, _ = filter_models(case.scenario)
     card = case.scenario.filter
-    beyond = {
-        "attitude_noise": math.sqrt(max(0.0, noise.attitude**2 - rms(imu.gyro_random_walk) ** 2)),
-        "velocity_noise": math.sqrt(max(0.0, noise.velocity**2 - rms(imu.accel_random_walk) ** 2)),
+    attitude_excess = noise.attitude**2 - rms(imu.gyro_random_walk) ** 2
+    velocity_excess = noise.velocity**2 - rms(imu.accel_random_walk) ** 2
+    update = {
+        "attitude_noise": math.sqrt(max(0.0, attitude_excess)),
+        "velocity_noise": math.sqrt(max(0.0, velocity_excess)),
+        "name": f"{card.name}, process noise of an ensemble",
+        "source": source,
     }
-    return card.model_copy(update={**beyond, "name": f"{card.name}, process noise of an ensemble", "source": words})
+    return card.model_copy(update=update)
 
 
 def steps_table(errors: StepErrors) -> pd.DataFrame:
@@ -124,12 +135,13 @@ def steps_table(errors: StepErrors) -> pd.DataFrame:
     """
     table = {"t_s": errors.t, "seconds_s": errors.seconds}
     variance = np.diagonal(errors.covariance, axis1=1, axis2=2)
-    for name, at, unit in (("attitude", ATT, "rad"), ("velocity", VEL, "m_per_s"), ("position", POS, "m")):
-        axes = slice(at, at + 3)
-        mean_square = variance[:, axes] + errors.mean[:, axes] ** 2
-        table[f"{name}_error_{unit}"] = np.sqrt((errors.error[:, axes] ** 2).mean(axis=1))
+    for name, first_state, unit in (("attitude", ATT, "rad"), ("velocity", VEL, "m_per_s"), ("position", POS, "m")):
+        axes = slice(first_state, first_state + 3)
+        error, mean = errors.error[:, axes], errors.mean[:, axes]
+        mean_square = variance[:, axes] + mean**2  # E[x^2] = var x + (E x)^2
+        table[f"{name}_error_{unit}"] = np.sqrt((error**2).mean(axis=1))
         table[f"{name}_missed_{unit}"] = np.sqrt(mean_square.mean(axis=1))
-        table[f"{name}_missed_mean_{unit}"] = np.linalg.norm(errors.mean[:, axes], axis=1)
+        table[f"{name}_missed_mean_{unit}"] = np.linalg.norm(mean, axis=1)
     return pd.DataFrame(table)
 
 
@@ -165,29 +177,38 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g}; give one between 0 and 1")
     prepared = prepare(case.scenario, history=campaign.keep.history)
-    tape, n = forward_tape(prepared), prepared.layout.n_state
-    used = int(tape.used[0])  # number of recorded measurement updates; the arrays of the tape are longer
-    names = prepared.channels.names
-    gains, updated = np.zeros((prepared.t_epoch.size, len(names), n)), np.zeros(prepared.t_epoch.size, dtype=np.bool_)
-    gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]
-    updated[tape.epoch[:used]] = True
-    taken = np.unique(tape.channel[:used])
-    if not np.any(updated):
+    nominal = _gain_history(prepared)
+    if not nominal.t.size:
         raise InputError(f"case {case.label}: the filter uses no measurement on this trajectory")
-    label = f", {case.label}" if case.axes else ""
-    nominal = GainHistory(
-        states=state_names(prepared.layout),
-        measurements=[names[channel] for channel in taken],
-        t=prepared.t_epoch[updated],
-        gains=gains[updated][:, taken],
-    )
+    case_text = f", {case.label}" if case.axes else ""
+    trajectory = case.scenario.trajectory
     schedule = schedule_of(
-        f"Gains of {case.scenario.filter.name}, {case.scenario.trajectory.name}, by {by}",
-        f"schedule-gains of {campaign.name}{label}: nominal flight, linear to {tolerance:g} between knots",
+        f"Gains of {case.scenario.filter.name}, {trajectory.name}, by {by}",
+        f"schedule-gains of {campaign.name}{case_text}: nominal flight, linear to {tolerance:g} between knots",
         by,
         nominal,
         flown_events(prepared),
         tolerance,
     )
-    card = case.scenario.trajectory
-    return schedule.model_copy(update={"flight": card.name, "flight_digest": identity(card)})
+    return schedule.model_copy(update={"flight": trajectory.name, "flight_digest": identity(trajectory)})
+
+
+def _gain_history(prepared: Prepared) -> GainHistory:
+    """Return the Kalman gains of linear covariance at the epochs with a measurement update."""
+    tape = forward_tape(prepared)
+    n_state = prepared.layout.n_state
+    n_epoch = prepared.t_epoch.size
+    n_update = int(tape.used[0])  # the arrays of the tape are longer
+    epoch, channel = tape.epoch[:n_update], tape.channel[:n_update]
+    names = prepared.channels.names
+    gains = np.zeros((n_epoch, len(names), n_state))
+    gains[epoch, channel] = tape.gain[:n_update, :n_state]
+    is_updated = np.zeros(n_epoch, dtype=np.bool_)
+    is_updated[epoch] = True
+    channels_used = np.unique(channel)
+    return GainHistory(
+        states=state_names(prepared.layout),
+        measurements=[names[k] for k in channels_used],
+        t=prepared.t_epoch[is_updated],
+        gains=gains[is_updated][:, channels_used],
+    )

@@ -1,4 +1,4 @@
-"""Files of the user's own: a first campaign for one, with guesses as comments; a trajectory written as one."""
+"""A first campaign for the user's trajectory file, with guesses as comments; export of a trajectory as such a file."""
 
 import json
 import math
@@ -62,8 +62,8 @@ def write_flight(card: TrajectoryCard, file: Path, rate: float) -> WrittenTrajec
     # a superposed oscillation is not exported, so the comparison is made without it
     smooth = export.card | {"file": os.fspath(file), "oscillation": (), "named_times": {}}
     rebuilt = build(TableTrajectory.model_validate(smooth))
-    named = {name: time for name, time in rebuilt.events.items() if name in export.card["events"]}
-    return WrittenTrajectory(file, card_file, named, difference(export.flight, rebuilt))
+    events = {name: time for name, time in rebuilt.events.items() if name in export.card["events"]}
+    return WrittenTrajectory(file, card_file, events, difference(export.flight, rebuilt))
 
 
 def refuse_existing(*files: Path) -> None:
@@ -144,40 +144,46 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
         One of the two files exists, or the table has no time or position.
     """
     name = "".join(letter if letter.isalnum() else "_" for letter in file.stem).lower()
-    campaign, card = folder / f"{name}.yaml", folder / "configs" / "trajectories" / f"{name}.yaml"
+    campaign = folder / f"{name}.yaml"
+    card = folder / "configs" / "trajectories" / f"{name}.yaml"
     refuse_existing(campaign, card)
     if not file.is_file():
         raise InputError(f"{file}: no such file")
-    found = guesses.guess(str(file), time)
-    stated = {"name": name, "source": "-", "epoch": epoch or EPOCH, "file": os.fspath(file.resolve())}
-    stated |= {one.part: one.content for one in found if one.part != "attitude"}
-    known = _with_pairs(stated)
-    found = _with_liftoff(found, known)
-    clock = None if epoch else guesses.epoch_of(str(file), found, EPOCH)
+    settings = {"name": name, "source": "-", "epoch": epoch or EPOCH, "file": os.fspath(file.resolve())}
+    guessed = guesses.guess(str(file), time)
+    settings |= _contents(guessed)
+    table = _paired_table(settings)
+    guessed = _with_liftoff(guessed, table)
+    clock = None if epoch else guesses.epoch_of(str(file), guessed, EPOCH)
     if clock is not None:
-        stated["epoch"] = clock[0]
-        known = _with_pairs(stated)
-    found = [_with_axes(one, known) for one in found]
-    stated |= {one.part: one.content for one in found if one.part != "attitude"}
-    known = _with_pairs(stated)
-    events = _ending(table_flight.suggested(known))
-    found = [one for guess in found for one in _that_fits(guess, stated | {"events": events})]
-    hold = "60 s" if table_flight.at_rest(known) else "0 s"
+        settings["epoch"] = clock[0]
+        table = _paired_table(settings)
+    guessed = [_with_axes(guess, table) for guess in guessed]
+    settings |= _contents(guessed)
+    table = _paired_table(settings)
+    events = _with_injection(table_flight.suggested(table))
+    guessed = _with_attitude(guessed, settings | {"events": events})
+    epoch_and_reason = (epoch, "") if epoch else clock or (EPOCH, "assumed")
+    hold = "60 s" if table_flight.at_rest(table) else "0 s"
     with writing(folder, "the campaign cannot be written there"):
         card.parent.mkdir(parents=True, exist_ok=True)
         place = Path(os.path.relpath(file.resolve(), card.parent.resolve())).as_posix()
-        dated = (epoch, "") if epoch else clock or (EPOCH, "assumed")
-        left = guesses.left_out(str(file), found)
-        write_new(card, _card(name, place, dated, found, left, events, hold))
+        unused_columns = guesses.left_out(str(file), guessed)
+        write_new(card, _card(name, place, epoch_and_reason, guessed, unused_columns, events, hold))
         write_new(campaign, _CAMPAIGN.format(name=name, event=_INJECTION if _INJECTION in events else "end"))
-    return FirstCampaign(campaign, card, tuple(found), events)
+    return FirstCampaign(campaign, card, tuple(guessed), events)
 
 
-def _with_pairs(stated: dict[str, Any]) -> TableTrajectory:
+def _contents(guessed: list[guesses.Guess]) -> dict[str, Any]:
+    """Return the guessed settings, without the attitude, which needs the events too."""
+    return {guess.part: guess.content for guess in guessed if guess.part != "attitude"}
+
+
+def _paired_table(settings: dict[str, Any]) -> TableTrajectory:
     """Return the card of the settings, with an event at each time for which the table has two rows."""
-    times = pairs(TableTrajectory.model_validate(stated))
+    times = pairs(TableTrajectory.model_validate(settings))
     events = {f"pair_{number}": f"{time!r} s" for number, time in enumerate(times)}
-    return TableTrajectory.model_validate(stated | {"events": events})
+    return TableTrajectory.model_validate(settings | {"events": events})
 
 
 def _with_liftoff(guessed: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
@@ -186,11 +192,15 @@ def _with_liftoff(guessed: list[guesses.Guess], card: TableTrajectory) -> list[g
     end_of_rest = rest_end(rows)
     t_liftoff = float(rows.t[0]) if end_of_rest is None else end_of_rest
     time = next(guess for guess in guessed if guess.part == "time")
-    if abs(t_liftoff) <= _SAME or (end_of_rest is None and not guesses.is_clock(time.content["column"])):
+    is_duration = end_of_rest is None and not guesses.is_clock(time.content["column"])
+    if abs(t_liftoff) <= _SAME or is_duration:
         return guessed
-    liftoff = {"liftoff": float(f"{t_liftoff / si(card.time.unit, 's'):.12g}")}
-    why = "the first row, assumed" if end_of_rest is None else "the vehicle rests until then"
-    changed = time._replace(content=time.content | liftoff, why=f"{time.why}; lift-off: {why}")
+    in_unit_of_column = t_liftoff / si(card.time.unit, "s")
+    reason = "the first row, assumed" if end_of_rest is None else "the vehicle rests until then"
+    changed = time._replace(
+        content=time.content | {"liftoff": float(f"{in_unit_of_column:.12g}")},
+        why=f"{time.why}; lift-off: {reason}",
+    )
     return [changed if guess is time else guess for guess in guessed]
 
 
@@ -203,27 +213,30 @@ def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
     return guess._replace(content=guess.content | {"frame": "j2000"}, why=f"{guess.why}; the first row rests in J2000")
 
 
-def _that_fits(guess: guesses.Guess, stated: dict[str, Any]) -> list[guesses.Guess]:
-    """Return a list of one guess, or an empty list for an attitude without a valid interpretation.
+def _with_attitude(guessed: list[guesses.Guess], settings: dict[str, Any]) -> list[guesses.Guess]:
+    """Return the guesses with the best interpretation of attitude columns, or without attitude if none is valid.
 
-    Of all interpretations of attitude columns the one is chosen in which the body x axis is closest to the specific
-    force, because a launch vehicle thrusts along its x axis.
+    Of all interpretations the one is chosen in which the body x axis is closest to the specific force, because a launch
+    vehicle thrusts along its x axis.
     """
-    if guess.part != "attitude":
-        return [guess]
-    fitting: list[tuple[float, dict[str, Any]]] = []
-    for content in readings(guess.content):
-        with suppress(InputError):
-            flight = table_flight.from_table(TableTrajectory.model_validate(stated | {"attitude": content}))
-            fitting.append((float(flight.facts["force_off_roll_axis_median_rad"]), content))
-    if not fitting:
-        return []
-    angle, content = min(fitting, key=lambda entry: entry[0])
-    why = f"so the x axis lies {math.degrees(angle):.1f} deg off the forces; frame eci hinges on the epoch"
-    return [guess._replace(content=content, why=why)]
+    completed = []
+    for guess in guessed:
+        if guess.part != "attitude":
+            completed.append(guess)
+            continue
+        valid: list[tuple[float, dict[str, Any]]] = []
+        for content in readings(guess.content):
+            with suppress(InputError):
+                flight = table_flight.from_table(TableTrajectory.model_validate(settings | {"attitude": content}))
+                valid.append((float(flight.facts["force_off_roll_axis_median_rad"]), content))
+        if valid:
+            angle, content = min(valid, key=lambda entry: entry[0])
+            why = f"so the x axis lies {math.degrees(angle):.1f} deg off the forces; frame eci hinges on the epoch"
+            completed.append(guess._replace(content=content, why=why))
+    return completed
 
 
-def _ending(events: dict[str, str]) -> dict[str, str]:
+def _with_injection(events: dict[str, str]) -> dict[str, str]:
     """Return the events; if the last one is the end of a burn, it is named injection."""
     names = list(events)
     if names and names[-1].endswith("_cutoff"):
@@ -234,29 +247,36 @@ def _ending(events: dict[str, str]) -> dict[str, str]:
 def _card(
     name: str,
     place: str,
-    dated: tuple[str, str],
+    epoch_and_reason: tuple[str, str],
     guessed: list[guesses.Guess],
-    left: list[str],
+    unused_columns: list[str],
     events: dict[str, str],
     hold: str,
 ) -> str:
     """Return the card as text, one line per field with the reason of the guess as a comment.
 
-    dated: epoch, and its reason, which is empty if the user gave it; left: columns that are not used.
+    The reason of the epoch is empty if the user gave it.
     """
+    epoch, reason = epoch_and_reason
+    source = f"the rows of {Path(place).name}"
     lines = [
         "# Guessed from the columns of the file: confirm every line, then delete its comment.",
         "kind: table",
         f"name: {name}",
-        f"source: {json.dumps('the rows of ' + Path(place).name)}",
-        f"epoch: {json.dumps(dated[0])}" + (f"   # of lift-off: {dated[1]}" if dated[1] else ""),
+        f"source: {json.dumps(source)}",
+        f"epoch: {json.dumps(epoch)}" + (f"   # of lift-off: {reason}" if reason else ""),
         f"file: {json.dumps(place)}",
-        *(f"{one.part}: {json.dumps(one.content, ensure_ascii=False)}   # {one.why}" for one in guessed),
-        *["# attitude: along the specific force, as no columns of the file fit that"]
-        * all(one.part != "attitude" for one in guessed),
-        *([f"# left out: {json.dumps(left, ensure_ascii=False)}"] if left else []),
-        "events:" + "   # where the specific force jumps, or two rows have one time" if events else "events: {}",
-        *(f"  {event}: {time}" for event, time in events.items()),
-        f"pad_hold: {hold}   # the first row {'rests' if hold != '0 s' else 'moves'}",
     ]
+    lines += [f"{guess.part}: {json.dumps(guess.content, ensure_ascii=False)}   # {guess.why}" for guess in guessed]
+    if all(guess.part != "attitude" for guess in guessed):
+        lines.append("# attitude: along the specific force, as no columns of the file fit that")
+    if unused_columns:
+        lines.append(f"# left out: {json.dumps(unused_columns, ensure_ascii=False)}")
+    if events:
+        lines.append("events:   # where the specific force jumps, or two rows have one time")
+        lines += [f"  {event}: {time}" for event, time in events.items()]
+    else:
+        lines.append("events: {}")
+    state = "moves" if hold == "0 s" else "rests"
+    lines.append(f"pad_hold: {hold}   # the first row {state}")
     return "\n".join(lines) + "\n"

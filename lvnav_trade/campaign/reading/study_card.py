@@ -232,15 +232,18 @@ def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> StudyC
         study = StudyCard.model_validate(tree.plain(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, StudyCard, "")) from None
-    refuse_all([tree.mistake_at(root, f"units.{quantity}", text) for quantity, text in _unknown_units(study)])
-    for index, part in enumerate(study.campaigns):
-        if part.campaign not in names:
-            message = f"no campaign {part.campaign!r} in this folder{tree.hint(part.campaign, names)}"
+    unit_errors = [tree.mistake_at(root, f"units.{quantity}", message) for quantity, message in _unknown_units(study)]
+    refuse_all(unit_errors)
+    for index, section in enumerate(study.campaigns):
+        name = section.campaign
+        if name not in names:
+            message = f"no campaign {name!r} in this folder{tree.hint(name, names)}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
     return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or by_name})
 
 
 def _unknown_units(study: StudyCard) -> Iterator[tuple[str, str]]:
+    """Yield quantity and message for each display unit that is not possible."""
     for quantity, unit in study.units.items():
         if quantity not in ERROR_UNITS:
             yield quantity, f"no error is of {quoted(quantity)}{tree.hint(quantity, ERROR_UNITS)}"

@@ -22,28 +22,29 @@ Found = Iterator[tuple[str, str]]
 
 def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> Found:
     """Yield the conditions of a sensor that name an unknown event or are never met; events: times (s) by name."""
-    course = _course(card, scenario, events)
-    errors = list(_never(card, course))
+    profile = _profile(card, scenario, events)
+    errors = list(_unmet(card, profile))
     yield from errors
     if not errors and type(card).available is not SensorCard.available:
-        yield from _unable(card, scenario)
+        yield from _never_able(card, scenario)
 
 
-def _unable(card: SensorCard, scenario: Scenario) -> Found:
+def _never_able(card: SensorCard, scenario: Scenario) -> Found:
     """Yield the setting that prevents a sensor from measuring whenever its conditions are met."""
     flight = trajectory_of(scenario)
     t = np.arange(flight.start, flight.end, 1.0 / (card.rate or scenario.filter.update_rate))
-    if not np.any(inside(flight.course.holding(card), t) & card.available(view_of(flight, t))):
+    conditions_met = inside(flight.course.holding(card), t)
+    if not np.any(conditions_met & card.available(view_of(flight, t))):
         yield card.limiting, f"{card.able} at no time of the flight while its conditions hold"
 
 
 def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:
     """Yield the times and conditions by which a fault is never active; events: times (s) by name."""
-    course = _course(fault, scenario, events)
-    conditions = list(_never(fault, course))
-    yield from conditions
-    if fault.start is not None and not conditions:
-        yield from _timed(fault, fault.start, course)
+    profile = _profile(fault, scenario, events)
+    errors = list(_unmet(fault, profile))
+    yield from errors
+    if fault.start is not None and not errors:
+        yield from _inactive(fault, fault.start, profile)
 
 
 def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
@@ -51,12 +52,11 @@ def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
     text = getattr(scenario.imu, "hand_over", None)
     if text is None:
         return
-    card = scenario.trajectory
-    first, last = min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
+    first, last = _flight_ends(scenario, events)
     try:
-        at = FlightProfile({"start": first, "end": last, **events}).time(text, "hand_over")
-        if not first < at < last:
-            yield "hand_over", f"{text!r} is {at:g} s: outside the flight, from {first:g} s to {last:g} s"
+        t = FlightProfile({"start": first, "end": last, **events}).time(text, "hand_over")
+        if not first < t < last:
+            yield "hand_over", f"{text!r} is {t:g} s: outside the flight, from {first:g} s to {last:g} s"
     except InputError as error:
         yield "hand_over", error.records[0].message
 
@@ -68,20 +68,20 @@ def unprotected(scenario: Scenario) -> str:
     """
     if scenario.filter.integrity is None or excludes_units(scenario.imu):
         return ""
-    course = trajectory_of(scenario).course
-    lasting = [
-        f"faults.{number} ({fault.kind})"
-        for number, fault in enumerate(scenario.faults)
-        if isinstance(fault, ImuFault)
-        and any(
-            min(end, course.instants["end"]) - course.begin(start) > _BRIEF
-            for start, end in periods(number, fault, course)
-        )
-    ]
-    if not lasting:
+    profile = trajectory_of(scenario).course
+    persistent = []
+    for number, fault in enumerate(scenario.faults):
+        if not isinstance(fault, ImuFault):
+            continue
+        for start, end in periods(number, fault, profile):
+            duration = min(end, profile.instants["end"]) - profile.begin(start)
+            if duration > _BRIEF:
+                persistent.append(f"faults.{number} ({fault.kind})")
+                break
+    if not persistent:
         return ""
     return (
-        f"filter.integrity: {', '.join(lasting)} persists and nothing excludes the IMU; tests of innovations keep "
+        f"filter.integrity: {', '.join(persistent)} persists and nothing excludes the IMU; tests of innovations keep "
         "position and velocity with the receiver, but attitude drifts: give three IMUs with imu.parity, or "
         "imu.selection: mid_value"
     )
@@ -96,59 +96,69 @@ def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
         Number of the fault (from 0), name of the satellite, and whether the receiver never tracks the satellite while
         the fault is active.
     """
-    naming = [(number, fault) for number, fault in enumerate(scenario.faults) if getattr(fault, "satellites", ())]
-    if not naming:
+    faults = [(number, fault) for number, fault in enumerate(scenario.faults) if getattr(fault, "satellites", ())]
+    if not faults:
         return
     flight = trajectory_of(scenario)
     t = np.arange(flight.start, flight.end, 1.0 / scenario.filter.update_rate)
-    seen = seen_in(scenario, flight, t, flight.start)
-    for number, fault in naming:
-        active = periods(number, fault, flight.course)
-        within = inside(active, t)
+    sky = seen_in(scenario, flight, t, flight.start)
+    for number, fault in faults:
+        active_periods = periods(number, fault, flight.course)
+        is_active = inside(active_periods, t)
         if isinstance(fault, JumpFault):  # it has no duration: it acts at the first epoch at or after its time
-            within[[min(int(np.searchsorted(t, start)), t.size - 1) for start, _ in active]] = True
+            for start, _ in active_periods:
+                epoch = int(np.searchsorted(t, start))
+                is_active[min(epoch, t.size - 1)] = True
         for name in getattr(fault, "satellites", ()):
-            yield number, name, not np.any(seen.tracked[within, seen.names.index(name)])
+            tracked = sky.tracked[is_active, sky.names.index(name)]
+            yield number, name, not np.any(tracked)
 
 
 def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
     """Yield the conditions of a filter's tuning that are never met; events: times (s) by name."""
     for name in ("underweighting", "region_noise"):
         for number, card in enumerate(getattr(scenario.filter, name)):
-            for field, message in _never(card, _course(card, scenario, events)):
+            for field, message in _unmet(card, _profile(card, scenario, events)):
                 yield f"{name}.{number}.{field}", message
 
 
-def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> FlightProfile:
-    """Return the course for evaluating conditions: from the trajectory if they need it, otherwise from the events.
+def _profile(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> FlightProfile:
+    """Return the profile for evaluating conditions: from the trajectory if they need it, otherwise from the events.
 
     Building the trajectory takes time, and most conditions refer to events alone.
     """
     if any(name in BOUNDS for name in conditions.stated):
         return trajectory_of(scenario).course
+    start, end = _flight_ends(scenario, events)
+    return FlightProfile({"start": start, "end": end, **events})
+
+
+def _flight_ends(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
+    """Return the start and the end (s) of the flight by its events."""
     card = scenario.trajectory
-    first, last = min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
-    return FlightProfile({"start": first, "end": last, **events})
+    return min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
 
 
-def _never(conditions: Conditions, course: FlightProfile) -> Found:
+def _unmet(conditions: Conditions, profile: FlightProfile) -> Found:
+    """Yield the condition that is never met, or the error in a condition."""
     try:
-        unmet = never(conditions, course)
+        unmet = never(conditions, profile)
     except InputError as error:
         unmet = error.records[0]
     if unmet is not None:
         yield unmet.path, unmet.message
 
 
-def _timed(fault: AnyFault, text: str, course: FlightProfile) -> Found:
-    first, last = course.instants["start"], course.instants["end"]
+def _inactive(fault: AnyFault, text: str, profile: FlightProfile) -> Found:
+    """Yield the reason why a fault that starts at a time `text` is never active."""
+    first, last = profile.instants["start"], profile.instants["end"]
     try:
-        start = course.time(text, "start")
+        start = profile.time(text, "start")
         if start >= last:
             yield "start", f"{text!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
         elif start + (fault.duration or 0.0) < first:
             yield "start", f"{text!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
-        elif not periods(0, fault, course):
+        elif not periods(0, fault, profile):
             yield fault.stated[0], "holds at no time between the start of the fault and its end"
     except InputError as error:
         yield "start", error.records[0].message

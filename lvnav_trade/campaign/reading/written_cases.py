@@ -53,15 +53,22 @@ class WrittenCases:
 
 def first_cases(kind: str, axes: Sequence[WrittenAxis], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
     """Return the first case with each level, by axis and level; axes that a later axis changes are omitted."""
-    first: dict[tuple[int, int], design.Chosen] = {}
+    has_cases = all(sizes) and (kind != "zip" or len(set(sizes)) == 1)
+    if not has_cases:
+        return {}
     paths = [varied.axis.steps for varied in axes]
-    changed = [any(later[: len(path)] == path for later in paths[k + 1 :]) for k, path in enumerate(paths)]
-    crossed = [place for place, varied in enumerate(axes) if varied.axis.crossed]
-    is_whole = all(sizes) and (kind != "zip" or len(set(sizes)) == 1)
-    for chosen in design.levels(kind, sizes, crossed) if is_whole else ():
-        for place, index in enumerate(chosen):
-            if index is not None and not changed[place]:
-                first.setdefault((place, index), chosen)
+    unchanged = []
+    for number, path in enumerate(paths):
+        later_paths = paths[number + 1 :]
+        if not any(later[: len(path)] == path for later in later_paths):
+            unchanged.append(number)
+    crossed = [number for number, varied in enumerate(axes) if varied.axis.crossed]
+    first: dict[tuple[int, int], design.Chosen] = {}
+    for chosen in design.levels(kind, sizes, crossed):
+        for number in unchanged:
+            level = chosen[number]
+            if level is not None:
+                first.setdefault((number, level), chosen)
     return first
 
 
@@ -71,11 +78,12 @@ def single(campaign: Campaign, case: Case) -> Campaign:
     Published numbers remain if they apply to this case alone. Solve, indices and tune are removed, because they refer
     to the whole campaign.
     """
-    runs = campaign.monte_carlo
-    if runs is not None:
-        number = runs.runs_of(case.axes)
-        changed = {"runs": number, "selected": {}, "other_runs": None, "cases": None, "most_cases": None}
-        runs = runs.model_copy(update=changed) if number else None
+    monte_carlo = campaign.monte_carlo
+    if monte_carlo is not None:
+        runs = monte_carlo.runs_of(case.axes)
+        update = {"runs": runs, "selected": {}, "other_runs": None, "cases": None, "most_cases": None}
+        monte_carlo = monte_carlo.model_copy(update=update) if runs else None
+    references = [number for number in campaign.references if _applies_to(number, case)]
     alone = campaign.model_copy(
         update={
             "name": f"{campaign.name}-{case.id}",
@@ -87,12 +95,8 @@ def single(campaign: Campaign, case: Case) -> Campaign:
             "store": None,
             "exclude": (),
             "constraints": (),
-            "monte_carlo": runs,
-            "references": tuple(
-                published.model_copy(update={"case": {}})
-                for published in campaign.references
-                if _applies_to(published, case)
-            ),
+            "monte_carlo": monte_carlo,
+            "references": tuple(number.model_copy(update={"case": {}}) for number in references),
             "solve": None,
             "indices": None,
             "tune": None,
