@@ -36,10 +36,14 @@ def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
 
 def raise_if_interrupted(error: BaseException | None = None) -> None:
     """Raise KeyboardInterrupt if an interrupt is stored, or is among the causes of an error."""
-    seen: list[BaseException] = []
+    is_interrupt = False
+    causes: list[BaseException] = []  # a chain of causes may be a loop
     cause = error
-    while cause is not None and cause not in seen and not isinstance(cause, KeyboardInterrupt):
-        seen.append(cause)
+    while cause is not None and cause not in causes:
+        if isinstance(cause, KeyboardInterrupt):
+            is_interrupt = True
+            break
+        causes.append(cause)
         cause = cause.__cause__ or cause.__context__
-    if (cause is not None and cause not in seen) or _requested.is_set():
+    if is_interrupt or _requested.is_set():
         raise KeyboardInterrupt from error

@@ -17,6 +17,7 @@ from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.quantities.records import Floats
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.recorded.alignment import Alignment, align
@@ -84,43 +85,51 @@ def process(campaign: Campaign, file: Path, plan: OutagePlan) -> FilteredLog:
     card = read_card(file)
     all_cases = cases(campaign)
     for case in all_cases:
-        with _of(case):
+        with _label_errors(case):
             refuse_unable(case.scenario, card)
     # the lever arm of the first case: the log is of one vehicle, so all cases should have the same antenna
-    log = consistent(read_recording(card, file.parent), card, np.array(all_cases[0].scenario.receiver.lever_b))
-    aligned = align(log, card)
-    tracks, outages, notes = [], [], list(log.notes)
+    lever_b = np.array(all_cases[0].scenario.receiver.lever_b)
+    log = consistent(read_recording(card, file.parent), card, lever_b)
+    alignment = align(log, card)
+    tracks, outage_rows, notes = [], [], list(log.notes)
     for case in all_cases:
-        with _of(case):
-            prepared, remarks = replayed(case.scenario, log, card, aligned)
+        with _label_errors(case):
+            prepared, remarks = replayed(case.scenario, log, card, alignment)
         track, failure = _track(case, prepared)
         tracks.append(track)
         notes += [f"{case.label}: {note}" for note in (*remarks, *failure)]
-        outages += [_row(case, length, result) for length, result in _outages(prepared, plan)]
-    rows = pd.DataFrame(outages, columns=list(_COLUMNS))
-    if rows.empty:
+        outage_rows += [_outage_row(case, length, result) for length, result in _outages(prepared, plan)]
+    if not outage_rows:
+        lengths = " or ".join(f"{length:g}" for length in plan.lengths)
         raise InputError(
-            f"{file}: no outage of {' or '.join(f'{length:g}' for length in plan.lengths)} s fits between "
-            f"{plan.first:g} s after the rest and the end of the log"
+            f"{file}: no outage of {lengths} s fits between {plan.first:g} s after the rest and the end of the log"
         )
-    summary = summarised(rows)
+    outages = pd.DataFrame(outage_rows, columns=list(_COLUMNS))
+    summary = summarised(outages)
     notes += failures(summary)
-    return FilteredLog(card, aligned, pd.concat(tracks, ignore_index=True), rows, summary, tuple(notes))
+    return FilteredLog(
+        card=card,
+        alignment=alignment,
+        track=pd.concat(tracks, ignore_index=True),
+        outages=outages,
+        summary=summary,
+        notes=tuple(notes),
+    )
 
 
 def failures(summary: pd.DataFrame) -> Iterator[str]:
     """Yield a note for each case and duration with failed outages."""
     for row in summary[summary.failed > 0].itertuples():
-        others = row.outages - row.failed
-        rest = f"NEES, RMS and worst are of the other {others}" if others else "there is no NEES, RMS or worst"
+        remaining = row.outages - row.failed
+        basis = f"NEES, RMS and worst are of the other {remaining}" if remaining else "there is no NEES, RMS or worst"
         yield (
             f"{row.case}, {row.length_s:g} s: {row.failed} of {row.outages} outages fail (the estimate is not finite, "
-            f"or beyond the case's limit); {rest}"
+            f"or beyond the case's limit); {basis}"
         )
 
 
 @contextmanager
-def _of(case: Case) -> Iterator[None]:
+def _label_errors(case: Case) -> Iterator[None]:
     """Add the label of a case to input errors raised within the block."""
     try:
         yield
@@ -154,13 +163,26 @@ _COLUMNS = (
 )
 
 
-def _row(case: Case, length: float, result: Outage) -> dict[str, Any]:
-    sigma = 3.0 * result.sigma
-    velocity, position = result.error[:3], result.error[3:]
-    sizes = (position, sigma[3:], velocity, sigma[:3])
-    norms = (math.nan if result.failed else float(np.linalg.norm(vector)) for vector in sizes)
-    values = (case.label, length, result.begin, result.end, *norms)
-    return dict(zip(_COLUMNS, (*values, result.square, result.inside, result.failed), strict=True))
+def _outage_row(case: Case, length: float, result: Outage) -> dict[str, Any]:
+    """Return an outage as a row of `_COLUMNS`; errors and sigmas of a failed outage are NaN."""
+
+    def norm(vector: Floats) -> float:
+        return math.nan if result.failed else float(np.linalg.norm(vector))
+
+    three_sigma = 3.0 * result.sigma
+    return {
+        "case": case.label,
+        "length_s": length,
+        "begin_s": result.begin,
+        "end_s": result.end,
+        "position_error_m": norm(result.error[3:]),
+        "position_3sigma_m": norm(three_sigma[3:]),
+        "velocity_error_m_per_s": norm(result.error[:3]),
+        "velocity_3sigma_m_per_s": norm(three_sigma[:3]),
+        "nees_ratio": result.square,
+        "inside": result.inside,
+        "failed": result.failed,
+    }
 
 
 def summarised(rows: pd.DataFrame) -> pd.DataFrame:
@@ -200,17 +222,23 @@ def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...
 
     The table has the geodetic position, the errors with respect to the receiver's solutions, and the sigmas.
     """
-    run, record = run_block(prepared, 0, 0, 1), prepared.record
+    run = run_block(prepared, 0, 0, 1)
     error, sigma = run.err[0], run.sigma[0]
-    shown = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
-    position_error = error[:, [k for k, output in shown if output.quantity == "position"]]
+    motion_outputs = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
+    position = [k for k, output in motion_outputs if output.quantity == "position"]
     # estimate = recorded position - error, as an error is truth minus estimate; rows of `axes`: the reporting axes
-    r_i = record.r - np.einsum("nji,nj->ni", record.axes, position_error)
-    place = geodetic_from_ecef(ecef_from_eci(r_i, earth_angle(prepared.trajectory.theta0, prepared.t_hist)))
-    frame = pd.DataFrame({"case": case.label, "t_s": prepared.t_hist})
-    frame["latitude_deg"], frame["longitude_deg"], frame["height_m"] = (*np.degrees(place[:2]), place[2])
-    for k, output in shown:
+    record = prepared.record
+    error_i = np.einsum("nji,nj->ni", record.axes, error[:, position])
+    theta = earth_angle(prepared.trajectory.theta0, prepared.t_hist)
+    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(record.r - error_i, theta))
+    track = pd.DataFrame({"case": case.label, "t_s": prepared.t_hist})
+    track["latitude_deg"] = np.degrees(latitude)
+    track["longitude_deg"] = np.degrees(longitude)
+    track["height_m"] = height
+    for k, output in motion_outputs:
         name = f"{output.quantity}_{output.axis}_{output.unit.replace('/', '_per_')}"
-        frame[f"error_{name}"], frame[f"sigma_{name}"] = error[:, k], sigma[:, k]
-    failed = f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld"
-    return frame, (failed,) if run.failed[0] else ()
+        track[f"error_{name}"] = error[:, k]
+        track[f"sigma_{name}"] = sigma[:, k]
+    if not run.failed[0]:
+        return track, ()
+    return track, (f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld",)

@@ -57,12 +57,15 @@ def known_metric(name: str) -> str:
     """Return a name if it is a metric of published numbers; otherwise ValueError, which suggests a similar name."""
     metric = find_metric(name)
     if metric is None or metric.named_by == REQUIREMENTS:
-        others = registry.names(
-            lambda each: each.named_by != REQUIREMENTS and not isinstance(each, state_errors.StateError)
-        )
-        near = hint(name, (*others, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
-        raise ValueError(f"{quoted(name)} is not a metric{near}")
+        candidates = registry.names(_is_suggested)
+        suggestion = hint(name, (*candidates, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
+        raise ValueError(f"{quoted(name)} is not a metric{suggestion}")
     return name
+
+
+def _is_suggested(metric: Metric) -> bool:
+    """Whether a metric is suggested for an unknown name; of the many state errors only three are."""
+    return metric.named_by != REQUIREMENTS and not isinstance(metric, state_errors.StateError)
 
 
 def required_metrics() -> tuple[str, ...]:
@@ -82,10 +85,10 @@ def of_sensors() -> list[dict[str, Any]]:
 
     Sensors with the same evidence are one entry, with a set of settings for each sensor.
     """
-    used: dict[Evidence, list[dict[str, str]]] = {}
+    settings_of: dict[Evidence, list[dict[str, str]]] = {}
     for member in FAMILY:
         settings = {"sensors.*.kind": kind_of(member.card), "filter.measurements": member.card.measurement}
-        used.setdefault(member.evidence, []).append(settings)
+        settings_of.setdefault(member.evidence, []).append(settings)
     return [
         {
             "name": evidence.name,
@@ -93,5 +96,5 @@ def of_sensors() -> list[dict[str, Any]]:
             "checks": [check._asdict() for check in evidence.checks],
             "omits": evidence.omits,
         }
-        for evidence, settings in used.items()
+        for evidence, settings in settings_of.items()
     ]

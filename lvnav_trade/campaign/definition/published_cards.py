@@ -169,32 +169,35 @@ class MeasuredMetric(Pooled):
         if self.statistic in ("worst", "least") and self.during is None:
             yield f"statistic {self.statistic} needs a phase; give during in place of at"
         if self.statistic == "least" and not metric.has_least:
-            counted = registry.names(lambda each: each.has_least)
-            yield f"statistic least needs a metric that is counted ({', '.join(counted)})"
+            counted = ", ".join(registry.names(lambda metric: metric.has_least))
+            yield f"statistic least needs a metric that is counted ({counted})"
         if self.statistic == "mean" and not metric.is_signed:
             yield "statistic: mean needs a signed metric, such as the error of one axis"
         if (self.elevation or self.altitude) and not metric.is_of_signals:
-            chosen = registry.names(lambda each: each.is_of_signals)
-            yield f"elevation and altitude select signals: they need a metric of signals ({', '.join(chosen)})"
-        if any(pair is not None and pair[0] >= pair[1] for pair in (self.elevation, self.altitude)):
-            yield "elevation and altitude: give the smaller limit first"
-        if not metric.has_epoch and (self.elements != "mean" or self.epoch or self.reference_epoch is not None):
-            orbits = registry.names(lambda one: one.has_epoch)
-            yield f"elements, epoch and reference_epoch need the error of an element of the orbit ({', '.join(orbits)})"
+            signal_metrics = ", ".join(registry.names(lambda metric: metric.is_of_signals))
+            yield f"elevation and altitude select signals: they need a metric of signals ({signal_metrics})"
+        for limits in (self.elevation, self.altitude):
+            if limits is not None and limits[0] >= limits[1]:
+                yield "elevation and altitude: give the smaller limit first"
+                break
+        has_orbit_setting = self.elements != "mean" or self.epoch or self.reference_epoch is not None
+        if has_orbit_setting and not metric.has_epoch:
+            orbit_metrics = ", ".join(registry.names(lambda metric: metric.has_epoch))
+            yield f"elements, epoch and reference_epoch need the error of an element of the orbit ({orbit_metrics})"
         if self.reference_epoch is not None and self.reference_epoch == self.epoch:
             yield "reference_epoch is the epoch of the estimated elements already; leave it out"
         yield from metric.faults(self)
         yield from self._limits()
         if not metric.is_of_modes and (self.mode or self.reason or self.number > 1):
-            logic = registry.names(lambda each: each.is_of_modes)
-            yield f"mode, reason and number need a metric of the mode logic ({', '.join(logic)})"
+            mode_metrics = ", ".join(registry.names(lambda metric: metric.is_of_modes))
+            yield f"mode, reason and number need a metric of the mode logic ({mode_metrics})"
 
     def _limits(self) -> Iterator[str]:
         metric = metric_of(self.metric)
         by_sigma = self.below is not None and metric.limit_by_sigma and bool(_SIGMA.match(self.below))
         if self.below is not None and not metric.limit_unit:
-            limited = registry.names(lambda each: bool(each.limit_unit))
-            yield f"below needs a metric that has a limit ({', '.join(limited)})"
+            limit_metrics = ", ".join(registry.names(lambda metric: bool(metric.limit_unit)))
+            yield f"below needs a metric that has a limit ({limit_metrics})"
         elif self.below is not None and not by_sigma:
             parse(self.below, metric.limit_unit)
         if by_sigma != (self.sigma_of is not None):
@@ -242,13 +245,14 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        part = self.than is not None or self.against is not None
-        least = -abs(self.band[1]) if part else 0.0  # a difference in percent may lie on the other side of zero
-        if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
+        is_reduction = self.than is not None or self.against is not None
+        lowest, highest = self.band
+        smallest_ratio = -abs(highest) if is_reduction else 0.0  # a difference in percent may have the other sign
+        if not smallest_ratio <= lowest <= highest or highest == 0:
             yield "the band should be two growing ratios, such as [0.5, 2]"
         if self.digit > abs(self.value):
             yield f"digit: {self.digit:g} is larger than the number {self.value:g}, whose last digit it is"
-        if part and self.unit != "%":
+        if is_reduction and self.unit != "%":
             name = "than" if self.against is None else "against"
             yield f"{name} makes the number a part of another; its unit is %, not {self.unit!r}"
         if self.than is not None and self.against is not None:

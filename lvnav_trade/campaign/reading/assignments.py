@@ -67,13 +67,15 @@ def _put_value(
     if not steps:
         return value
     key, below = steps[0], steps[1:]
-    if fields.models(kind) and (isinstance(node.value, str) or tree.find(node, ["card"])):
-        node = expanded(node, kind, shelf, path)
     child_path = tree.join(path, key)
+    is_card = isinstance(node.value, str) or tree.find(node, ["card"]) is not None
+    if is_card and fields.models(kind):
+        node = expanded(node, kind, shelf, path)
     if fields.item(kind, 0) is not None:
         items = node if node.is_list else tree.Node([], node.place)
         index = tree.index_of(key, items.value, value.place, path)
-        item = _put_value(items.value[index], below, value, fields.item(kind, index), shelf, child_path)
+        item_kind = fields.item(kind, index)
+        item = _put_value(items.value[index], below, value, item_kind, shelf, child_path)
         return tree.with_item(items, index, item)
     if _changes_kind(node, key, kind):
         return tree.put(tree.Node({}, value.place), steps, value)

@@ -68,15 +68,16 @@ def reference(path: str = "") -> list[SettingsEntry]:
     kind: fields.Kind = Campaign
     for key in full_path(path, "fields") if path else ():
         settings = kind if fields.entries(kind) is not None else _item(kind)
-        known, below = fields.names(settings), fields.child(settings, key)
-        if below is None:
-            old = fields.old_key(settings, key)
-            raise InputError(f"fields: {path}: {old or f'unknown path{hint(key, known)}; known: ' + ', '.join(known)}")
-        kind = below
+        child_kind = fields.child(settings, key)
+        if child_kind is None:
+            names = fields.names(settings)
+            message = fields.old_key(settings, key) or f"unknown path{hint(key, names)}; known: {', '.join(names)}"
+            raise InputError(f"fields: {path}: {message}")
+        kind = child_kind
     models = fields.models(_item(kind))
     if not models:
         raise InputError(f"fields: {path}: has no fields of its own; it is {type_of(kind)}")
-    return [_part(model, len(models) > 1) for model in models]
+    return [_settings_entry(model, len(models) > 1) for model in models]
 
 
 def _item(kind: fields.Kind) -> fields.Kind:
@@ -84,14 +85,15 @@ def _item(kind: fields.Kind) -> fields.Kind:
     return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
 
 
-def _part(model: type[BaseModel], is_one_of_several: bool) -> SettingsEntry:
+def _settings_entry(model: type[BaseModel], is_one_of_several: bool) -> SettingsEntry:
+    """Return the description of one kind of settings."""
     tag = fields.tag_of(model)
-    rows = (
-        FieldEntry(name, type_of(_annotated(info)), _default(info), info.description or "")
-        for name, info in fields.by_key(model).items()
-        if name != "kind" or tag is None
-    )
-    title = " ".join((model.__doc__ or "").partition("\n\n")[0].split())
+    rows = []
+    for name, info in fields.by_key(model).items():
+        if name != "kind" or tag is None:
+            rows.append(FieldEntry(name, type_of(_annotated(info)), _default(info), info.description or ""))
+    first_paragraph = (model.__doc__ or "").partition("\n\n")[0]
+    title = " ".join(first_paragraph.split())
     return SettingsEntry((tag or "") if is_one_of_several else "", title, tuple(rows))
 
 
@@ -101,10 +103,10 @@ def _annotated(info: FieldInfo) -> fields.Kind:
 
 def type_of(kind: fields.Kind) -> str:
     """Describe the values that a field accepts: a quantity with its unit, words, settings, or a list."""
-    return " or ".join(dict.fromkeys(map(_type_of_option, fields.options(kind, keep=WithJsonSchema))))
+    return " or ".join(dict.fromkeys(map(_describe_option, fields.options(kind, keep=WithJsonSchema))))
 
 
-def _type_of_option(option: fields.Kind) -> str:
+def _describe_option(option: fields.Kind) -> str:
     if isinstance(option, WithJsonSchema):  # a quantity
         return str((option.json_schema or {}).get("description", "")).removeprefix(_QUANTITY)
     if fields.literals(option):
@@ -117,8 +119,9 @@ def _type_of_option(option: fields.Kind) -> str:
     if origin is dict:
         return f"{type_of(arguments[1])} by name"
     if arguments:
-        fixed = arguments[-1] is not Ellipsis
-        return f"list of {f'{len(arguments)} ' if fixed and len(arguments) > 1 else ''}{type_of(arguments[0])}"
+        has_fixed_length = arguments[-1] is not Ellipsis and len(arguments) > 1
+        item_text = type_of(arguments[0])
+        return f"list of {len(arguments)} {item_text}" if has_fixed_length else f"list of {item_text}"
     return _PLAIN.get(option, getattr(option, "__name__", str(option)))
 
 
@@ -130,12 +133,17 @@ def _default(info: FieldInfo) -> str:
         return fields.tag_of(type(value)) or "settings"
     if value is None:
         return "none"
-    shown = TypeAdapter(_annotated(info)).dump_python(value, mode="json")
-    if isinstance(value, float) and isinstance(shown, str):
-        return f"{value:.6g} {shown.partition(' ')[2]}".removesuffix(" dimensionless") if value else "0"
-    if isinstance(shown, bool):
-        return str(shown).lower()
-    return f"[{', '.join(map(str, shown))}]" if isinstance(shown, list) else str(shown) or "none"
+    dumped = TypeAdapter(_annotated(info)).dump_python(value, mode="json")
+    if isinstance(value, float) and isinstance(dumped, str):
+        if not value:
+            return "0"
+        unit = dumped.partition(" ")[2]
+        return f"{value:.6g} {unit}".removesuffix(" dimensionless")
+    if isinstance(dumped, bool):
+        return str(dumped).lower()
+    if isinstance(dumped, list):
+        return f"[{', '.join(map(str, dumped))}]"
+    return str(dumped) or "none"
 
 
 def json_schema() -> dict[str, Any]:
@@ -153,10 +161,10 @@ def json_schema() -> dict[str, Any]:
 
 def _settings(definition: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of settings that may also be the name of a card, or a card with some fields overridden."""
-    whole = _open(definition)
-    whole.pop("required", None)
-    properties = {"card": _CARD, **whole.get("properties", {})}
-    return {"anyOf": [_CARD, {**whole, "properties": properties}], "description": definition.get("description", "")}
+    schema = _open(definition)
+    schema.pop("required", None)
+    schema["properties"] = {"card": _CARD, **schema.get("properties", {})}
+    return {"anyOf": [_CARD, schema], "description": definition.get("description", "")}
 
 
 def _open(node: Any) -> Any:

@@ -95,15 +95,15 @@ class PrintedTable(Card):
     @field_validator("rows", mode="before")
     @classmethod
     def _items(cls, rows: Any) -> Any:
-        """Let a cell be its item alone."""
+        """Accept the text of an item as a cell."""
         if not isinstance(rows, dict):
             return rows
-        return {
-            label: [{"item": cell} if isinstance(cell, str) else cell for cell in cells]
-            if isinstance(cells, list | tuple)
-            else cells
-            for label, cells in rows.items()
-        }
+        converted = {}
+        for label, cells in rows.items():
+            if isinstance(cells, list | tuple):
+                cells = [{"item": cell} if isinstance(cell, str) else cell for cell in cells]
+            converted[label] = cells
+        return converted
 
     def _faults(self) -> Iterator[str]:
         for label, cells in self.rows.items():
@@ -135,11 +135,11 @@ class StudyCard(Card):
 
     @field_validator("campaigns")
     @classmethod
-    def _once(cls, parts: tuple[StudyCampaign, ...]) -> tuple[StudyCampaign, ...]:
-        names = [part.campaign for part in parts]
+    def _refuse_repeated(cls, campaigns: tuple[StudyCampaign, ...]) -> tuple[StudyCampaign, ...]:
+        names = [section.campaign for section in campaigns]
         if len(set(names)) < len(names):
             raise ValueError("a campaign is listed twice")
-        return parts
+        return campaigns
 
 
 class StudySection(NamedTuple):
@@ -191,25 +191,26 @@ def load_study(
         raise InputError(f"{folder}: no campaigns here")
     written = SourceTree(tree.read_mapping(place / FILE)) if (place / FILE).is_file() else SourceTree()
     study = _read(place, tuple(files), written.root)
-    questions = [
-        StudySection(part, load(files[part.campaign]), written, f"campaigns.{index}")
-        for index, part in enumerate(study.campaigns)
-    ]
-    known = (*FIGURES, *figures)
-    refuse_all(
-        [
-            question.mistake(path, message)
-            for question in questions
-            for path, message in (*_unknown_figures(question.part, known), *of_study(question.part, question.campaign))
-        ]
-    )
-    return study, tuple(question._replace(campaign=_with_runs(question.campaign, runs)) for question in questions)
+    sections = []
+    for index, study_campaign in enumerate(study.campaigns):
+        campaign = load(files[study_campaign.campaign])
+        sections.append(StudySection(study_campaign, campaign, written, f"campaigns.{index}"))
+    figure_names = (*FIGURES, *figures)
+    errors = []
+    for section in sections:
+        for path, message in _figure_errors(section.part, figure_names):
+            errors.append(section.mistake(path, message))
+        for path, message in of_study(section.part, section.campaign):
+            errors.append(section.mistake(path, message))
+    refuse_all(errors)
+    return study, tuple(section._replace(campaign=_with_runs(section.campaign, runs)) for section in sections)
 
 
-def _unknown_figures(part: StudyCampaign, known: Sequence[str]) -> Iterator[tuple[str, str]]:
-    for index, figure in enumerate(part.figures):
-        if figure.plot not in known:
-            message = f"{quoted(figure.plot)} is not one of {', '.join(known)}{tree.hint(figure.plot, known)}"
+def _figure_errors(section: StudyCampaign, names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield path and message of unknown figures, and of settings for figures that no script draws."""
+    for index, figure in enumerate(section.figures):
+        if figure.plot not in names:
+            message = f"{quoted(figure.plot)} is not one of {', '.join(names)}{tree.hint(figure.plot, names)}"
             yield f"figures.{index}.plot", message
         elif figure.plot in FIGURES and figure.settings:
             yield f"figures.{index}.settings", f"no effect: the study's script does not draw {figure.plot}"

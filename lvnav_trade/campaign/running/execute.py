@@ -134,9 +134,9 @@ class _Run:
             # A shard can decide neither which settings have an effect nor when a case has enough runs: both need all
             # cases and runs.
             check_effect(campaign, self.cases, engine)
-            self._restrict_to_shard(self.shard)
+            self._select_shard(self.shard)
 
-    def _restrict_to_shard(self, shard: Shard) -> None:
+    def _select_shard(self, shard: Shard) -> None:
         """Keep the blocks of a shard and their cases; without runs, the shard's share of the cases."""
         self.stopping.is_early = False
         self.job = self.job._replace(requirements=())

@@ -56,7 +56,7 @@ def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
     prepared = prepare(case.scenario, campaign.keep.history)
     block = montecarlo.replay(prepared, campaign.seed, run)
     failure = WHY.get(int(block.failed[0]), "")  # code 0 is success
-    return RunReplay(_trace(block, prepared.outputs), _errors_at_events(block, prepared), failure)
+    return RunReplay(_trace(block, prepared.outputs), _event_errors(block, prepared), failure)
 
 
 def trace(job: Job, case: Case, runs: Sequence[int]) -> WorkOutcome:
@@ -109,7 +109,7 @@ def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _errors_at_events(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
+def _event_errors(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
     """Return `RunReplay.at_events` of a block of one run."""
     events = prepared.trajectory.events
     rows = []

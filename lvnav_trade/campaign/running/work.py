@@ -367,7 +367,7 @@ def begin_worker() -> None:
     if parent is not None and parent.pid is not None:
         if threading.current_thread() is threading.main_thread():  # Dask workers run work items in other threads
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends the signal to all processes
-        _exit_with_parent(parent.pid)
+        _follow_parent(parent.pid)
         begun = next(_begun)
         if begun & (begun - 1) == 0:  # 0, 1, 2, 4, 8, ...
             gc.collect()
@@ -375,7 +375,7 @@ def begin_worker() -> None:
 
 
 @lru_cache(maxsize=1)
-def _exit_with_parent(parent: int) -> None:
+def _follow_parent(parent: int) -> None:
     """End this process when its parent is killed: otherwise it would go on and interfere with the next campaign."""
 
     def wait() -> None:

@@ -206,11 +206,11 @@ def metrics_of(request: EvaluationRequest, prepared: Prepared, history: CovHisto
         if is_bound and not outside:
             reasons.append(f"{name}: {ABOVE_ONLY}")
     if request.every_event:
-        row |= _errors_at_events(results, request.requirements)
+        row |= _event_errors(results, request.requirements)
     return row | _combined_verdict(ratios, verdicts) | {"reason": "; ".join(filter(None, reasons))}
 
 
-def _errors_at_events(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def _event_errors(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Return the navigation errors at every event, and the error of each requirement at an event, evaluated there."""
     at_any_event = [requirement for requirement in requirements if requirement.get("at")]
     row: dict[str, float] = {}
