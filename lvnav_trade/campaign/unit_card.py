@@ -75,24 +75,33 @@ def fit_unit(
     InputError
         The log cannot be read, has gaps, is not equally spaced or too short, or an output never changes.
     """
-    first, last = 0.0 if start is None else start, math.inf if end is None else end
+    first = 0.0 if start is None else start
+    last = math.inf if end is None else end
     log = read_log(file, start=first, end=last, counted=counted)
-    n, rate = log.t.size, 1.0 / log.dt
+    n = log.t.size
     factors = ladder(n, log.dt, shortest, longest)
-    if n < FEWEST or len(factors) < len(NAMES) + 2:
+    fewest_times = len(NAMES) + 2
+    if n < FEWEST or len(factors) < fewest_times:
         raise InputError(
             f"{file}: too short: {n} rows, {n * log.dt:.6g} s, {len(factors)} averaging times; at least {FEWEST} rows "
-            f"and {len(NAMES) + 2} averaging times of six a decade are needed"
+            f"and {fewest_times} averaging times of six a decade are needed"
         )
-    fits = {part: _triad(file, part, getattr(log, part), log.dt, factors) for part in _SENSORS}
-    text = _card(file, log, fits)
-    return ImuFit(fits, n * log.dt, rate, text, _curves(fits), _coefficients(fits))
+    fits = {sensor: _fit_axes(file, sensor, getattr(log, sensor), log.dt, factors) for sensor in _SENSORS}
+    return ImuFit(
+        fits=fits,
+        seconds=n * log.dt,
+        rate=1.0 / log.dt,
+        text=_card(file, log, fits),
+        curves=_curves(fits),
+        coefficients=_coefficients(fits),
+    )
 
 
-def _triad(file: str, part: str, rates: Floats, dt: float, factors: list[int]) -> list[AxisFit]:
+def _fit_axes(file: str, sensor: str, rates: Floats, dt: float, factors: list[int]) -> list[AxisFit]:
+    """Return the fits of the axes x, y and z of a sensor; `rates`: (n, 3), SI."""
     for axis, column in zip("xyz", rates.T, strict=True):
         if np.ptp(column) == 0.0:
-            raise InputError(f"{file}: {part} {axis} never changes: there is no noise to fit")
+            raise InputError(f"{file}: {sensor} {axis} never changes: there is no noise to fit")
     return [fit(column - np.mean(column), dt, factors) for column in rates.T]
 
 
@@ -109,20 +118,29 @@ def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
         f" {log.t.size * log.dt:.6g} s; averaging times {tau[0]:.4g} to {tau[-1]:.4g} s",
         f'rate: "{1.0 / log.dt:.9g} Hz"',
     ]
-    for part, axes in fits.items():
-        body = [line for name in NAMES for line in _lines(part, name, [axis.coefficients[name] for axis in axes])]
-        if any(axis.coefficients["bias_instability"].shown for axis in axes):
-            body += [_floors(part, [axis.coefficients["bias_instability"] for axis in axes])]
-            body.append(f"  instability_fit: {_processes(tau)}")
-        worst = max(axis.spread for axis in axes)
-        if worst > 1.0:
-            body.insert(
-                0,
-                f"  # fits poorly: residuals are {worst:.3g} of their standard deviations; intervals are wider by that",
-            )
-        values = any(not line.lstrip().startswith("#") for line in body)
-        lines += [f"{part}:" if values else f"{part}: {{}}", *body]
+    for sensor, axes in fits.items():
+        lines += _sensor_lines(sensor, axes, tau)
     return "\n".join(lines) + "\n"
+
+
+def _sensor_lines(sensor: str, axes: list[AxisFit], tau: Floats) -> list[str]:
+    """Return the lines of a sensor in the card: quality of the fit, coefficients, bias instability."""
+    body = []
+    largest_residual = max(axis.spread for axis in axes)  # RMS residual in standard deviations
+    if largest_residual > 1.0:
+        body.append(
+            f"  # fits poorly: residuals are {largest_residual:.3g} of their standard deviations; intervals are wider "
+            "by that"
+        )
+    for name in NAMES:
+        body += _coefficient_lines(sensor, name, [axis.coefficients[name] for axis in axes])
+    instabilities = [axis.coefficients["bias_instability"] for axis in axes]
+    if any(instability.shown for instability in instabilities):
+        body.append(_floors(sensor, instabilities))
+        body.append(f"  instability_fit: {_processes(tau)}")
+    has_values = any(not line.lstrip().startswith("#") for line in body)
+    heading = f"{sensor}:" if has_values else f"{sensor}: {{}}"
+    return [heading, *body]
 
 
 def _quoted(name: str) -> str:
@@ -141,29 +159,30 @@ def _processes(tau: Floats) -> str:
     return f"{{processes: {count}, {times}, convention: coefficient}}"
 
 
-def _floors(part: str, axes: list[Coefficient]) -> str:
+def _floors(sensor: str, axes: list[Coefficient]) -> str:
     """Return the comment with the floors of the Allan deviation, the bias instability of data sheets."""
-    unit, si = _UNITS[part]["bias_instability"]
-    floors = "; ".join(f"{FLOOR * axis.value / units.parse(f'1 {unit}', si):.4g}" for axis in axes)
+    unit, si = _UNITS[sensor]["bias_instability"]
+    factor = units.parse(f"1 {unit}", si)
+    floors = "; ".join(f"{FLOOR * axis.value / factor:.4g}" for axis in axes)
     return f"  # floor of the Allan deviation, {FLOOR:.3f} of bias_instability: {floors} {unit}"
 
 
-def _lines(part: str, name: str, axes: list[Coefficient]) -> list[str]:
+def _coefficient_lines(sensor: str, name: str, axes: list[Coefficient]) -> list[str]:
     """Return the lines of a coefficient: a comment with the interval or bound of each axis, and the values."""
-    unit, si = _UNITS[part][name]
+    unit, si = _UNITS[sensor][name]
     factor = units.parse(f"1 {unit}", si)
-    intervals = [
-        f"{axis.low / factor:.4g} to {axis.high / factor:.4g}"
-        if axis.shown
-        else f"not shown, below {axis.high / factor:.3g}"
-        for axis in axes
-    ]
+    intervals = []
+    for axis in axes:
+        if axis.shown:
+            intervals.append(f"{axis.low / factor:.4g} to {axis.high / factor:.4g}")
+        else:
+            intervals.append(f"not shown, below {axis.high / factor:.3g}")
     comment = f"  # {name}: {'; '.join(intervals)} {unit}"
-    shown = [axis.value / factor for axis in axes if axis.shown]
-    if not shown:
+    significant = [axis.value / factor for axis in axes if axis.shown]
+    if not significant:
         return [comment]
     if name == "quantisation":  # the card has one quantisation step for all axes: their RMS
-        return [comment, f'  quantisation: "{np.sqrt(np.mean(np.square(shown))):.4g} {unit}"']
+        return [comment, f'  quantisation: "{np.sqrt(np.mean(np.square(significant))):.4g} {unit}"']
     values = ", ".join(f'"{axis.value / factor:.4g} {unit}"' for axis in axes)
     return [comment, f"  {name}: [{values}]"]
 
@@ -176,33 +195,40 @@ def _curves(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
     """
     from scipy.stats import chi2
 
-    frames = []
-    for part, fitted_axes in fits.items():
+    curves = []
+    for sensor, fitted_axes in fits.items():
         for axis, fitted in zip("xyz", fitted_axes, strict=True):
-            freedom = np.maximum(1.0, 0.5 * (fitted.model / fitted.sigma) ** 2)
-            low, high = (fitted.deviation * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
-            frames.append(
-                pd.DataFrame(
-                    {
-                        "sensor": f"{_SENSORS[part]} {axis}",
-                        "tau_s": fitted.tau,
-                        "deviation_si": fitted.deviation,
-                        "low_si": low,
-                        "high_si": high,
-                        "model_si": fitted.model,
-                    }
-                )
-            )
-    return pd.concat(frames, ignore_index=True)
+            degrees_of_freedom = np.maximum(1.0, 0.5 * (fitted.model / fitted.sigma) ** 2)
+            low_factor = np.sqrt(degrees_of_freedom / chi2.ppf(0.975, degrees_of_freedom))
+            high_factor = np.sqrt(degrees_of_freedom / chi2.ppf(0.025, degrees_of_freedom))
+            columns = {
+                "sensor": f"{_SENSORS[sensor]} {axis}",
+                "tau_s": fitted.tau,
+                "deviation_si": fitted.deviation,
+                "low_si": fitted.deviation * low_factor,
+                "high_si": fitted.deviation * high_factor,
+                "model_si": fitted.model,
+            }
+            curves.append(pd.DataFrame(columns))
+    return pd.concat(curves, ignore_index=True)
 
 
 def _coefficients(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
+    """Return the coefficients with their intervals, one row per sensor axis and coefficient."""
     rows = []
-    for part, fitted_axes in fits.items():
+    for sensor, fitted_axes in fits.items():
         for axis, fitted in zip("xyz", fitted_axes, strict=True):
             for name, coefficient in fitted.coefficients.items():
-                unit, si = _UNITS[part][name]
+                unit, si = _UNITS[sensor][name]
                 factor = units.parse(f"1 {unit}", si)
-                numbers = [number / factor for number in coefficient[:3]]
-                rows.append((f"{_SENSORS[part]} {axis}", name, unit, *numbers, coefficient.shown))
+                row = {
+                    "sensor": f"{_SENSORS[sensor]} {axis}",
+                    "coefficient": name,
+                    "unit": unit,
+                    "estimate": coefficient.value / factor,
+                    "low": coefficient.low / factor,
+                    "high": coefficient.high / factor,
+                    "shown": coefficient.shown,
+                }
+                rows.append(row)
     return pd.DataFrame(rows, columns=["sensor", "coefficient", "unit", "estimate", "low", "high", "shown"])

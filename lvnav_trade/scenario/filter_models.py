@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard, ...]:
     """Return the sensors of a scenario with a given measurement."""
-    return tuple(card for card in scenario.sensors.values() if card is not None and card.measurement == measurement)
+    cards = [card for card in scenario.sensors.values() if card is not None]
+    return tuple(card for card in cards if card.measurement == measurement)
 
 
 def measured(scenario: Scenario) -> tuple[str, ...]:
@@ -59,8 +60,9 @@ def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
 def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
     """Return the sigmas of the difference of the two IMUs of a difference sensor."""
     assert isinstance(scenario.imu, ImuSet)  # the scenario is checked for it
-    first, second = sensor.units
-    return relative_errors(scenario.imu, GYRO if sensor.unit == "rad" else ACCEL, first - 1, second - 1)
+    first, second = sensor.units  # numbers from 1
+    quantity = GYRO if sensor.unit == "rad" else ACCEL
+    return relative_errors(scenario.imu, quantity, first - 1, second - 1)
 
 
 def solves(scenario: Scenario) -> bool:
@@ -84,19 +86,22 @@ def reported(scenario: Scenario) -> bool:
 def smoothing_of(scenario: Scenario) -> SmoothingCard | None:
     """Return the carrier smoothing of the ranges before the receiver's solution; None without such a solution."""
     card = scenario.receiver.solution
-    return card.smoothing if solves(scenario) and not isinstance(card, DirectSolution) else None
+    if isinstance(card, DirectSolution) or not solves(scenario):
+        return None
+    return card.smoothing
 
 
 def has_covariance(scenario: Scenario) -> bool:
     """Return whether every solution has a reported covariance, so that its scalars are processed together."""
-    late = scenario.filter.delay_compensation
-    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.loose
-    return solves(scenario) or extrapolated
+    compensation = scenario.filter.delay_compensation
+    is_extrapolated = compensation is not None and compensation.kind == "extrapolated" and scenario.filter.loose
+    return solves(scenario) or is_extrapolated
 
 
 def epoch_interval(scenario: Scenario) -> float:
     """Return the time (s) between epochs: that of the receiver if it computes a solution, otherwise of the filter."""
-    return 1.0 / (scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate)
+    rate = scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate
+    return 1.0 / rate
 
 
 def _matched_imu(imu: ImuCard) -> ImuModel:
@@ -158,31 +163,37 @@ def _matched_receiver(scenario: Scenario) -> Any:
     Errors of several causes in a pseudorange are combined into one bias, with the time constant of the largest. A
     receiver that computes its solution reports its covariance, so that no sigmas of the solution are needed.
     """
-    receiver, air, parts = scenario.receiver, scenario.atmosphere, parts_of(scenario.constellation)
+    receiver = scenario.receiver
+    air = scenario.atmosphere
+    systems = parts_of(scenario.constellation)
 
     def largest(*pairs: tuple[float, float | None]) -> tuple[float, float | None]:
         return max(pairs, key=lambda pair: pair[0])
 
     def offset() -> tuple[float, float | None]:
-        return largest(*((part.time_offset, part.time_offset_time) for part in parts))
+        return largest(*((system.time_offset, system.time_offset_time) for system in systems))
 
     def multipath() -> float:
         return receiver.amplification * receiver.multipath
 
-    def of_solution(name: str, otherwise: float | None) -> Callable[[], Any]:
-        return lambda: getattr(receiver.solution, name) if isinstance(receiver.solution, DirectSolution) else otherwise
+    def solution_number(name: str, otherwise: float | None) -> Callable[[], Any]:
+        def number() -> Any:
+            has_number = isinstance(receiver.solution, DirectSolution)
+            return getattr(receiver.solution, name) if has_number else otherwise
+
+        return number
 
     return _Matched(
         noise_by=lambda: receiver.noise_by,
         pseudorange_sigma=lambda: receiver.pseudorange_sigma,
         range_rate_sigma=lambda: receiver.range_rate_sigma,
-        position_sigma=of_solution("position_sigma", 0.0),
-        velocity_sigma=of_solution("velocity_sigma", 0.0),
+        position_sigma=solution_number("position_sigma", 0.0),
+        velocity_sigma=solution_number("velocity_sigma", 0.0),
         clock_h0=lambda: receiver.clock.h0,
         clock_h_minus2=lambda: receiver.clock.h_minus2,
-        range_bias=lambda: math.hypot(max(part.range_error for part in parts), multipath()),
+        range_bias=lambda: math.hypot(max(system.range_error for system in systems), multipath()),
         range_bias_time=lambda: largest(
-            *((part.range_error, part.range_error_time) for part in parts),
+            *((system.range_error, system.range_error_time) for system in systems),
             (multipath(), receiver.multipath_time),
         )[1],
         range_rate_offset=lambda: math.hypot(receiver.range_rate_offset, receiver.range_rate_instability),
@@ -197,10 +208,10 @@ def _matched_receiver(scenario: Scenario) -> Any:
         ionosphere_scale_time=lambda: air.ionosphere_scale_time,
         timing=lambda: receiver.latency_error,
         timing_time=lambda: None,
-        position_bias=of_solution("position_bias", 0.0),
-        position_bias_time=of_solution("bias_time", None),
-        velocity_bias=of_solution("velocity_bias", 0.0),
-        velocity_bias_time=of_solution("bias_time", None),
+        position_bias=solution_number("position_bias", 0.0),
+        position_bias_time=solution_number("bias_time", None),
+        velocity_bias=solution_number("velocity_bias", 0.0),
+        velocity_bias_time=solution_number("bias_time", None),
         carrier_phase_sigma=lambda: receiver.carrier_phase_sigma,
         ambiguity=lambda: receiver.carrier_ambiguity,
     )

@@ -43,7 +43,7 @@ class Refusal(NamedTuple):
 # --- settings that contradict each other ------------------------------------------------------------------------------
 
 
-def _of_control(scenario: Scenario) -> Iterator[RuleBreach]:
+def _control(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of a vehicle under control."""
     control, card = scenario.control, scenario.trajectory
     if control is None:
@@ -62,13 +62,13 @@ def _of_control(scenario: Scenario) -> Iterator[RuleBreach]:
         yield RuleBreach(path, reason)
 
 
-def _twice(scenario: Scenario) -> Iterator[RuleBreach]:
+def _repeated_fault(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the first fault that is listed twice."""
-    faults = scenario.faults
-    second = next((k for k, fault in enumerate(faults) if fault in faults[:k]), None)
-    if second is not None:
-        first = faults.index(faults[second])
-        yield RuleBreach(f"faults.{second}", f"is the same as faults.{first}; leave one of them out")
+    for number, fault in enumerate(scenario.faults):
+        first = scenario.faults.index(fault)
+        if first < number:
+            yield RuleBreach(f"faults.{number}", f"is the same as faults.{first}; leave one of them out")
+            return
 
 
 def _unmeasured(scenario: Scenario) -> Iterator[RuleBreach]:
@@ -79,7 +79,7 @@ def _unmeasured(scenario: Scenario) -> Iterator[RuleBreach]:
             yield RuleBreach("filter.measurements", f"no sensor of the scenario measures {name}")
 
 
-SETTINGS: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_of_control, _twice, _unmeasured)
+SETTINGS: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_control, _repeated_fault, _unmeasured)
 
 
 # --- what physics refuses ---------------------------------------------------------------------------------------------
@@ -115,15 +115,17 @@ def _differences(scenario: Any) -> list[Any]:
 def _late(scenario: Any, card: Any) -> bool:
     """Return whether the filter models a latency of a sensor, by the sensor's card (`matched`) or the filter's card."""
     model = getattr(scenario.filter.sensor_models, card.measurement)
-    return bool((card if isinstance(model, str) else model).latency > 0.0)
+    if isinstance(model, str):  # matched
+        model = card
+    return bool(model.latency > 0.0)
 
 
 def _late_sensors(scenario: Any) -> bool:
     """Return whether the filter compensates the latency of a sensor."""
-    return any(
-        card is not None and card.measurement in scenario.filter.measurements and _late(scenario, card)
-        for card in scenario.sensors.values()
-    )
+    for card in scenario.sensors.values():
+        if card is not None and card.measurement in scenario.filter.measurements and _late(scenario, card):
+            return True
+    return False
 
 
 REFUSALS = (
@@ -257,23 +259,22 @@ def _rates(scenario: Scenario) -> Iterator[RuleBreach]:
     ]
     if scenario.filter.tight or scenario.filter.loose or solves(scenario):
         pairs.append(("receiver.rate", "filter.update_rate"))
-    divisors = [(name, path, attrgetter(path)(scenario)) for name, path in pairs] + [
-        ("filter.update_rate", f"sensors.{name}.rate", card.rate)
-        for name, card in scenario.sensors.items()
-        if card is not None and card.rate is not None
-    ]
-    for name, path, slow in divisors:
-        fast = attrgetter(name)(scenario)
-        ratio = fast / slow
+    slower_rates = [(faster, path, attrgetter(path)(scenario)) for faster, path in pairs]
+    for name, card in scenario.sensors.items():
+        if card is not None and card.rate is not None:
+            slower_rates.append(("filter.update_rate", f"sensors.{name}.rate", card.rate))
+    for faster, path, slow_rate in slower_rates:
+        fast_rate = attrgetter(faster)(scenario)
+        ratio = fast_rate / slow_rate
         if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
-            yield RuleBreach(path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz")
+            yield RuleBreach(path, f"{slow_rate:g} Hz does not divide the {_RATES[faster]} of {fast_rate:g} Hz")
 
 
 def _strapdown(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breach of a strapdown step longer than a covariance step."""
-    most = round(scenario.imu.rate / scenario.filter.covariance_rate)
-    if scenario.filter.strapdown.ratio > max(1, most):
-        reason = f"a step longer than a covariance step of {most} increments; at most {most} fit"
+    increments = round(scenario.imu.rate / scenario.filter.covariance_rate)
+    if scenario.filter.strapdown.ratio > max(1, increments):
+        reason = f"a step longer than a covariance step of {increments} increments; at most {increments} fit"
         yield RuleBreach("filter.strapdown.ratio", reason)
 
 
@@ -299,7 +300,8 @@ def breaches(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of the rules for every scenario, and the first refused combination."""
     for rule in SETTINGS:
         yield from rule(scenario)
-    if (refusal := refused(scenario)) is not None:
+    refusal = refused(scenario)
+    if refusal is not None:
         yield RuleBreach(refusal.path, refusal.reason)
 
 

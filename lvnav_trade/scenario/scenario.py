@@ -65,19 +65,20 @@ class Scenario(Card):
 
     @model_validator(mode="before")
     @classmethod
-    def _renamed(cls, data: Any) -> Any:
+    def _refuse_old_keys(cls, data: Any) -> Any:
         """Refuse the keys of earlier versions with the key that replaces them."""
-        old = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
-        if old is not None:
-            raise ValueError(f"{old}: {cls.OLD_KEYS[old]}")
+        if isinstance(data, Mapping):
+            for key, replacement in cls.OLD_KEYS.items():
+                if key in data:
+                    raise ValueError(f"{key}: {replacement}")
         return data
 
     @field_validator("sensors")
     @classmethod
-    def _named(cls, sensors: dict[str, SensorCard | None]) -> dict[str, SensorCard | None]:
-        wrong = next((name for name in sensors if not re.fullmatch(r"[A-Za-z_]\w*", name)), None)
-        if wrong is not None:
-            raise ValueError(f"{wrong!r} cannot name a sensor; use letters, digits and '_'")
+    def _check_sensor_names(cls, sensors: dict[str, SensorCard | None]) -> dict[str, SensorCard | None]:
+        for name in sensors:
+            if not re.fullmatch(r"[A-Za-z_]\w*", name):
+                raise ValueError(f"{name!r} cannot name a sensor; use letters, digits and '_'")
         return sensors
 
     def _faults(self) -> Iterator[str]:

@@ -37,8 +37,11 @@ class Plain(Progress):
 
     def stage(self, name: str, total: int, alike: bool = True) -> None:
         """Begin a stage and print its name."""
+        self.name = name
+        self.total = total
         self.start = self.begun = time.monotonic()
-        self.name, self.total, self.done, self.tenth, self.first, self.apart = name, total, 0, 0, 0, alike
+        self.done = self.tenth = self.first = 0
+        self.apart = alike
         self.note(f"{name}: {total}")
 
     def advance(self, count: int) -> None:
@@ -49,9 +52,12 @@ class Plain(Progress):
         tenth = 10 * self.done // max(self.total, 1)
         if tenth > self.tenth:
             self.tenth = tenth
-            later = self.done - self.first
-            spent, items = (time.monotonic() - self.begun, later) if later else (self.begun - self.start, self.first)
-            remaining = spent * (self.total - self.done) / max(items, 1)
+            items = self.done - self.first
+            seconds = time.monotonic() - self.begun
+            if not items:  # only the first item is done yet
+                items = self.first
+                seconds = self.begun - self.start
+            remaining = seconds * (self.total - self.done) / max(items, 1)
             self.note(f"{self.name}: {self.done}/{self.total}, {remaining:.0f} s left")
 
     def note(self, line: str) -> None:
@@ -114,4 +120,7 @@ def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callab
 
 def choose(quiet: bool) -> Progress:
     """Return the display for standard error: none if quiet, a bar on a terminal, lines otherwise."""
-    return Progress() if quiet else Bar() if sys.stderr.isatty() and not os.environ.get("CI") else Plain()
+    if quiet:
+        return Progress()
+    is_terminal = sys.stderr.isatty() and not os.environ.get("CI")
+    return Bar() if is_terminal else Plain()

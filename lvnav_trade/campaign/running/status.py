@@ -150,18 +150,22 @@ class Status(NamedTuple):
     @property
     def text(self) -> str:
         """The progress as text for printing; the first line is the summary."""
-        what = {
+        state = {
             "running": f"running, {self.holder}",
             "unfinished": self.resumable or "unfinished; the same command resumes",
             "damaged": f"damaged; {self.resumable or 'the same command mends it'}",
             "finished": "finished" if not self.lost else "finished, but for what was lost; the same command goes on",
         }[self.state]
-        failed = f", {self.failed} of them failed" if self.failed else ""
-        lines = [f"{self.folder}: {what}: {self.stored} of {self.asked} runs are stored{failed}"]
+        summary = f"{self.folder}: {state}: {self.stored} of {self.asked} runs are stored"
+        if self.failed:
+            summary += f", {self.failed} of them failed"
+        lines = [summary]
         if self.workers_died:
             lines.append(f"workers that died: {self.workers_died}")
-        lines += [f"damaged: {line}" for line in self.damaged] + [f"lost: {line}" for line in self.lost]
-        return "\n".join([*lines, table(CaseStatus._fields, self.cases)])
+        lines += [f"damaged: {line}" for line in self.damaged]
+        lines += [f"lost: {line}" for line in self.lost]
+        lines.append(table(CaseStatus._fields, self.cases))
+        return "\n".join(lines)
 
 
 def status(folder: Path) -> Status:
@@ -176,28 +180,54 @@ def status(folder: Path) -> Status:
     manifest = read_manifest(path)
     if "created" not in manifest:
         raise InputError(f"{folder}: is a kept base, which has no blocks; give a folder of results")
-    who, damaged = holder(folder), list[str]()
-    is_finished = "finished" in manifest and not who
-    finished = _finished_runs(folder) if is_finished else {}
-    asked = manifest.get("asked_runs_of", {}) | {case: count for case, (count, _) in finished.items()}
-    is_merged = is_finished and bool(manifest.get("blocks_removed"))
-    cases = tuple(
-        CaseStatus(case, label, finished[case][0], *finished[case])
-        if is_merged and case in finished
-        else _case(folder, manifest, case, label, asked.get(case, manifest.get("asked_runs", 0)), damaged)
-        for case, label in manifest.get("asked_cases", {}).items()
+    working_process = holder(folder)
+    is_finished = "finished" in manifest and not working_process
+    damaged: list[str] = []
+    cases = _case_statuses(folder, manifest, is_finished, damaged)
+    if is_finished:
+        for name in TABLES:
+            try:
+                stored_table(folder, name)
+            except InputError as error:
+                damaged.append(str(error))
+    if working_process:
+        state = "running"
+    elif not is_finished:
+        state = "unfinished"
+    else:
+        state = "damaged" if damaged else "finished"
+    version = difference(manifest, environment())
+    return Status(
+        folder=str(folder),
+        state=state,
+        holder=working_process,
+        asked=sum(case.asked for case in cases),
+        stored=sum(case.stored for case in cases),
+        failed=sum(case.failed for case in cases),
+        cases=cases,
+        damaged=tuple(damaged),
+        lost=tuple(manifest.get("lost", ())),
+        workers_died=manifest.get("workers_died", 0),
+        resumable=f"was computed {version}; it goes on with that, or again with --fresh" if version else "",
     )
-    for name in TABLES if is_finished else ():
-        try:
-            stored_table(folder, name)
-        except InputError as error:
-            damaged.append(str(error))
-    sums = (sum(case.asked for case in cases), sum(case.stored for case in cases), sum(case.failed for case in cases))
-    state = "running" if who else "unfinished" if not is_finished else "damaged" if damaged else "finished"
-    other = difference(manifest, environment())
-    why = f"was computed {other}; it goes on with that, or again with --fresh" if other else ""
-    lost, died = tuple(manifest.get("lost", ())), manifest.get("workers_died", 0)
-    return Status(str(folder), state, who, *sums, cases, tuple(damaged), lost, died, why)
+
+
+def _case_statuses(
+    folder: Path, manifest: Mapping[str, Any], is_finished: bool, damaged: list[str]
+) -> tuple[CaseStatus, ...]:
+    """Return the progress of every case; damaged blocks are added to `damaged`."""
+    finished = _finished_runs(folder) if is_finished else {}
+    are_blocks_removed = is_finished and bool(manifest.get("blocks_removed"))
+    statuses = []
+    for case, label in manifest.get("asked_cases", {}).items():
+        required_runs = manifest.get("asked_runs_of", {}).get(case, manifest.get("asked_runs", 0))
+        if case in finished:
+            required_runs, failed = finished[case]
+            if are_blocks_removed:
+                statuses.append(CaseStatus(case, label, required_runs, required_runs, failed))
+                continue
+        statuses.append(_case(folder, manifest, case, label, required_runs, damaged))
+    return tuple(statuses)
 
 
 def _case(
