@@ -1,1 +1,1 @@
-"""From a campaign file to stored runs. Folders: `syntax`, `definition`, `reading`, `running`; `derived_cards.py`."""
+"""Campaigns: reading of the files, cases, runs, searches over designs, design spaces."""

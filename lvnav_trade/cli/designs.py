@@ -1,4 +1,4 @@
-"""The verb of designs: cases."""
+"""Verb that lists cases and designs: cases."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Verbs of recorded data: fit-unit, process-log."""
+"""Verbs for recorded data: fit-unit, process-log."""
 
 import json
 import math

@@ -1,1 +1,1 @@
-"""One frozen model of a case, the rules between its parts, and the filter models that follow from it."""
+"""Scenario of a case, the rules between its settings, and the filter models that follow from it."""

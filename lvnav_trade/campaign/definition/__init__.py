@@ -1,1 +1,1 @@
-"""What a campaign is: its schema, axes and cases, published numbers, corridor. Read `schema.py` first."""
+"""Definition of a campaign: schema, axes and cases, published numbers, corridor. Read `schema.py` first."""

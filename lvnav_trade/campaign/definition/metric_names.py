@@ -1,4 +1,4 @@
-"""The metrics that a campaign can name, and the evidence for sensors, both by the registrations of the families."""
+"""Names of the metrics that a campaign can use, and the evidence for sensor models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The campaign: a base scenario, axes to vary, runs, seed, what to keep, requirements."""
+"""Schema of a campaign: base scenario, axes to vary, runs, seed, stored data, requirements."""
 
 import math
 import re
@@ -313,7 +313,7 @@ class Campaign(units.Card):
     indices: Indices | None = Field(None, description="global sensitivity, computed by lvnav-trade indices")
     tune: Tune | None = Field(None, description="tuning of a filter by lvnav-trade tune")
     _written: SourceTree = PrivateAttr(default_factory=SourceTree)  # place where each value is written
-    _by_rule: "ByRule" = PrivateAttr(default_factory=lambda: ByRule())  # how many designs are stated
+    _by_rule: "ByRule" = PrivateAttr(default_factory=lambda: ByRule())  # definition of a design space
 
     @property
     def written(self) -> SourceTree:

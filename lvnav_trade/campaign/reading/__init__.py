@@ -1,1 +1,1 @@
-"""From files to a checked campaign or study: cards, overrides, sets, checks, input errors. Read `load.py` first."""
+"""Reading of campaigns and studies: cards, overrides, sets, checks, input errors. Read `load.py` first."""

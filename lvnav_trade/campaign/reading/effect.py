@@ -194,7 +194,7 @@ class Effects:
         self.roots = [*_roots(campaign)]
 
     def next(self, known: Mapping[str, EffectiveSettings | None]) -> Case | None:
-        """Return the case to prepare next: the one with most settings not yet known to have an effect.
+        """Return the case to prepare next: the case with most settings that have shown no effect yet.
 
         None if no further case can show an effect. known : effective settings by digest of the prepared cases.
         """

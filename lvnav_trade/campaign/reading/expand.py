@@ -200,7 +200,7 @@ class RequirementSet(Card):
     """Requirements that belong together, such as those of one mission."""
 
     name: str
-    source: str  # document in which they are stated
+    source: str  # document that defines them
     requirements: tuple[Requirement, ...] = Field(min_length=1)
 
 

@@ -216,7 +216,7 @@ def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
 def _with_attitude(guessed: list[guesses.Guess], settings: dict[str, Any]) -> list[guesses.Guess]:
     """Return the guesses with the best interpretation of attitude columns, or without attitude if none is valid.
 
-    Of all interpretations the one is chosen in which the body x axis is closest to the specific force, because a launch
+    The best interpretation is that in which the body x axis is closest to the specific force, because a launch
     vehicle thrusts along its x axis.
     """
     completed = []

@@ -83,7 +83,7 @@ class Cell(Card):
 
 
 class PrintedTable(Card):
-    """A table of the publication, in its own layout: each cell is shown with ours and their ratio beside it."""
+    """A table of the publication, in its own layout: each cell is shown with our number and their ratio."""
 
     title: str = Field(description="of the table, as the page has it")
     head: str = Field("", description="heading of the first column, which has the names of the rows")

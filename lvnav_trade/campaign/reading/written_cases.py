@@ -1,4 +1,4 @@
-"""Cases of a campaign as they are written in its files, and one case as a campaign of its own."""
+"""Cases of a campaign as they are written in its files, and a single case as a campaign."""
 
 from collections.abc import Sequence
 

@@ -66,7 +66,7 @@ def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
 def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine) -> None:
     """Refuse settings that the campaign gives and no case reads.
 
-    Cases are prepared one after the other until every setting has been read in at least one of them.
+    Cases are prepared one after the other until every setting has been read in at least one case.
     """
     effects = Effects(campaign, distinct_cases)
     effective_settings: dict[str, EffectiveSettings | None] = {}

@@ -147,7 +147,7 @@ class _Run:
         self.cases = [case for case in self.cases if case.id in case_ids]
 
     def _open_results(self, store: Store, mode: Mode) -> None:
-        """Open the folder of results; this process holds its lock."""
+        """Open the folder of results; this process has its lock."""
         if mode == "fresh":
             self._remove_scratch()
         content = manifest(self.campaign, self.cases)

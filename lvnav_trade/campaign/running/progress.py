@@ -1,4 +1,4 @@
-"""Progress on standard error: a bar with the time left on a terminal, plain lines with the time of day elsewhere."""
+"""Progress on standard error: a bar with the remaining time on a terminal, lines with the time of day elsewhere."""
 
 import os
 import sys

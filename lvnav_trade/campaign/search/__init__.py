@@ -1,1 +1,1 @@
-"""Searches over designs by linear covariance: inverse questions, sensitivity, tuning. Read `point.py` first."""
+"""Searches over designs by linear covariance: inverse problems, sensitivity, tuning. Read `point.py` first."""

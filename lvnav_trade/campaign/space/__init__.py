@@ -1,1 +1,1 @@
-"""Campaigns of many designs: one row each by linear covariance, and which of them are analysed whole."""
+"""Design spaces: many designs with one row each by linear covariance, and a full analysis of a selection of them."""

@@ -1,4 +1,4 @@
-"""What many designs take in time, disk and memory, and which of them are analysed whole."""
+"""Time, disk and memory of a design space, and selection of the designs for a full analysis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Designs of a design space by number; their scenarios are created where they are evaluated."""
+"""Designs of a design space by number; their scenarios are created by the worker that evaluates them."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Files and places: YAML with positions, where cards are, what fields the settings have. Read `tree.py` first."""
+"""YAML trees with positions, lookup of cards, fields of the settings models. Read `tree.py` first."""

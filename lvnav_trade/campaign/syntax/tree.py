@@ -1,4 +1,4 @@
-"""Reading of YAML with positions: every value has the file, line and column where it is written."""
+"""Reading of YAML with positions: every value has its file, line and column."""
 
 import difflib
 import io
