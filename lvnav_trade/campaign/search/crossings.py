@@ -1,7 +1,7 @@
 """Values of a variable at which several ratios are at most 1, from a grid and the crossings between its values."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -52,47 +52,61 @@ def search(
         return cache[value]
 
     def excess(value: float) -> float:
-        """Logarithm of the largest ratio: above 0 if the value is not permitted, NaN if it is not possible."""
-        ratios = list(ratios_at(value).values())
-        if not ratios or np.isnan(ratios).any() or max(ratios) <= 0.0:
-            return math.nan
-        return math.log(max(ratios))
+        return _excess(ratios_at(value))
 
-    grid_values, excesses = [], []
-    for value in map(float, grid):
-        value_excess = excess(value)
-        if not math.isnan(value_excess):
-            grid_values.append(value)
-            excesses.append(value_excess)
-    if not grid_values:
+    possible_values = [value for value in map(float, grid) if not math.isnan(excess(value))]
+    if not possible_values:
         return PermittedValues((), math.nan, "", True)
-    intervals: list[tuple[float, float]] = []
-    is_permitted = [value_excess <= 0.0 for value_excess in excesses]
-    begin = grid_values[0]
-    first_beyond = math.nan  # grid value after the end of the last interval; NaN if there is none
-    for k, (low, high) in enumerate(pairwise(grid_values)):
-        if is_permitted[k] == is_permitted[k + 1]:
-            continue
-        if refine:
-            crossing = _crossing(excess, low, high, log)
-        else:
-            crossing = low if is_permitted[k] else high
-        if is_permitted[k]:
-            intervals.append((begin, crossing))
-            first_beyond = high
-        else:
-            begin = crossing
-    if is_permitted[-1]:
-        intervals.append((begin, grid_values[-1]))
-        first_beyond = math.nan
+    crossings = []  # between neighbours on different sides of 1: first value beyond the crossing, and the crossing
+    for low, high in pairwise(possible_values):
+        is_low_permitted, is_high_permitted = excess(low) <= 0.0, excess(high) <= 0.0
+        if is_low_permitted != is_high_permitted:
+            if refine:
+                crossing = _crossing(excess, low, high, log)
+            else:
+                crossing = low if is_low_permitted else high
+            crossings.append((high, crossing))
+    first, last = possible_values[0], possible_values[-1]
+    intervals, first_beyond = _intervals(first, last, crossings, excess(first) <= 0.0)
     if not intervals:
-        return PermittedValues((), math.nan, _largest(ratios_at(grid_values[0])), True)
+        return PermittedValues((), math.nan, _largest(ratios_at(first)), True)
     answer = intervals[-1][1]
     limiting = ""
     if not math.isnan(first_beyond):
         limiting = _largest(ratios_at(_nearest(cache, answer) if refine else first_beyond))
-    is_monotone = len(intervals) == 1 and intervals[0][0] == grid_values[0]
+    is_monotone = len(intervals) == 1 and intervals[0][0] == first
     return PermittedValues(tuple(intervals), answer, limiting, is_monotone)
+
+
+def _excess(ratios: Mapping[str, float]) -> float:
+    """Return the logarithm of the largest ratio: above 0 if the value is not permitted, NaN if it is not possible."""
+    values = list(ratios.values())
+    if not values or np.isnan(values).any() or max(values) <= 0.0:
+        return math.nan
+    return math.log(max(values))
+
+
+def _intervals(
+    first: float, last: float, crossings: Sequence[tuple[float, float]], is_first_permitted: bool
+) -> tuple[list[tuple[float, float]], float]:
+    """Return the permitted intervals between the first and the last value, which begin and end at the crossings.
+
+    Also returned is the grid value after the end of the last interval; NaN if this ends at the last value.
+    """
+    intervals = []
+    begin, is_permitted = first, is_first_permitted
+    first_beyond = math.nan
+    for next_value, crossing in crossings:
+        if is_permitted:
+            intervals.append((begin, crossing))
+            first_beyond = next_value
+        else:
+            begin = crossing
+        is_permitted = not is_permitted
+    if is_permitted:
+        intervals.append((begin, last))
+        first_beyond = math.nan
+    return intervals, first_beyond
 
 
 def _crossing(excess: Callable[[float], float], low: float, high: float, log: bool) -> float:

@@ -1,6 +1,7 @@
 """Search for the case of a campaign that meets the requirements with the smallest total, such as mass."""
 
 import time
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,36 +62,41 @@ def least(campaign: Campaign, problem: Solve, jobs: int = 1) -> LeastTotal:
         if not np.isfinite(total.get(column, np.nan)):
             raise InputError(f"solve.least: {problem.least}: no device of the case {case.label} states it (resources)")
     ratios = list(each(jobs, _ratio, [(campaign, case, problem) for case in all_cases], ordered=True))
-    rows = []
-    for case, total, (ratio, limiting_requirement, remark) in zip(all_cases, totals, ratios, strict=True):
-        row = {
-            "case": case.label,
-            "chosen": False,
-            **total,
-            "error_ratio": ratio,
-            "limiting_requirement": limiting_requirement,
-            "meets": ratio <= 1.0,
-            "remark": remark,
-        }
-        rows.append(row)
+    rows = [_row(case, total, *ratio) for case, total, ratio in zip(all_cases, totals, ratios, strict=True)]
     table = pd.DataFrame(rows, columns=COLUMNS).sort_values(column, kind="stable")
-    confirmed = []
     meeting = np.flatnonzero(table.meets)
+    checked_cases: list[Case] = []
     if len(meeting):
         best = int(meeting[0])
         table.loc[table.index[best], "chosen"] = True
         # Runs check the chosen case, and the case with the next smaller total, which should not meet the requirements.
-        if campaign.monte_carlo and campaign.monte_carlo.runs:
-            checked_cases = [all_cases[number] for number in table.index[max(0, best - 1) : best + 1]]
-            items = [(campaign, case, problem, campaign.monte_carlo.runs) for case in checked_cases]
-            for confirmation in each(jobs, _confirm, items, ordered=True):
-                confirmed += confirmation
+        checked_cases = [all_cases[number] for number in table.index[max(0, best - 1) : best + 1]]
+    runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
+    items = [(campaign, case, problem, runs) for case in checked_cases if runs]
+    confirmed: list[tuple[Any, ...]] = []
+    for confirmation in each(jobs, _confirm, items, ordered=True):
+        confirmed += confirmation
     return LeastTotal(
         answers=table.reset_index(drop=True),
         confirmed=pd.DataFrame(confirmed, columns=CONFIRMED),
         least=column,
         seconds=time.monotonic() - begun,
     )
+
+
+def _row(
+    case: Case, total: Mapping[str, float], error_ratio: float, limiting_requirement: str, remark: str
+) -> dict[str, Any]:
+    """Return a row of `COLUMNS`."""
+    return {
+        "case": case.label,
+        "chosen": False,
+        **total,
+        "error_ratio": error_ratio,
+        "limiting_requirement": limiting_requirement,
+        "meets": error_ratio <= 1.0,
+        "remark": remark,
+    }
 
 
 def _ratio(campaign: Campaign, case: Case, problem: Solve) -> tuple[float, str, str]:

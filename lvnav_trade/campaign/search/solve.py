@@ -102,8 +102,9 @@ def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
     start = time.monotonic()
     check_names(campaign, problem.meet)
     all_cases = cases(campaign)
-    problem = problem.model_copy(update={"vary": tuple(_whole_numbers(vary, all_cases[0]) for vary in problem.vary)})
-    spans = [span(vary) for vary in problem.vary]
+    variations = tuple(_whole_numbers(vary, all_cases[0]) for vary in problem.vary)
+    problem = problem.model_copy(update={"vary": variations})
+    spans = [span(vary) for vary in variations]
     tunings = [RETUNED] if problem.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
     second_values: list[str | None] = [None]
     if len(spans) > 1:
@@ -121,11 +122,9 @@ def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
         interval_rows += intervals
         scanned_rows += scanned
     answers = pd.DataFrame(answer_rows, columns=ANSWERS)
-    confirmed = []
-    if campaign.monte_carlo and campaign.monte_carlo.runs and len(spans) == 1:
-        items = _confirmation_items(campaign, problem, all_cases, answers)
-        for rows in each(jobs, _confirm, items, ordered=True):
-            confirmed += rows
+    confirmed: list[tuple[Any, ...]] = []
+    for rows in each(jobs, _confirm, _confirmation_items(campaign, problem, all_cases, answers), ordered=True):
+        confirmed += rows
     return InverseSolution(
         answers=answers,
         intervals=pd.DataFrame(interval_rows, columns=INTERVALS),
@@ -140,8 +139,10 @@ def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
 def _confirmation_items(
     campaign: Campaign, problem: Solve, all_cases: Sequence[Case], answers: pd.DataFrame
 ) -> list[tuple[Any, ...]]:
-    """Return the arguments of `_confirm` for every solution that a requirement limits."""
+    """Return the arguments of `_confirm` for every solution that a requirement limits, if runs confirm solutions."""
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
+    if not runs or len(problem.vary) > 1:
+        return []
     items = []
     for answer in answers.itertuples():
         if not np.isfinite(answer.answer) or not answer.limiting_requirement:

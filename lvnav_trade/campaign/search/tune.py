@@ -98,12 +98,8 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
         return scores[key]
 
     x0 = [_position(starts[path], ends) for path, ends in spans.items()]
-    options = {
-        "maxfev": settings.evaluations,
-        "xatol": 5e-3,
-        "fatol": 1e-3,
-        "initial_simplex": _initial_simplex(x0),
-    }
+    simplex = _initial_simplex(x0)
+    options = {"maxfev": settings.evaluations, "xatol": 5e-3, "fatol": 1e-3, "initial_simplex": simplex}
     bounds = [(0.0, 1.0)] * len(x0)
     best = optimize.minimize(goal, x0, method="Nelder-Mead", bounds=bounds, options=options)
     tuned_values = _values_at(spans, best.x)
