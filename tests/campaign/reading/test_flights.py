@@ -27,7 +27,7 @@ def warned(*sets: str) -> list[str]:
 
 
 def test_a_sensor_that_some_cases_use_is_a_warning(study, monkeypatch) -> None:
-    monkeypatch.setattr(switched, "_unable", lambda *_: iter(()))  # the study's vehicle does not reach its orbit
+    monkeypatch.setattr(switched, "_never_able", lambda *_: iter(()))  # the study's vehicle does not reach its orbit
     study.append("axes:\n  - {path: filter, cards: [filters/near, filters/low]}\n")
     study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
     study.write("configs/filters/low.yaml", "name: low\nsource: test\nmeasurements: [position, velocity, altitude]\n")
@@ -71,7 +71,7 @@ def _fly(monkeypatch, tracked):
     course = FlightProfile({"start": -60.0, "end": 560.0, **EVENTS})
     flight = SimpleNamespace(course=course, start=-60.0, end=560.0)
     monkeypatch.setattr(switched, "trajectory_of", lambda _: flight)
-    monkeypatch.setattr(switched, "_unable", lambda *_: iter(()))
+    monkeypatch.setattr(switched, "_never_able", lambda *_: iter(()))
     monkeypatch.setattr(switched, "seen_in", _sky(tracked))
 
 
