@@ -49,12 +49,13 @@ def entering_errors(
     Errors that are zero or enter no measurement are omitted.
     """
     n_epoch = len(failed.jump)
-    of_receiver = (
-        _entering(error, geometry, channels)
-        for error in receiver_errors(scenario, channels)
-        if error.sigma > 0.0 and error.labels
-    )
-    return (*of_receiver, *_of_sensors(devices, channels, n_epoch), *_wild(failed, channels))
+    errors = []
+    for error in receiver_errors(scenario, channels):
+        if error.sigma > 0.0 and error.labels:
+            errors.append(_entering_error(error, geometry, channels))
+    errors += _sensor_errors(devices, channels, n_epoch)
+    errors += _wild_samples(failed, channels)
+    return tuple(errors)
 
 
 def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
@@ -71,7 +72,7 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
     if _labels("ambiguity", channels):
         errors.append(_error("carrier ambiguity", "ambiguity", receiver.carrier_ambiguity, channels))
     if _labels("range_rate_offset", channels):
-        errors += _of_rates(receiver, channels)
+        errors += _rate_errors(receiver, channels)
     if _labels("timing", channels):
         errors.append(_error("latency error", "timing", receiver.latency_error, channels))
         errors.append(_error("latency jitter", "timing", receiver.latency_sigma, channels, 0.0, state=""))
@@ -79,12 +80,12 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
         if _labels(axis, channels):
             errors.append(_error("lever arm", axis, receiver.lever_error, channels, state=""))
     if solution is not None and _labels("position_bias", channels):
-        errors.append(_of_solution("position", solution, channels))
-    errors += _of_air(scenario, channels)
+        errors.append(_solution_bias("position", solution, channels))
+    errors += _atmosphere_errors(scenario, channels)
     for part in parts_of(scenario.constellation):
-        errors += _of_satellites(part, channels)
+        errors += _satellite_errors(part, channels)
     if solution is not None and _labels("velocity_bias", channels):
-        errors.append(_of_solution("velocity", solution, channels))
+        errors.append(_solution_bias("velocity", solution, channels))
     return errors
 
 
@@ -101,7 +102,7 @@ def _error(
     return CorrelatedError(source, kind, sigma, "", time_constant, _labels(kind, channels), state=state)
 
 
-def _of_rates(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedError]:
+def _rate_errors(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedError]:
     """Return the errors that all range rates have in common, in addition to the clock drift."""
     kind, time = "range_rate_offset", receiver.range_rate_instability_time
     return [
@@ -110,18 +111,23 @@ def _of_rates(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedErro
     ]
 
 
-def _of_solution(quantity: str, solution: DirectSolution, channels: Channels) -> CorrelatedError:
+def _solution_bias(quantity: str, solution: DirectSolution, channels: Channels) -> CorrelatedError:
     kind = f"{quantity}_bias"
     return _error(f"solution {quantity} bias", kind, getattr(solution, kind), channels, solution.bias_time)
 
 
-def _of_air(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
+def _atmosphere_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
     """Return the scale-factor errors of the atmospheric delays; with two frequencies none of the ionosphere."""
     errors = []
-    for layer in ("troposphere_scale",) if scenario.receiver.is_dual else ("troposphere_scale", "ionosphere_scale"):
+    atmosphere = scenario.atmosphere
+    layers = ["troposphere_scale"]
+    if not scenario.receiver.is_dual:
+        layers.append("ionosphere_scale")
+    for layer in layers:
         if _labels(layer, channels):
-            sigma, time = (getattr(scenario.atmosphere, name) for name in (layer, f"{layer}_time"))
-            errors.append(_error(layer.replace("_", " "), layer, sigma, channels, time or math.inf))
+            sigma = getattr(atmosphere, layer)
+            time_constant = getattr(atmosphere, f"{layer}_time") or math.inf
+            errors.append(_error(layer.replace("_", " "), layer, sigma, channels, time_constant))
     return errors
 
 
@@ -132,54 +138,73 @@ def letters(part: Part) -> tuple[str, ...]:
     return (LETTERS[part.system],)
 
 
-def _of_satellites(part: Part, channels: Channels) -> list[CorrelatedError]:
+def _satellite_errors(part: Part, channels: Channels) -> list[CorrelatedError]:
     """Return the residual error of each satellite and the time offset of each system of a part of a constellation."""
-    systems = letters(part)
+    part_systems = letters(part)
+    system_of = dict(zip(channels.satellites, channels.systems, strict=True))
     errors = []
-    owner = dict(zip(channels.satellites, channels.systems, strict=True))
-    if labels := _labels("range_bias", channels):
-        satellites = tuple(label for label in labels if owner[label] in systems)
-        time = part.range_error_time or math.inf
-        name = "satellite clock and ephemeris"
-        errors.append(CorrelatedError(name, "range_bias", part.range_error, "", time, satellites, state="range_bias"))
-    if labels := _labels("time_offset", channels):
-        offsets = tuple(label for label in labels if label in systems)
-        time = part.time_offset_time or math.inf
-        name = "system time offset"
-        errors.append(CorrelatedError(name, "time_offset", part.time_offset, "", time, offsets, state="time_offset"))
+    ranged = _labels("range_bias", channels)
+    if ranged:
+        error = CorrelatedError(
+            "satellite clock and ephemeris",
+            "range_bias",
+            part.range_error,
+            "",
+            part.range_error_time or math.inf,
+            labels=tuple(satellite for satellite in ranged if system_of[satellite] in part_systems),
+            state="range_bias",
+        )
+        errors.append(error)
+    offset = _labels("time_offset", channels)
+    if offset:
+        error = CorrelatedError(
+            "system time offset",
+            "time_offset",
+            part.time_offset,
+            "",
+            part.time_offset_time or math.inf,
+            labels=tuple(system for system in offset if system in part_systems),
+            state="time_offset",
+        )
+        errors.append(error)
     return errors
 
 
-def _entering(error: CorrelatedError, geometry: MeasurementGeometry, channels: Channels) -> EnteringError:
+def _entering_error(error: CorrelatedError, geometry: MeasurementGeometry, channels: Channels) -> EnteringError:
     """Return an error of the receiver's measurements with the channels that its components enter, by its kind."""
-    labels, member = members(error.kind, channels)
+    labels, label_number = members(error.kind, channels)
+    # the error may have components for some of the labels of its kind only
     component = [error.labels.index(label) if label in error.labels else -1 for label in labels]
-    member = np.array([component[m] if m >= 0 else -1 for m in member.tolist()], dtype=np.int64)
-    entering = partial(error.kind, geometry, channels)
-    for phase in PHASES if error.source == MULTIPATH else ():
-        if phase in channels.further:
-            entering[:, channels.of(phase)] = 0.0
-    return EnteringError(error, member, entering)
+    member = [component[number] if number >= 0 else -1 for number in label_number.tolist()]
+    partials = partial(error.kind, geometry, channels)
+    if error.source == MULTIPATH:
+        for phase in PHASES:
+            if phase in channels.further:
+                partials[:, channels.of(phase)] = 0.0
+    return EnteringError(error, np.array(member, dtype=np.int64), partials)
 
 
-def _of_sensors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> list[EnteringError]:
+def _sensor_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> list[EnteringError]:
     """Return the correlated errors of the sensors other than the receiver, one error per label."""
     errors = []
-    for at, device in zip(channels.first, devices, strict=True):
-        scalars = slice(at, at + len(device.channels.labels))
+    for first, device in zip(channels.first, devices, strict=True):
+        scalars = slice(first, first + len(device.channels.labels))
         states = device.card.model.states
         for error, by_label in device.lasting:
+            if error.sigma <= 0.0:
+                continue
             state = states[error.field].name if error.field in states else ""
-            for k, label in enumerate(error.labels if error.sigma > 0.0 else ()):
-                member = np.full(channels.n_channel, -1, dtype=np.int64)
+            for k, label in enumerate(error.labels):
                 partials = np.zeros((n_epoch, channels.n_channel))
                 partials[:, scalars] = by_label[:, :, k]
-                member[scalars] = np.where(np.any(partials[:, scalars] != 0.0, axis=0), 0, -1)
+                enters = np.any(partials[:, scalars] != 0.0, axis=0)
+                member = np.full(channels.n_channel, -1, dtype=np.int64)
+                member[scalars] = np.where(enters, 0, -1)
                 errors.append(EnteringError(error._replace(labels=(label,), state=state), member, partials))
     return errors
 
 
-def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
+def _wild_samples(failed: Failures, channels: Channels) -> list[EnteringError]:
     """Return the wild samples of a fault: an error of each range or axis that is independent from epoch to epoch."""
     partials = np.zeros((len(failed.jump), channels.n_channel))
     if channels.tight:
@@ -191,9 +216,13 @@ def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
         return []
     member = np.full(channels.n_channel, -1, dtype=np.int64)
     member[hit] = range(hit.size)
-    n_kind = len(channels.observables)
-    labels = tuple(channels.satellites[c // n_kind] if channels.tight else "xyz"[c] for c in hit.tolist())
-    return [EnteringError(CorrelatedError("wild samples", "wild", 1.0, "", 0.0, labels), member, partials)]
+    if channels.tight:
+        n_kind = len(channels.observables)
+        labels = tuple(channels.satellites[channel // n_kind] for channel in hit.tolist())
+    else:
+        labels = tuple("xyz"[channel] for channel in hit.tolist())
+    error = CorrelatedError("wild samples", "wild", 1.0, "", time_constant=0.0, labels=labels)
+    return [EnteringError(error, member, partials)]
 
 
 def shared_of(
@@ -212,28 +241,36 @@ def shared_of(
     shape
         (n_epoch, n_channel).
     """
-    n_channel = shape[1]
     errors = [item.error for item in entering]
-    labelled = [(error, label) for error in errors for label in error.labels]
-    stand = [[number for _, number in states_modelling(layout.extras, error.state, label)] for error, label in labelled]
     counts = np.array([len(error.labels) for error in errors], dtype=np.int64)
+    # components by family: the first component of family k has the index first[k]
     first = np.cumsum(counts) - counts
+    member = np.empty((len(errors), shape[1]), dtype=np.int64)
+    partials = np.empty((len(errors), *shape))
+    for family, item in enumerate(entering):
+        member[family] = np.where(item.member >= 0, first[family] + item.member, -1)
+        partials[family] = item.partial
     sigma = np.array([error.sigma for error in errors], dtype=float)
-    times = [error.time_constant for error in errors]
-    factor = np.array([math.exp(-interval / time) if time > 0.0 else 0.0 for time in times], dtype=float)
+    decay = np.zeros(len(errors))
+    for family, error in enumerate(errors):
+        if error.time_constant > 0.0:
+            decay[family] = math.exp(-interval / error.time_constant)
+    components = [(error, label) for error in errors for label in error.labels]
+    state_numbers = []
+    for error, label in components:
+        modelling = states_modelling(layout.extras, error.state, label)
+        state_numbers.append([number for _, number in modelling])
+    pairs = [(component, number) for component, numbers in enumerate(state_numbers) for number in numbers]
     return CorrelatedErrors(
-        member=np.array(
-            [np.where(item.member >= 0, at + item.member, -1) for item, at in zip(entering, first, strict=True)],
-            dtype=np.int64,
-        ).reshape(-1, n_channel),
-        partial=np.array([np.broadcast_to(item.partial, shape) for item in entering]).reshape(-1, *shape),
+        member=member,
+        partial=partials,
         start=np.repeat(sigma, counts),
-        decay=np.repeat(factor, counts),
-        walk=np.repeat(sigma * np.sqrt(1.0 - factor * factor), counts),
-        sources=np.array([source_word(f"{error.source} {error.kind}") for error, _ in labelled], dtype=np.uint64),
-        satellites=np.array([source_word(label) if label else 0 for _, label in labelled], dtype=np.uint64),
-        extra=np.array([numbers[0] if numbers else -1 for numbers in stand], dtype=np.int64),
-        error_of=np.array([m for m, numbers in enumerate(stand) for _ in numbers], dtype=np.int64),
-        state_of=np.array([number for numbers in stand for number in numbers], dtype=np.int64),
-        given=np.array([error.kind == RECORDED for error, _ in labelled], dtype=np.bool_),
+        decay=np.repeat(decay, counts),
+        walk=np.repeat(sigma * np.sqrt(1.0 - decay * decay), counts),
+        sources=np.array([source_word(f"{error.source} {error.kind}") for error, _ in components], dtype=np.uint64),
+        satellites=np.array([source_word(label) if label else 0 for _, label in components], dtype=np.uint64),
+        extra=np.array([numbers[0] if numbers else -1 for numbers in state_numbers], dtype=np.int64),
+        error_of=np.array([component for component, _ in pairs], dtype=np.int64),
+        state_of=np.array([number for _, number in pairs], dtype=np.int64),
+        given=np.array([error.kind == RECORDED for error, _ in components], dtype=np.bool_),
     )

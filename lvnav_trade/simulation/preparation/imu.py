@@ -62,7 +62,8 @@ def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueI
     terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, course, flight.devices, layout)
     profiles = profiles_of(scenario.imu, scenario.faults, course)
-    units = redundant_of(scenario.imu, units, ref, profiles, hand_over_tick(scenario.imu, ref, course))
+    hand_over = hand_over_tick(scenario.imu, ref, course)
+    units = redundant_of(scenario.imu, units, ref, profiles, hand_over)
     return TrueImu(terms, unit_of(scenario, ref, terms, course, units), units)
 
 
@@ -70,28 +71,34 @@ def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile
     """Return the first tick after the hand-over of a prime IMU that is stated by its time; -1 without."""
     if isinstance(card, ImuCard) or card.hand_over is None:
         return -1
-    return math.ceil((course.time(card.hand_over, "imu.hand_over") - ref.t[0]) * card.rate - _ROUNDING)
+    seconds = course.time(card.hand_over, "imu.hand_over") - ref.t[0]
+    return math.ceil(seconds * card.rate - _ROUNDING)
 
 
 def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: FlightProfile) -> list[Profile]:
     """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step."""
+    if isinstance(card, ImuCard):
+        owners = [0]
+        units: Sequence[ImuCard] = (card,)
+    else:
+        owners = [triad.unit for triad in triads_of(card)]
+        units = card.units
     profiles: list[Profile] = []
-    owners = [0] if isinstance(card, ImuCard) else [triad.unit for triad in triads_of(card)]
-    for triad, number in enumerate(owners):
-        unit = card if isinstance(card, ImuCard) else card.units[number]
+    for triad, owner in enumerate(owners):
+        unit = units[owner]
         for sensor, ramp in ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature)):
             if ramp is not None:
                 profiles.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
     for number, fault in enumerate(faults):
         if isinstance(fault, GyroBiasStep | AccelBiasStep | GyroScaleFactorStep | AccelScaleFactorStep):
-            kind, driver = _STEPS[fault.kind]
-            sensor = 2 * owners.index(fault.unit - 1) + kind
+            sensor, driver = _STEPS[fault.kind]
+            code = 2 * owners.index(fault.unit - 1) + sensor
             x, y, z = fault.size
             for start, end in periods(number, fault, course):
                 begin = start if math.isfinite(start) else course.begin(start) - STEP
-                profiles.append((sensor, driver, begin, begin + STEP, (x, y, z)))
+                profiles.append((code, driver, begin, begin + STEP, (x, y, z)))
                 if math.isfinite(end):
-                    profiles.append((sensor, driver, end, end + STEP, (-x, -y, -z)))
+                    profiles.append((code, driver, end, end + STEP, (-x, -y, -z)))
     return profiles
 
 
@@ -115,17 +122,9 @@ def unit_of(
     dt = 1.0 / card.rate
     process_ticks = max(1, round(card.rate / card.process_rate))
     step = process_ticks * dt
-    decay = np.array([math.exp(-step / b.time_constant) for b in terms])
-    walk = np.array(
-        [
-            [
-                math.hypot(w * math.sqrt(step), s * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
-                for w, s in zip(axes(b.walk), axes(b.sigma), strict=True)
-            ]
-            for b in terms
-        ]
-    ).reshape(-1, 3)
+    walk = np.array([_step_noise(term, step) for term in terms]).reshape(-1, 3)
     profiles = profiles_of(card, scenario.faults, course)
+    drivers = [term.driver for term in inertial] + [driver for _, driver, _, _, _ in profiles]
     if units is None:
         sensed = arriving(ref, equivalent_card, scenario.faults, course)
         dtheta, dvel = elements(sensed, equivalent_card, np.eye(3), 0, scenario.faults, course, ref.t[1:])
@@ -134,23 +133,33 @@ def unit_of(
     return ImuTruth(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
-        biases_only=all(b.driver == CONSTANT for b in inertial) and all(p[1] == CONSTANT for p in profiles),
+        biases_only=all(driver == CONSTANT for driver in drivers),
         dtheta=dtheta,
         dvel=dvel,
         white=white_of(equivalent_card, dt),
         process_ticks=process_ticks,
         drifting=bool(np.any(walk > 0.0)) or bool(profiles),
-        sigma=np.array([axes(b.sigma) for b in terms], dtype=float).reshape(-1, 3),
-        decay=decay,
+        sigma=np.array([axes(term.sigma) for term in terms], dtype=float).reshape(-1, 3),
+        decay=np.array([math.exp(-step / term.time_constant) for term in terms]),
         walk=walk,
-        sources=np.array([source_word(f"{b.name} {b.part}") for b in terms], dtype=np.uint64),
-        sensors=np.array([b.sensor for b in inertial], dtype=np.int64),
-        drivers=np.array([b.driver for b in inertial], dtype=np.int64),
-        profile_sensor=np.array([p[0] for p in profiles], dtype=np.int64),
-        profile_driver=np.array([p[1] for p in profiles], dtype=np.int64),
-        profile_start=np.array([p[2] for p in profiles], dtype=float),
-        profile_end=np.array([p[3] for p in profiles], dtype=float),
-        profile=np.array([p[4] for p in profiles], dtype=float).reshape(len(profiles), 3),
+        sources=np.array([source_word(f"{term.name} {term.part}") for term in terms], dtype=np.uint64),
+        sensors=np.array([term.sensor for term in inertial], dtype=np.int64),
+        drivers=np.array([term.driver for term in inertial], dtype=np.int64),
+        profile_sensor=np.array([sensor for sensor, _, _, _, _ in profiles], dtype=np.int64),
+        profile_driver=np.array([driver for _, driver, _, _, _ in profiles], dtype=np.int64),
+        profile_start=np.array([start for _, _, start, _, _ in profiles], dtype=float),
+        profile_end=np.array([end for _, _, _, end, _ in profiles], dtype=float),
+        profile=np.array([amplitude for _, _, _, _, amplitude in profiles], dtype=float).reshape(len(profiles), 3),
         gravity=len(inertial) if len(terms) > len(inertial) else -1,
         start=float(ref.t[0]),
     )
+
+
+def _step_noise(term: ErrorTerm, step: float) -> list[float]:
+    """Return the sigma by axis of the noise that drives an error term over a step (s).
+
+    A random walk grows by w sqrt(step). A Gauss-Markov process stays stationary with s sqrt(1 - exp(-2 step / T)).
+    """
+    share = math.sqrt(-math.expm1(-2.0 * step / term.time_constant))
+    pairs = zip(axes(term.walk), axes(term.sigma), strict=True)
+    return [math.hypot(walk * math.sqrt(step), sigma * share) for walk, sigma in pairs]

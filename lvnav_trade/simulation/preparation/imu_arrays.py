@@ -17,26 +17,26 @@ from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0
 from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.error_sources import IMU_NOISE
 from lvnav_trade.quantities.per_axis import axes
-from lvnav_trade.quantities.records import Floats, Reference
+from lvnav_trade.quantities.records import Bools, Floats, Reference
 from lvnav_trade.quantities.state_layout import RELATIVE, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.simulation.preparation.imu_inputs import ImuArray
 from lvnav_trade.simulation.preparation.sensors import Sensor
 
-_kept: OrderedDict[tuple[int, float | None, float], tuple[Floats, Floats]] = OrderedDict()
+_lagged_cache: OrderedDict[tuple[int, float | None, float], tuple[Floats, Floats]] = OrderedDict()
 _LAST = 4  # increments of two sensors of two trajectories
 
 
 def _lagged(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     """Return increments filtered by the bandwidth of a sensor; the last few are cached, since cases share them."""
     key = (id(increments), bandwidth, dt)
-    if key not in _kept:
+    if key not in _lagged_cache:
         filtered = np.ascontiguousarray(lag(increments, bandwidth, dt))
-        _kept[key] = increments, filtered  # keeping the increments alive keeps their id unique
-        while len(_kept) > _LAST:
-            _kept.popitem(last=False)
-    return _kept[key][1]
+        _lagged_cache[key] = increments, filtered  # keeping the increments alive keeps their id unique
+        while len(_lagged_cache) > _LAST:
+            _lagged_cache.popitem(last=False)
+    return _lagged_cache[key][1]
 
 
 def arriving(
@@ -64,21 +64,26 @@ def arriving(
     """
     dt = 1.0 / card.rate
     dvel = ref.dvel if beside is None else ref.dvel + beside
-    sensed = ((ref.dtheta, card.gyro.bandwidth), (dvel, card.accel.bandwidth))
-    out = [_lagged(increments, bandwidth, dt) for increments, bandwidth in sensed]
-    dropped = [
-        (fault, period)
-        for number, fault in enumerate(faults)
-        if isinstance(fault, DroppedSamples) and fault.unit == unit + 1
-        for period in periods(number, fault, course)
-    ]
-    if dropped:
-        out = [array.copy() for array in out]  # the reference is shared with other cases
+    dtheta_out = _lagged(ref.dtheta, card.gyro.bandwidth, dt)
+    dvel_out = _lagged(dvel, card.accel.bandwidth, dt)
+    dropped = []
+    for number, fault in enumerate(faults):
+        if isinstance(fault, DroppedSamples) and fault.unit == unit + 1:
+            dropped += [(fault, period) for period in periods(number, fault, course)]
+    if not dropped:
+        return [dtheta_out, dvel_out]
+    out = [dtheta_out.copy(), dvel_out.copy()]  # the originals are shared with other cases
     for fault, (start, end) in dropped:
-        lost = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
-        for array in out:
-            array[lost] = array[max(0, lost[0] - 1)] if lost.size and fault.instead == "last" else 0.0
+        lost = np.flatnonzero(_ticks_within(ref.t[1:], start, end))
+        for increments in out:
+            repeats = lost.size and fault.instead == "last"
+            increments[lost] = increments[max(0, lost[0] - 1)] if repeats else 0.0
     return out
+
+
+def _ticks_within(t: Floats, start: float, end: float) -> Bools:
+    """Return whether ticks that end at t (n,) s lie between two times (s), to rounding."""
+    return (t > start + 1e-9) & (t <= end + 1e-9)
 
 
 def elements(
@@ -110,13 +115,14 @@ def elements(
     """
     increments_out = []
     for name, increments, triad in zip(("gyro", "accelerometer"), sensed, (card.gyro, card.accel), strict=True):
-        dead = [
-            DeadElement(fault.axis - 1 - first, (t > start + 1e-9) & (t <= end + 1e-9), fault.output == "last")
-            for number, fault in enumerate(faults)
-            if isinstance(fault, DeadAxis) and fault.unit == unit + 1 and fault.sensor == name
-            if first < fault.axis <= first + len(axes)
-            for start, end in periods(number, fault, course)
-        ]
+        dead = []
+        for number, fault in enumerate(faults):
+            if not isinstance(fault, DeadAxis) or fault.unit != unit + 1 or fault.sensor != name:
+                continue
+            axis = fault.axis - 1 - first
+            if 0 <= axis < len(axes):
+                for start, end in periods(number, fault, course):
+                    dead.append(DeadElement(axis, _ticks_within(t, start, end), fault.output == "last"))
         limit = math.inf if triad.full_scale is None else triad.full_scale / card.rate
         increments_out.append(np.ascontiguousarray(put_out(increments, axes, limit, dead)))
     return increments_out
@@ -129,9 +135,10 @@ def swing(ref: Reference, lever: Floats) -> Floats:
     """
     dt = float(ref.t[1] - ref.t[0])
     rate = ref.w_ib_b
-    middle = ref.dtheta / dt
-    inward = [np.cross(w, np.cross(w, lever)) for w in (rate[:-1], middle, rate[1:])]
-    return np.asarray(np.cross(np.diff(rate, axis=0), lever) + dt / 6.0 * (inward[0] + 4.0 * inward[1] + inward[2]))
+    mean_rate = ref.dtheta / dt
+    first, middle, last = (np.cross(w, np.cross(w, lever)) for w in (rate[:-1], mean_rate, rate[1:]))
+    tangential = np.cross(np.diff(rate, axis=0), lever)
+    return np.asarray(tangential + dt / 6.0 * (first + 4.0 * middle + last))
 
 
 def units_of(
@@ -156,28 +163,23 @@ def units_of(
     if isinstance(card, ImuCard):
         return None
     dt = 1.0 / card.rate
+    n_tick = ref.dtheta.shape[0]
     triads = triads_of(card)
-    sensed = [
-        arriving(ref, unit, scenario.faults, course, number, swing(ref, np.array(unit.lever_arm)))
-        for number, unit in enumerate(card.units)
-    ]
-    owner = [triad.unit for triad in triads]
-    part = [owner[:k].count(unit) for k, unit in enumerate(owner)]
-    out = [
-        elements(
-            sensed[triad.unit],
-            card.units[triad.unit],
-            triad.frames[: triad.n_axis, 0],
-            3 * k,
-            scenario.faults,
-            course,
-            ref.t[1:],
-            triad.unit,
-        )
-        for triad, k in zip(triads, part, strict=True)
-    ]
-    keys = [keyed(f"{IMU_NOISE} {k}" if k else IMU_NOISE, unit) for unit, k in zip(owner, part, strict=True)]
-    lever = np.array([card.units[unit].lever_arm for unit in owner], dtype=float)
+    sensed = []
+    for number, unit in enumerate(card.units):
+        lever_arm_increments = swing(ref, np.array(unit.lever_arm))
+        sensed.append(arriving(ref, unit, scenario.faults, course, number, lever_arm_increments))
+    owners = [triad.unit for triad in triads]
+    out = []
+    keys = []
+    for index, triad in enumerate(triads):
+        number = triad.unit
+        part = owners[:index].count(number)  # number of the triad in its IMU
+        axes_b = triad.frames[: triad.n_axis, 0]
+        unit = card.units[number]
+        out.append(elements(sensed[number], unit, axes_b, 3 * part, scenario.faults, course, ref.t[1:], number))
+        keys.append(keyed(f"{IMU_NOISE} {part}" if part else IMU_NOISE, number))
+    lever = np.array([card.units[number].lever_arm for number in owners], dtype=float)
     return ImuArray(
         dtheta=np.array([increments[GYRO] for increments in out]),
         dvel=np.array([increments[ACCEL] for increments in out]),
@@ -186,33 +188,37 @@ def units_of(
         solved=np.array([[[triad.gyro, triad.accel] for triad in triads]]),
         noisy=np.ones((1, 2, 2, 3)),
         shift=np.zeros((1, 2, 3)),
-        stage=np.zeros(ref.dtheta.shape[0], dtype=np.int64),
-        flown=np.zeros(ref.dtheta.shape[0], dtype=np.int64),
+        stage=np.zeros(n_tick, dtype=np.int64),
+        flown=np.zeros(n_tick, dtype=np.int64),
         lever=lever * (card.lever_arms == "compensated"),
         noise_sources=np.array([source_word(key) for key in keys], dtype=np.uint64),
-        white=np.array([white_of(card.units[triad.unit], dt) for triad in triads]),
-        triads=np.array([block.triad for block in terms_of(card)], dtype=np.int64),
-        **_pairs(card, devices, layout),
+        white=np.array([white_of(card.units[number], dt) for number in owners]),
+        triads=np.array([term.triad for term in terms_of(card)], dtype=np.int64),
+        **_measured_differences(card, devices, layout),
     )
 
 
-def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> dict[str, Any]:
+def _measured_differences(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> dict[str, Any]:
     """Return the measured differences of two IMUs, by name of the field of `ImuArray`."""
     state = {extra.name: extra.offset for extra in layout.extras}
-    pairs: list[tuple[int, Floats, int]] = []
-    of = np.full(max(1, len(devices)), -1, dtype=np.int64)
+    pair_sensor: list[int] = []
+    pair_solved: list[list[Floats]] = []
+    pair_state: list[int] = []
+    pair_of = np.full(max(1, len(devices)), -1, dtype=np.int64)
     for number, device in enumerate(devices):
         if isinstance(device.card, ImuDifferenceCard):
             sensor = GYRO if device.card.unit == "rad" else ACCEL
             first, second = device.card.units
-            solved = np.array([columns[sensor] for columns in difference(card, first - 1, second - 1)])
-            of[number] = len(pairs)
-            pairs.append((sensor, solved, state.get(RELATIVE[device.card.measurement], -1)))
+            pair_of[number] = len(pair_sensor)
+            pair_sensor.append(sensor)
+            pair_solved.append([columns[sensor] for columns in difference(card, first - 1, second - 1)])
+            pair_state.append(state.get(RELATIVE[device.card.measurement], -1))
+    n_pair = len(pair_sensor)
     return {
-        "pair_sensor": np.array([sensor for sensor, _, _ in pairs], dtype=np.int64),
-        "pair_solved": np.array([solved for _, solved, _ in pairs]).reshape(len(pairs), len(triads_of(card)), 3, 3),
-        "pair_state": np.array([at for _, _, at in pairs], dtype=np.int64),
-        "pair_of": of,
+        "pair_sensor": np.array(pair_sensor, dtype=np.int64),
+        "pair_solved": np.array(pair_solved).reshape(n_pair, len(triads_of(card)), 3, 3),
+        "pair_state": np.array(pair_state, dtype=np.int64),
+        "pair_of": pair_of,
     }
 
 
@@ -229,23 +235,26 @@ def along_axes(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     """
     directions = units.frames[:, :, 0]
     angles = np.einsum("tcj,tnj->tnc", directions, units.dtheta)
-    angle = _solved(units, GYRO, angles)
+    angle = _combined(units, GYRO, angles)
     change = np.diff(angle, axis=0, prepend=angle[:1])
     # increment of a lever arm r over a tick: (change of w) x r + w x (w x r) dt
-    lever_arm_increment = [
-        (np.cross(change, lever) + np.cross(angle, np.cross(angle, lever))) / dt for lever in units.lever
-    ]
-    return angles, np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(lever_arm_increment))
+    lever_arm_increments = []
+    for lever in units.lever:
+        centripetal = np.cross(angle, np.cross(angle, lever))
+        lever_arm_increments.append((np.cross(change, lever) + centripetal) / dt)
+    velocities = np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(lever_arm_increments))
+    return angles, velocities
 
 
 def fused(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     """Return angle and velocity increments of the combined triad without errors, (n_imu, 3) each, body axes."""
-    combined = (_solved(units, k, along) for k, along in enumerate(along_axes(units, dt)))
-    angle, velocity = (np.ascontiguousarray(mean + units.shift[units.stage, k]) for k, mean in enumerate(combined))
-    return angle, velocity
+    angles, velocities = along_axes(units, dt)
+    angle = _combined(units, GYRO, angles) + units.shift[units.stage, GYRO]
+    velocity = _combined(units, ACCEL, velocities) + units.shift[units.stage, ACCEL]
+    return np.ascontiguousarray(angle), np.ascontiguousarray(velocity)
 
 
-def _solved(units: ImuArray, sensor: int, along: Floats) -> Floats:
+def _combined(units: ImuArray, sensor: int, along: Floats) -> Floats:
     """Return the combined increments (n_imu, 3) from increments along the sensing axes (n_triad, n_imu, 3)."""
     combined = np.einsum("tic,tnc->ni", units.solved[0, :, sensor], along)
     for stage in np.unique(units.stage[units.stage > 0]):
@@ -267,11 +276,16 @@ def inputs_of(units: ImuArray, dt: float, driver: int, triad: int, sensor: int) 
         Driver as in `kernels.transition`; triad; GYRO or ACCEL.
     """
     frames = units.frames[triad]
-    own, other = (units.dtheta, units.dvel)[:: 1 if sensor == GYRO else -1]
+    own = units.dtheta if sensor == GYRO else units.dvel
+    cross_input = units.dvel if sensor == GYRO else units.dtheta
     if driver == CONSTANT:
         return np.full((own.shape[1], 3), dt)
     if driver == SQUARE:
         return np.asarray((own[triad] @ frames[:, 0].T) ** 2 / dt)
     if OWN_0 <= driver <= OWN_2:
         return np.asarray(own[triad] @ frames[:, driver - OWN_0].T)
-    return np.stack([other[triad] @ frames[c, (driver - OTHER_0 - c) % 3] for c in range(3)], axis=1)
+    by_axis = []
+    for axis in range(3):
+        direction = frames[axis, (driver - OTHER_0 - axis) % 3]
+        by_axis.append(cross_input[triad] @ direction)
+    return np.stack(by_axis, axis=1)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import normals, seed_words
+from lvnav_trade.quantities.records import Bools
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 _ZERO = np.uint64(0)
@@ -40,25 +41,29 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> InitialDraws:
 
     Draws depend on keys and not on an order, so these are the numbers of the simulation, without simulating.
     """
-    keyed_draws = [
-        (term.name if term.part == 0 else f"{term.name} {term.part + 1}", word, sigma > 0.0)
-        for term, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True)
-    ]
-    keyed_draws += [
-        (name, word, np.ones(3, dtype=bool))
-        for name, root, word in zip(INITIAL, prepared.start.roots, prepared.start.sources, strict=True)
-        if np.any(root)
-    ]
-    words = np.array([word for _, word, _ in keyed_draws], dtype=np.uint64)
-    on = np.array([drawn for _, _, drawn in keyed_draws], dtype=bool).reshape(-1, 3)
+    sources: list[str] = []
+    words: list[np.uint64] = []
+    has_effect: list[Bools] = []  # by axis
+    for term, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True):
+        sources.append(term.name if term.part == 0 else f"{term.name} {term.part + 1}")
+        words.append(word)
+        has_effect.append(sigma > 0.0)
+    for name, root, word in zip(INITIAL, prepared.start.roots, prepared.start.sources, strict=True):
+        if np.any(root):
+            sources.append(name)
+            words.append(word)
+            has_effect.append(np.ones(3, dtype=bool))
     k0, k1 = seed_words(seed)
     values = np.empty((n_run, len(words), 3))
-    _fill(values, words, k0, k1)
-    pairs = [
-        (name, axis) for name, _, drawn in keyed_draws for axis, is_drawn in zip("xyz", drawn, strict=True) if is_drawn
-    ]
-    names, axes = zip(*pairs, strict=True)
-    return InitialDraws(np.arange(n_run), names, axes, values[:, on])
+    _fill(values, np.array(words, dtype=np.uint64), k0, k1)
+    used = np.array(has_effect, dtype=bool).reshape(-1, 3)
+    source_index, axis_index = np.nonzero(used)
+    return InitialDraws(
+        runs=np.arange(n_run),
+        sources=tuple(sources[k] for k in source_index),
+        axes=tuple("xyz"[k] for k in axis_index),
+        values=values[:, used],
+    )
 
 
 @jit

@@ -83,30 +83,43 @@ def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilte
     ranging = _ranging(scenario, flight, filtering)
     received = ranging.received
     assumed = assumed_of(scenario, flight, filtering)
-    check = failing(
-        card, flight.failed, received.n_used, channels, lambda: pdop(flight.lines.sight.direction, seen.tracked)
-    )
+
+    def dilution() -> Floats:
+        return pdop(flight.lines.sight.direction, seen.tracked)
+
+    check = failing(card, flight.failed, received.n_used, channels, dilution)
     rules = watched(card, check, channels, filtering.P)
     smoothing = smoothing_numbers(scenario, ranging.smoothing, seen, flight.lines, ranging.entering)
     _, receiver, _ = filter_models(scenario)
     solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)
-    in_use = UsedSatellites(received.used, satellites_taken(rules, received.n_used, chain), received.frozen)
+    n_used = satellites_taken(rules, received.n_used, chain)
+    in_use = UsedSatellites(received.used, n_used, received.frozen)
     errors = tuple(item.error for item in ranging.entering)
-    further = further_of(scenario, flight, in_use, errors, ranging.offsets[..., 0])
     delayed = delayed_of(scenario, flight, filtering, in_use)
     reference = references_of(scenario, flight, in_use, delayed)
-    assumed = _with_reported(assumed, chain) if solver is not None and chain is not None else assumed
-    signals = signals_of(flight, received, assumed, in_use, reference)
-    return Measurements(signals, errors, ranging.recorded, check, rules, solver, chain, further, delayed)
+    if solver is not None and chain is not None:
+        assumed = _add_reported_variance(assumed, chain)
+    return Measurements(
+        signals=signals_of(flight, received, assumed, in_use, reference),
+        errors=errors,
+        recorded=ranging.recorded,
+        failing=check,
+        rules=rules,
+        solver=solver,
+        chain=chain,
+        further=further_of(scenario, flight, in_use, errors, ranging.offsets[..., 0]),
+        delayed=delayed,
+    )
 
 
 def _ranging(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> _Ranging:
     """Return the measurements of the receiver; of the filter only the states that model errors are used."""
     seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
-    tabled = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
-    entering = (*entering_errors(scenario, geometry, flight.ranging, failed, flight.devices), *tabled.errors)
+    drawn_errors = entering_errors(scenario, geometry, flight.ranging, failed, flight.devices)
+    recorded_errors = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
+    entering = (*drawn_errors, *recorded_errors.errors)
     shape = (flight.epochs.t.size, flight.ranging.n_channel)
     shared = shared_of(entering, filtering.layout, epoch_interval(scenario), shape)
     offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
@@ -114,11 +127,16 @@ def _ranging(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> _
     gain = smoothing_gains(scenario, seen)
     residual = late_by.residual + offsets + doppler_left(scenario, flight)
     residual = residual + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
-    received = received_of(scenario, flight, shared, residual, tabled.mean)
-    return _Ranging(received, entering, tabled, gain, offsets)
+    return _Ranging(
+        received=received_of(scenario, flight, shared, residual, recorded_errors.mean),
+        entering=entering,
+        recorded=recorded_errors,
+        smoothing=gain,
+        offsets=offsets,
+    )
 
 
-def _with_reported(assumed: AssumedNoise, chain: SolutionErrorModel) -> AssumedNoise:
+def _add_reported_variance(assumed: AssumedNoise, chain: SolutionErrorModel) -> AssumedNoise:
     """Return the noise model of the filter with the variances that the receiver reports for its solution."""
     variance = assumed.variance.copy()
     variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)

@@ -41,11 +41,15 @@ def failing(
         Function that returns the dilution of precision (n_epoch,); called only if a rule needs it.
     """
     logic = card.logic or _UNGUARDED
-    wrong = [*failed.invalid.T, failed.frozen]
-    checks = [(FIRST_CHECK + k, wrong[k]) for k, name in enumerate(CHECKS) if name in logic.check_flags]
+    flags = [*failed.invalid.T, failed.frozen]
+    checks = []
+    for k, name in enumerate(CHECKS):
+        if name in logic.check_flags:
+            checks.append((FIRST_CHECK + k, flags[k]))
     if logic.pdop_below is not None:
         checks.append((FIRST_CHECK + len(CHECKS), ~(dilution() < logic.pdop_below)))
-    numbers = np.where(n_used >= (1 if channels.tight else 4), 0, DATA_LOST)
+    n_needed = 1 if channels.tight else 4
+    numbers = np.where(n_used >= n_needed, 0, DATA_LOST)
     for number, fails in checks:
         numbers[(numbers == 0) & fails] = number
     return numbers
@@ -70,13 +74,17 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> M
     logic = card.logic or _UNGUARDED
     position = logic.wild_position or math.inf
     velocity = logic.wild_velocity or math.inf
+    if channels.tight:
+        by_observable = [position, velocity, *[math.inf] * len(channels.further)]
+        limits = np.tile(by_observable, len(channels.satellites))
+    else:
+        limits = np.repeat([position, velocity], 3)
+    sigmas = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
     return ModeRules(
         interval=1.0 / card.update_rate,
         good=failing == 0,
-        limits=np.tile([position, velocity, *[math.inf] * len(channels.further)], len(channels.satellites))
-        if channels.tight
-        else np.repeat([position, velocity], 3),
-        spread=np.repeat(np.square((logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)), 3),
+        limits=limits,
+        spread=np.repeat(np.square(sigmas), 3),
         start_after=float(logic.start_after),
         correct_after=logic.correct_after,
         stop_after=logic.stop_after or math.inf,
@@ -119,4 +127,6 @@ def satellites_taken(rules: ModeRules | None, n_used: Ints, chain: SolutionError
     chain
         Error propagation of a receiver that computes its solution; it continues with all satellites.
     """
-    return n_used if rules is None or chain is not None else np.where(rules.good, n_used, 0)
+    if rules is None or chain is not None:
+        return n_used
+    return np.where(rules.good, n_used, 0)

@@ -55,14 +55,23 @@ class Delays(NamedTuple):
 def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
     """Return position and lines of sight of the antenna `shift` s after each epoch, and these times (n_epoch,)."""
     t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
-    at, _ = antenna(trajectory, receiver, t)
-    line = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i - at[:, None, :]
-    azimuth, elevation = look_angles(trajectory.theta0, t, at, unit(line))
-    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(at, earth_angle(trajectory.theta0, t)))
+    antenna_r_i, _ = antenna(trajectory, receiver, t)
+    satellite_r_i = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i
+    line = satellite_r_i - antenna_r_i[:, None, :]
+    azimuth, elevation = look_angles(trajectory.theta0, t, antenna_r_i, unit(line))
+    antenna_r_e = ecef_from_eci(antenna_r_i, earth_angle(trajectory.theta0, t))
+    latitude, longitude, height = geodetic_from_ecef(antenna_r_e)
+    day_of_year, seconds_of_day = _start_of_day(trajectory)
+    geometry = DelayGeometry(day_of_year, seconds_of_day + t, latitude, longitude, height, azimuth, elevation)
+    return geometry, t
+
+
+def _start_of_day(trajectory: Trajectory) -> tuple[float, float]:
+    """Return day of the year and second of the day of lift-off, in the time scale of GPS (UTC plus leap seconds)."""
     lift_off = datetime.fromisoformat(trajectory.epoch)
     start = lift_off + timedelta(seconds=leap_seconds(lift_off))
-    seconds = (start - start.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds() + t
-    return DelayGeometry(float(start.timetuple().tm_yday), seconds, latitude, longitude, height, azimuth, elevation), t
+    midnight = start.replace(hour=0, minute=0, second=0, microsecond=0)
+    return float(start.timetuple().tm_yday), (start - midnight).total_seconds()
 
 
 def delays(
@@ -75,23 +84,26 @@ def delays(
     """
 
     @cache
-    def places() -> list[tuple[DelayGeometry, Floats]]:
+    def geometries() -> list[tuple[DelayGeometry, Floats]]:
         return [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
 
-    def along(kind: str, value: Callable[[DelayGeometry], Floats], carrier: float) -> Floats:
+    def delay_and_rate(kind: str, delay: Callable[[DelayGeometry], Floats], carrier_sign: float) -> Floats:
         if kind == "none":
             return np.zeros((*seen.tracked.shape, 2))
-        before, now, after = (value(place) for place, _ in places())
-        seconds = (places()[2][1] - places()[0][1])[:, None]
-        return np.where(seen.tracked[:, :, None], np.stack([now, carrier * (after - before) / seconds], axis=2), 0.0)
+        (earlier, t_earlier), (present, _), (later, t_later) = geometries()
+        before = delay(earlier)
+        now = delay(present)
+        after = delay(later)
+        rate = carrier_sign * (after - before) / (t_later - t_earlier)[:, None]
+        return np.where(seen.tracked[:, :, None], np.stack([now, rate], axis=2), 0.0)
 
     # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
     air = atmosphere.troposphere
     charge = NoIonosphere() if receiver.is_dual else atmosphere.ionosphere
     air_hat, charge_hat = correction_models(corrections, atmosphere, not receiver.is_dual)
     return Delays(
-        along(air.kind, lambda g: troposphere_delay(air, g), 1.0),
-        along(charge.kind, lambda g: ionosphere_delay(charge, g), -1.0),
-        along(air_hat.kind, lambda g: troposphere_delay(air_hat, g), 1.0),
-        along(charge_hat.kind, lambda g: ionosphere_delay(charge_hat, g), -1.0),
+        troposphere=delay_and_rate(air.kind, lambda g: troposphere_delay(air, g), 1.0),
+        ionosphere=delay_and_rate(charge.kind, lambda g: ionosphere_delay(charge, g), -1.0),
+        modelled_troposphere=delay_and_rate(air_hat.kind, lambda g: troposphere_delay(air_hat, g), 1.0),
+        modelled_ionosphere=delay_and_rate(charge_hat.kind, lambda g: ionosphere_delay(charge_hat, g), -1.0),
     )

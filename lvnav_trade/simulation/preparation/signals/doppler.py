@@ -26,11 +26,11 @@ def doppler_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
         return 0.0
     interval = scenario.receiver.doppler_interval
     modelled = scenario.filter.corrections.doppler_interval
-    modelled = interval if modelled == "matched" else modelled
-    lag = 0.5 * modelled * flight.lines.acceleration
+    modelled_interval = interval if modelled == "matched" else modelled
+    residual = 0.5 * modelled_interval * flight.lines.acceleration
     if interval > 0.0:
-        lag = lag + _mean_rate(scenario, flight, interval) - flight.lines.sight.rate
-    return np.stack([np.zeros_like(lag), lag], axis=2)
+        residual = residual + _mean_rate(scenario, flight, interval) - flight.lines.sight.rate
+    return np.stack([np.zeros_like(residual), residual], axis=2)
 
 
 def _takes_doppler(scenario: Scenario) -> bool:
@@ -45,11 +45,13 @@ def _mean_rate(scenario: Scenario, flight: TrueFlight, interval: float) -> Float
     """Return the mean range rate over the interval (s) before each epoch, (n_epoch, n_sat) m/s."""
     trajectory, seen = flight.trajectory, flight.sky
     t = np.maximum(seen.t - interval, trajectory.start)
-    at, _ = antenna(trajectory, scenario.receiver, t)
-    above = satellites(scenario.constellation, trajectory.epoch)
-    sent = transmission(above, trajectory.theta0, t, at)
-    earlier = lines_of(trajectory, np.array(scenario.receiver.lever_b), seen._replace(t=t, r_i=sent.r_i, v_i=sent.v_i))
-    return np.asarray((flight.lines.sight.distance - earlier.sight.distance) / (seen.t - t)[:, None])
+    antenna_r_i, _ = antenna(trajectory, scenario.receiver, t)
+    orbits = satellites(scenario.constellation, trajectory.epoch)
+    sent = transmission(orbits, trajectory.theta0, t, antenna_r_i)
+    earlier_sky = seen._replace(t=t, r_i=sent.r_i, v_i=sent.v_i)
+    earlier = lines_of(trajectory, np.array(scenario.receiver.lever_b), earlier_sky)
+    range_change = flight.lines.sight.distance - earlier.sight.distance
+    return np.asarray(range_change / (seen.t - t)[:, None])
 
 
 HALF_STEP = 0.5  # s to either side of a transmission for the rate of the true term
@@ -65,19 +67,22 @@ def relativity_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
     seen = flight.sky
     if not seen.tracked.any():
         return 0.0
+    line = flight.lines.sight
     residual: Floats | float = 0.0
     if any(card.relativity for card in parts_of(scenario.constellation)):
-        sent = seen.t[:, None] - flight.lines.sight.distance / SPEED_OF_LIGHT
-        steps = (-HALF_STEP, 0.0, HALF_STEP)
+        sent = seen.t[:, None] - line.distance / SPEED_OF_LIGHT
         epoch = flight.trajectory.epoch
-        before, now, after = (clock_relativity(scenario.constellation, epoch, sent + step) for step in steps)
-        residual = -SPEED_OF_LIGHT * np.stack([now, (after - before) / (2.0 * HALF_STEP)], axis=2)
+        before = clock_relativity(scenario.constellation, epoch, sent - HALF_STEP)
+        now = clock_relativity(scenario.constellation, epoch, sent)
+        after = clock_relativity(scenario.constellation, epoch, sent + HALF_STEP)
+        rate = (after - before) / (2.0 * HALF_STEP)
+        residual = -SPEED_OF_LIGHT * np.stack([now, rate], axis=2)
     if scenario.filter.corrections.relativity:
         # satellite velocities of the sky are by reception time
-        passing = 1.0 - flight.lines.sight.rate / SPEED_OF_LIGHT
+        passing = 1.0 - line.rate / SPEED_OF_LIGHT
         term = clock_term(seen.r_i, seen.v_i / passing[..., None])
-        of_system = np.array([letter != _CORRECTED_BY_THEIR_SYSTEM for letter in seen.systems])
-        residual = residual - np.where(of_system[:, None], term, 0.0)
+        is_corrected = np.array([letter != _CORRECTED_BY_THEIR_SYSTEM for letter in seen.systems])
+        residual = residual - np.where(is_corrected[:, None], term, 0.0)
     return residual
 
 
@@ -91,6 +96,7 @@ def clock_term(r_i: Floats, v_i: Floats) -> Floats:
     r_i, v_i
         (..., 3) m and m/s. Position and velocity of the satellite at transmission, frame i.
     """
-    size = 2.0 / SPEED_OF_LIGHT * np.sum(r_i * v_i, axis=-1)
-    rate = 2.0 / SPEED_OF_LIGHT * np.sum(v_i**2 + r_i * falling(r_i, GM), axis=-1)
-    return np.stack([size, rate], axis=-1)
+    factor = 2.0 / SPEED_OF_LIGHT
+    range_term = factor * np.sum(r_i * v_i, axis=-1)
+    rate_term = factor * np.sum(v_i**2 + r_i * falling(r_i, GM), axis=-1)
+    return np.stack([range_term, rate_term], axis=-1)

@@ -59,11 +59,23 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
     C_b_i = matrices(at.q_b_i)
     position, velocity = point_of(at, C_b_i, lever_b)
     push = falling(at.r_i, GM) + np.einsum("nij,nj->ni", C_b_i, at.f_b)
-    points = [point_of(at, C_b_i, lever) for lever in seen.lever_arms]
-    places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
+    antennas = [point_of(at, C_b_i, lever) for lever in seen.lever_arms]
+    antenna_r_i = np.stack([r_i for r_i, _ in antennas], axis=1)
+    antenna_v_i = np.stack([v_i for _, v_i in antennas], axis=1)
+    receiving = seen.antenna[:, :, None]
     lines = sight(
-        seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1),
-        seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1),
+        seen.r_i - np.take_along_axis(antenna_r_i, receiving, axis=1),
+        seen.v_i - np.take_along_axis(antenna_v_i, receiving, axis=1),
     )
-    acceleration = lines.acceleration(falling(seen.r_i, GM) - push[:, None, :])
-    return Lines(trajectory, seen.t, at, C_b_i, position, velocity, push, lines, acceleration)
+    relative_acceleration = falling(seen.r_i, GM) - push[:, None, :]
+    return Lines(
+        trajectory=trajectory,
+        t=seen.t,
+        at=at,
+        C_b_i=C_b_i,
+        position=position,
+        velocity=velocity,
+        push=push,
+        sight=lines,
+        acceleration=lines.acceleration(relative_acceleration),
+    )

@@ -52,16 +52,16 @@ def by_channel(
 def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
     """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase."""
     smoothing = smoothing_of(scenario)
-    receiver = scenario.receiver
     if smoothing is None or smoothing.velocity == "doppler":
         return seen.rate_sigma
-    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(receiver, seen, trajectory)
+    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(scenario.receiver, seen, trajectory)
 
 
 def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
     """Return the sigma (n_epoch, n_sat) m of carrier phases."""
-    (grown,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
-    return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
+    (factor,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
+    sigma = receiver.amplification * receiver.carrier_phase_sigma
+    return np.full(seen.rate_sigma.shape, sigma) * factor
 
 
 def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
@@ -71,7 +71,7 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
     """
     if channels.tight:
         rate = rate_sigma_of(scenario, seen, line.trajectory)
-        return tuple(rate if name == "range_rate" else _of_sky(seen, name) for name in channels.observables)
+        return tuple(rate if name == "range_rate" else _sky_sigma(seen, name) for name in channels.observables)
     solution = direct(scenario)
     of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
     return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
@@ -79,10 +79,12 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
 
 def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
     """Return the true sigma with the factors of faults; `sigma`, which the filter may use, is not changed."""
+    if channels.tight:
+        factor = np.repeat(failed.noise, len(channels.observables), axis=1)
+    else:
+        factor = failed.solution_noise[:, None]
     n = channels.n_receiver
     grown = sigma.copy()
-    n_kind = len(channels.observables)
-    factor = np.repeat(failed.noise, n_kind, axis=1) if channels.tight else failed.solution_noise[:, None]
     grown[:, :n] = sigma[:, :n] * factor
     return grown
 
@@ -106,24 +108,31 @@ def assumed_variance(
     devices
         Sensors other than the receiver.
     """
+    variances: tuple[Any, ...]
     if channels.tight:
-        card = scenario.filter
-        variances = tuple(assumed_sigma(scenario, model, seen, line, name) ** 2 for name in channels.observables)
-        variances = tuple(
-            (_of_difference(value) if card.previous_noise == "white" else 0.0 * value)
-            if name in card.differences
-            else value
-            for name, value in zip(channels.observables, variances, strict=True)
-        )
+        variances = tuple(_observable_variance(scenario, model, seen, line, name) for name in channels.observables)
     elif isinstance(scenario.filter.receiver, str):
         variances = tuple(sigma**2 for sigma in true_sigma(scenario, seen, line, channels))
     else:
-        grown = line.noise_factors(model.noise_by, RECEIVER_SOLUTION)
-        variances = tuple(
-            (getattr(model, f"{name}_sigma") * factor) ** 2
-            for name, factor in zip(RECEIVER_SOLUTION, grown, strict=True)
-        )
-    return by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else variances, devices, "variance")
+        position_factor, velocity_factor = line.noise_factors(model.noise_by, RECEIVER_SOLUTION)
+        variances = ((model.position_sigma * position_factor) ** 2, (model.velocity_sigma * velocity_factor) ** 2)
+    if solves(scenario):
+        variances = (1.0, 1.0)
+    return by_channel(channels, seen.t.size, variances, devices, "variance")
+
+
+def _observable_variance(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, name: str) -> Floats:
+    """Return the noise variance (n_epoch, n_sat) of an observable in the filter model.
+
+    A difference of two epochs has white noise of its own only if the card says so; otherwise its noise is a state.
+    """
+    card = scenario.filter
+    variance = assumed_sigma(scenario, model, seen, line, name) ** 2
+    if name not in card.differences:
+        return variance
+    if card.previous_noise == "white":
+        return _difference_variance(variance)
+    return 0.0 * variance
 
 
 def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:
@@ -131,18 +140,18 @@ def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lin
     that of the differenced observable.
     """
     if isinstance(scenario.filter.receiver, str):
-        return _of_sky(seen, observable)
+        return _sky_sigma(seen, observable)
     name = DIFFERENCES.get(observable, observable)
     (factor,) = line.noise_factors(model.noise_by, (name,))
     return np.asarray(getattr(model, f"{name}_sigma") * factor * np.ones(seen.tracked.shape))
 
 
-def _of_sky(seen: Sky, observable: str) -> Floats:
+def _sky_sigma(seen: Sky, observable: str) -> Floats:
     if observable in PHASES:
         return seen.phase_sigma
     return seen.rate_sigma if observable == "range_rate" else seen.range_sigma
 
 
-def _of_difference(variance: Floats) -> Floats:
+def _difference_variance(variance: Floats) -> Floats:
     """Return the variance (n_epoch, n_sat) of the difference between each epoch and the previous one."""
     return np.asarray(variance + np.vstack([variance[:1], variance[:-1]]))

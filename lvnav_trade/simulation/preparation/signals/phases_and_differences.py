@@ -41,21 +41,22 @@ def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
     going_on
         Whether its phase is continuous since then; a frozen output repeats itself.
     """
-    shape = seen.tracked.shape
-    restart = np.zeros(shape, np.bool_)
-    before = np.zeros(shape, np.bool_)
-    going_on = np.zeros(shape, np.bool_)
-    broken = np.ones(shape[1], np.bool_)
-    last = np.zeros(shape[1], np.bool_)
-    for epoch in range(shape[0]):
-        broken |= ~seen.continuous[epoch]
-        use = np.zeros(shape[1], np.bool_)
+    n_epoch, n_sat = seen.tracked.shape
+    restart = np.zeros((n_epoch, n_sat), np.bool_)
+    before = np.zeros((n_epoch, n_sat), np.bool_)
+    going_on = np.zeros((n_epoch, n_sat), np.bool_)
+    interrupted = np.ones(n_sat, np.bool_)  # since the satellite was last used
+    used_last = np.zeros(n_sat, np.bool_)
+    for epoch in range(n_epoch):
+        interrupted |= ~seen.continuous[epoch]
+        use = np.zeros(n_sat, np.bool_)
         use[signals.used[epoch, : signals.n_used[epoch]]] = True
-        still = bool(signals.frozen[epoch])
-        restart[epoch], before[epoch] = use & broken & (not still), use & last
-        going_on[epoch] = use & last & (~broken | still)
-        broken &= ~use | still
-        last = use
+        is_frozen = bool(signals.frozen[epoch])
+        restart[epoch] = use & interrupted & (not is_frozen)
+        before[epoch] = use & used_last
+        going_on[epoch] = use & used_last & (~interrupted | is_frozen)
+        interrupted &= ~use | is_frozen
+        used_last = use
     return restart, before, going_on
 
 
@@ -82,24 +83,30 @@ def further_of(
     channels, seen = flight.channels, flight.sky
     if not channels.further:
         return None
-    ambiguity = np.full(len(seen.names), -1, dtype=np.int64)
-    first = 0
-    for error in errors:
-        if error.kind == "ambiguity":
-            for k, label in enumerate(error.labels):
-                ambiguity[seen.names.index(label)] = first + k
-        first += len(error.labels)
-    residual = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
-    phase = np.asarray(residual + wavelength(scenario) * flight.failed.slip)
+    phase_range = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
+    phase = np.asarray(phase_range + wavelength(scenario) * flight.failed.slip)
     freeze_output(signals.frozen, phase)
+    restart, _, _ = linked(seen, signals)
     return FurtherObservables(
         phase=phase,
         is_phase=np.array([name in PHASES for name in channels.observables]),
         is_difference=np.array([name in DIFFERENCES for name in channels.observables]),
-        restart=linked(seen, signals)[0],
-        ambiguity=ambiguity,
+        restart=restart,
+        ambiguity=_ambiguity_components(errors, seen.names),
         source=source_word(PHASE_NOISE),
     )
+
+
+def _ambiguity_components(errors: tuple[CorrelatedError, ...], satellites: tuple[str, ...]) -> Ints:
+    """Return the component of the correlated errors that is the ambiguity of each satellite, (n_sat,), -1 none."""
+    ambiguity = np.full(len(satellites), -1, dtype=np.int64)
+    first = 0
+    for error in errors:
+        if error.kind == "ambiguity":
+            for k, label in enumerate(error.labels):
+                ambiguity[satellites.index(label)] = first + k
+        first += len(error.labels)
+    return ambiguity
 
 
 def delayed_of(
@@ -109,33 +116,44 @@ def delayed_of(
     channels, layout, numbers = flight.channels, filtering.layout, filtering.model
     if not channels.further:
         return None
-    seen, line, (_, model, _) = flight.sky, flight.lines, filter_models(scenario)
-    n_epoch = len(seen.tracked)
-    restart, before, going_on = linked(seen, signals)
+    restart, before, going_on = linked(flight.sky, signals)
+    n_epoch = len(flight.sky.tracked)
     present = np.ones((n_epoch, channels.n_receiver), dtype=np.bool_)
     for name in DIFFERENCES:
         if name in channels.further:
             present[:, channels.of(name)] = going_on if name in PHASES else before
-    renewed = np.full((n_epoch, max(1, numbers.extra_offset.size)), -1.0)
-    first = 0
-    for block in layout.extras:
-        if block.name in OF_ONE:
-            satellites = np.array([seen.names.index(label) for label in block.labels], dtype=np.int64)
-            anew = renewed[:, first : first + satellites.size]
-            if block.name == "ambiguity":
-                anew[:] = np.where(restart[:, satellites], model.ambiguity**2, -1.0)
-            else:
-                anew[:] = assumed_sigma(scenario, model, seen, line, OF_ONE[block.name])[:, satellites] ** 2
-        first += len(block.labels)
     return DifferenceProcessing(
         difference=np.array([name in DIFFERENCES for name in channels.observables]),
         present=present,
         previous_entry=numbers.entry.shape[1] - D_EXTRA - len(layout.extras),
-        renewed=renewed,
+        renewed=_renewed_variances(scenario, flight, filtering, restart),
         cloned=np.array(layout.cloned, dtype=np.int64),
         clone=layout.clone,
         back=bool(layout.cloned) and scenario.filter.delayed_state == "back_propagated",
     )
+
+
+def _renewed_variances(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter, restart: Bools) -> Floats:
+    """Return the variance with which extra states begin anew at an epoch, (n_epoch, n_extra), -1 if they do not.
+
+    An ambiguity begins with a newly acquired carrier (`restart`), the noise of an observable at every epoch.
+    """
+    seen = flight.sky
+    _, model, _ = filter_models(scenario)
+    renewed = np.full((len(seen.tracked), max(1, filtering.model.extra_offset.size)), -1.0)
+    first = 0
+    for block in filtering.layout.extras:
+        states = slice(first, first + len(block.labels))
+        first += len(block.labels)
+        if block.name not in OF_ONE:
+            continue
+        satellites = np.array([seen.names.index(label) for label in block.labels], dtype=np.int64)
+        if block.name == "ambiguity":
+            renewed[:, states] = np.where(restart[:, satellites], model.ambiguity**2, -1.0)
+        else:
+            sigma = assumed_sigma(scenario, model, seen, flight.lines, OF_ONE[block.name])
+            renewed[:, states] = sigma[:, satellites] ** 2
+    return renewed
 
 
 def references_of(
@@ -152,7 +170,8 @@ def references_of(
         If the constellation lacks the reference satellite of the filter card.
     """
     card, channels, seen = scenario.filter, flight.channels, flight.sky
-    references = np.full((signals.n_used.size, len(channels.observables)), -1, dtype=np.int64)
+    n_kind = len(channels.observables)
+    references = np.full((signals.n_used.size, n_kind), -1, dtype=np.int64)
     if not channels.tight or card.clock != "differenced":
         return references
     name = card.reference_satellite
@@ -163,10 +182,12 @@ def references_of(
             use = signals.used[epoch, : signals.n_used[epoch]]
             slots = np.arange(use.size)
             if delayed is not None:
-                slots = slots[delayed.present[epoch, len(channels.observables) * use + kind]]
+                slots = slots[delayed.present[epoch, n_kind * use + kind]]
+            if not slots.size:
+                continue
             named = [slot for slot in slots if seen.names[use[slot]] == name]
-            if slots.size:
-                references[epoch, kind] = named[0] if named else slots[np.argmax(seen.elevation[epoch, use[slots]])]
+            highest = slots[np.argmax(seen.elevation[epoch, use[slots]])]
+            references[epoch, kind] = named[0] if named else highest
     return references
 
 
@@ -174,6 +195,12 @@ def _leading(measurements: tuple[str, ...], observables: tuple[str, ...]) -> lis
     """Return the first measured observable of each clock unknown: bias, drift, bias at the previous epoch."""
     first: dict[str, int] = {}
     for kind, name in enumerate(observables):
-        if name in measurements:
-            first.setdefault("before" if name in DIFFERENCES else "drift" if name == "range_rate" else "bias", kind)
+        if name not in measurements:
+            continue
+        unknown = "bias"
+        if name in DIFFERENCES:
+            unknown = "before"
+        elif name == "range_rate":
+            unknown = "drift"
+        first.setdefault(unknown, kind)
     return list(first.values())

@@ -140,11 +140,13 @@ def slots(tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
 def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
     """Return the errors (n_epoch, 3) of a least-squares solution by errors of ranges or of rates (n_epoch, n_sat)."""
     shift = np.zeros((len(errors), 3))
-    for epoch in np.flatnonzero(np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)):
-        on = tracked[epoch]
-        if np.count_nonzero(on) >= 4:
-            rows = ranging_rows(line.sight.direction[epoch, on])
-            shift[epoch] = np.linalg.lstsq(rows, errors[epoch, on])[0][:3]
+    erroneous = np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)
+    for epoch in np.flatnonzero(erroneous):
+        is_tracked = tracked[epoch]
+        if np.count_nonzero(is_tracked) >= 4:
+            rows = ranging_rows(line.sight.direction[epoch, is_tracked])
+            solution, *_ = np.linalg.lstsq(rows, errors[epoch, is_tracked])
+            shift[epoch] = solution[:3]
     return shift
 
 
@@ -159,11 +161,14 @@ def _extra_partial(
     block: ExtraBlock, geometry: MeasurementGeometry, channels: Channels, devices: tuple[Sensor, ...]
 ) -> Floats:
     """Return the derivatives (n_epoch, n_channel) of the measurements with respect to a block of extra states."""
-    of_sensors = (entering for state, _, entering in sensor_states(block.name, channels) if state.label in block.labels)
-    partials = next(of_sensors, partial(block.name, geometry, channels))
-    for at, device in zip(channels.first, devices, strict=True):
+    partials = partial(block.name, geometry, channels)
+    for state, _, sensor_partials in sensor_states(block.name, channels):
+        if state.label in block.labels:
+            partials = sensor_partials
+            break
+    for first, device in zip(channels.first, devices, strict=True):
         if RELATIVE.get(device.channels.measures) == block.name:
-            partials[:, at : at + 3] = device.since[:, None]
+            partials[:, first : first + 3] = device.since[:, None]
     return partials
 
 

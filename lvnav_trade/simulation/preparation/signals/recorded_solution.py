@@ -65,25 +65,31 @@ def recorded(
     card = table_of(scenario)
     n_epoch = seen.t.size
     if card is None or channels.tight:
-        return RecordedErrors(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
+        return RecordedErrors(mean=np.zeros((n_epoch, 6)), errors=(), values=np.zeros((0, 1)))
     table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
     freeze_output(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
-    vectors, size, shapes = np.linalg.svd((table - mean).reshape(card.starts, -1), full_matrices=False)
-    count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(table))))))
-    entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
-    everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
-    entering = np.pad(entering, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
-    errors = tuple(
-        EnteringError(CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),)), everywhere, shape)
-        for number, shape in enumerate(entering)
-    )
-    return RecordedErrors(mean, errors, vectors[:, :count].T * np.sqrt(card.starts))
+    deviations = (table - mean).reshape(card.starts, -1)
+    vectors, singular_values, shapes = np.linalg.svd(deviations, full_matrices=False)
+    largest = max(float(singular_values[0]), float(np.max(np.abs(table))))
+    count = int(np.count_nonzero(singular_values > _NEGLIGIBLE * largest))
+    scaled = singular_values[:count, None] * shapes[:count] / np.sqrt(card.starts)
+    by_epoch = scaled.reshape(count, n_epoch, 6)
+    # error k enters the channels of the solution only, with the k-th singular vector as its derivative
+    partials = np.pad(by_epoch, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
+    member = np.where(np.arange(channels.n_channel) < 6, 0, -1)
+    errors = []
+    for number, partial in enumerate(partials):
+        error = CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),))
+        errors.append(EnteringError(error, member, partial))
+    return RecordedErrors(mean, tuple(errors), values=vectors[:, :count].T * np.sqrt(card.starts))
 
 
 def values_of(recorded: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
     """Return the coefficients (n_component, n_run) of runs, by the starts that they draw."""
-    return recorded.values[:, [start_of(seed, int(run), recorded.values.shape[1]) for run in runs]]
+    n_start = recorded.values.shape[1]
+    starts = [start_of(seed, int(run), n_start) for run in runs]
+    return recorded.values[:, starts]
 
 
 def start_of(seed: int, run: int, n_start: int) -> int:

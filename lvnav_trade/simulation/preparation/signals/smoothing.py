@@ -22,7 +22,8 @@ def smoothing_gains(scenario: Scenario, seen: Sky) -> Floats | None:
     card = smoothing_of(scenario)
     if card is None:
         return None
-    return gains(seen.tracked, seen.continuous, max(1, round(card.time / epoch_interval(scenario))))
+    window = max(1, round(card.time / epoch_interval(scenario)))
+    return gains(seen.tracked, seen.continuous, window)
 
 
 def smoothing_numbers(
@@ -32,7 +33,10 @@ def smoothing_numbers(
     if gain is None:
         return None
     n = 2 * len(seen.names)
-    code = [_in_code(item.error) * np.broadcast_to(item.partial[:, 0:n:2], gain.shape) for item in errors]
+    code = []
+    for item in errors:
+        range_partial = np.broadcast_to(item.partial[:, 0:n:2], gain.shape)
+        code.append(_in_code(item.error) * range_partial)
     return Smoothing(
         gain=gain,
         sigma=phase_sigma(scenario.receiver, seen, line.trajectory),

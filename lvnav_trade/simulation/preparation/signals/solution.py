@@ -87,13 +87,15 @@ def simulated(received: TrueSignals, assumed: Floats) -> SolutionErrorModel:
     """
     n_epoch = len(received.n_used)
     axes = np.arange(6)
-    sigma, variance = (np.ascontiguousarray(table[:, axes]) for table in (received.sigma, assumed))
+    sigma = np.ascontiguousarray(received.sigma[:, axes])
+    variance = np.ascontiguousarray(assumed[:, axes])
+    partials = np.array([_shared(received, epoch, axes) for epoch in range(n_epoch)])
     return SolutionErrorModel(
         move=np.zeros((n_epoch, 6, 6)),
         white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
         variance=sigma**2,
         kind=np.repeat(np.array([PLACE, SPEED]), 3),
-        shared=-np.array([_shared(received, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
+        shared=-partials.reshape(n_epoch, 6, -1),
         push=np.zeros((n_epoch, 6)),
         pick=axes,
         reported=variance[:, :, None] * np.eye(6),
@@ -107,15 +109,17 @@ def _epoch(point: Floats, received: TrueSignals, epoch: int) -> tuple[Floats, Fl
     use = received.used[epoch, : received.n_used[epoch]]
     r_i = point[epoch, :3]
     v_i = point[epoch, 3:]
-    rows = design(r_i, v_i, received.satellite[epoch, use], received.satellite_velocity[epoch, use])
-    seen = sight(received.satellite[epoch, use] - r_i, received.satellite_velocity[epoch, use] - v_i)
+    satellite_r_i = received.satellite[epoch, use]
+    satellite_v_i = received.satellite_velocity[epoch, use]
+    rows = design(r_i, v_i, satellite_r_i, satellite_v_i)
+    predicted = sight(satellite_r_i - r_i, satellite_v_i - v_i)
+    # range and range rate of each satellite in turn
     innovation = np.empty(2 * use.size)
+    innovation[0::2] = received.range[epoch, use] - predicted.distance
+    innovation[1::2] = received.rate[epoch, use] - predicted.rate
     channels = np.empty(2 * use.size, dtype=np.int64)
-    innovation[0::2], innovation[1::2] = (
-        received.range[epoch, use] - seen.distance,
-        received.rate[epoch, use] - seen.rate,
-    )
-    channels[0::2], channels[1::2] = 2 * use, 2 * use + 1
+    channels[0::2] = 2 * use
+    channels[1::2] = 2 * use + 1
     return rows, innovation, channels
 
 
@@ -166,10 +170,13 @@ def chain_of(
     """
     if solver is None:
         return simulated(received, assumed.variance) if has_covariance else None
-    chain = solved(solver, received, np.hstack([line.position, line.velocity]), line.push, assumed.scale[:, :6])
+    point = np.hstack([line.position, line.velocity])
+    chain = solved(solver, received, point, line.push, assumed.scale[:, :6])
     if solver.smoothing is not None:
-        chain = _with_smoothing(chain, solver.smoothing, received)
-    return _with_output(chain, received.frozen) if received.frozen.any() else chain
+        chain = _add_smoothing(chain, solver.smoothing, received)
+    if received.frozen.any():
+        chain = _add_output(chain, received.frozen)
+    return chain
 
 
 def solved(
@@ -195,11 +202,17 @@ def solved(
     n_epoch = len(point)
     n_in = 2 * received.used.shape[1] + 2
     begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
-    solved_at = fixed if model is None else _coasts(model, received.n_used, begun)
-    slope = nominal_acceleration(point[:, 3:], fixed, received.interval)
-    moved = np.zeros((n_epoch, N_STATE))
-    if model is not None:
+    if model is None:
+        moved = np.zeros((n_epoch, N_STATE))
+        has_solution = fixed
+        reported_model = solver.point.reported
+    else:
         moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), received)
+        has_solution = _coasts(model, received.n_used, begun)
+        reported_model = model.reported
+    slope = nominal_acceleration(point[:, 3:], fixed, received.interval)
+    step = received.clock_step
+    clock_noise = np.array([[step[0], 0.0], [step[1], step[2]]])  # Cholesky factor, see `sensing.step_clock`
     move = np.zeros((n_epoch, N_STATE, N_STATE))
     white = np.zeros((n_epoch, N_STATE, n_in))
     variance = np.zeros((n_epoch, n_in))
@@ -207,65 +220,62 @@ def solved(
     push = np.zeros((n_epoch, N_STATE))
     formal = np.zeros_like(move)
     reported = np.tile(np.eye(6), (n_epoch, 1, 1))
-    step = received.clock_step
-    clock = np.array([[step[0], 0.0], [step[1], step[2]]])
-    out = solver.point.reported if model is None else model.reported
     gains = _NOTHING
     for k in range(n_epoch):
         rows, innovation, channels = _epoch(point, received, k)
         gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
         n_row = gains.gain.shape[1]  # zero if the receiver processes nothing
         channels = channels[:n_row]
-        move[k], formal[k] = gains.keep @ gains.phi, gains.P
-        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, received.sigma[k, channels] ** 2
-        white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
+        move[k] = gains.keep @ gains.phi
+        formal[k] = gains.P
+        white[k, :, :n_row] = -gains.gain
+        variance[k, :n_row] = received.sigma[k, channels] ** 2
+        white[k, :, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock_noise
+        variance[k, -2:] = 1.0
         shared[k] = -gains.gain @ _shared(received, k, channels)
         push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
-        reported[k] = reported_covariance(out, gains.P) if solved_at[k] else reported[k]
+        if has_solution[k]:
+            reported[k] = reported_covariance(reported_model, gains.P)
+    sources = [*np.tile([RANGE, RATE], received.used.shape[1]), CLOCK, CLOCK]
     return SolutionErrorModel(
         move=move,
         white=white,
         variance=variance,
-        kind=np.array([*np.tile([RANGE, RATE], received.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
+        kind=np.array(sources, dtype=np.int64),
         shared=shared,
         push=push,
         pick=SOLUTION.astype(np.int64),
         reported=reported * scale[:, :, None] * scale[:, None, :],
-        solved=solved_at,
+        solved=has_solution,
         point=point,
         own=formal,
     )
 
 
-def _with_output(chain: SolutionErrorModel, frozen: Bools) -> SolutionErrorModel:
+def _add_output(chain: SolutionErrorModel, frozen: Bools) -> SolutionErrorModel:
     """Return the chain with six additional states, the error of the receiver's output.
 
     It is the error of the estimate. While the output is frozen, it is the previous error plus the true motion since.
     """
     n_epoch, m = chain.push.shape
     move = np.zeros((n_epoch, m + 6, m + 6))
-    white, shared, push = (
-        np.pad(a, [(0, 0), (0, 6), (0, 0)][: a.ndim]) for a in (chain.white, chain.shared, chain.push)
-    )
     move[:, :m, :m] = chain.move
+    white = np.pad(chain.white, ((0, 0), (0, 6), (0, 0)))
+    shared = np.pad(chain.shared, ((0, 0), (0, 6), (0, 0)))
+    push = np.pad(chain.push, ((0, 0), (0, 6)))
     for k in range(n_epoch):
         if frozen[k] and k:
             move[k, m:, m:] = np.eye(6)
             push[k, m:] = chain.point[k] - chain.point[k - 1]
         else:
             move[k, m:, :m] = chain.move[k, chain.pick]
-            white[k, m:], shared[k, m:] = chain.white[k, chain.pick], chain.shared[k, chain.pick]
+            white[k, m:] = chain.white[k, chain.pick]
+            shared[k, m:] = chain.shared[k, chain.pick]
             push[k, m:] = chain.push[k, chain.pick]
-    return chain._replace(
-        move=move,
-        white=white,
-        shared=shared,
-        push=push,
-        pick=np.arange(m, m + 6),
-    )
+    return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
 
 
-def _with_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: TrueSignals) -> SolutionErrorModel:
+def _add_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: TrueSignals) -> SolutionErrorModel:
     """Return the chain of a receiver with carrier smoothing of its ranges.
 
     For each satellite it has an additional state D, the error of the average of code minus carrier, and for each slot
@@ -276,41 +286,40 @@ def _with_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: T
     v white error of the code, n of the carrier; p and d derivatives of code and of code minus carrier with respect to
     the correlated errors c.
     """
-    ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
+    smoothed = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
     m = chain.move.shape[1]
     n_slot = received.used.shape[1]
-    n_smoothed = ever.size
     n_in = chain.white.shape[2]
-    move = np.pad(chain.move, ((0, 0), (0, n_smoothed), (0, n_smoothed)))
-    white = np.pad(chain.white, ((0, 0), (0, n_smoothed), (0, n_slot)))
+    states = (0, smoothed.size)
+    move = np.pad(chain.move, ((0, 0), states, states))
+    white = np.pad(chain.white, ((0, 0), states, (0, n_slot)))
     variance = np.pad(chain.variance, ((0, 0), (0, n_slot)))
-    shared = np.pad(chain.shared, ((0, 0), (0, n_smoothed), (0, 0)))
-    push = np.pad(chain.push, ((0, 0), (0, n_smoothed)))
-    move[:, range(m, m + n_smoothed), range(m, m + n_smoothed)] = 1.0
-    place = {int(satellite): m + number for number, satellite in enumerate(ever)}
+    shared = np.pad(chain.shared, ((0, 0), states, (0, 0)))
+    push = np.pad(chain.push, ((0, 0), states))
+    # D is constant except when its satellite is used
+    average_states = np.arange(m, m + smoothed.size)
+    move[:, average_states, average_states] = 1.0
+    state_of = dict(zip(smoothed.tolist(), average_states.tolist(), strict=True))
     for k in range(len(push)):
         for slot, satellite in enumerate(received.used[k, : received.n_used[k]].tolist()):
-            state = place[satellite]
+            state = state_of[satellite]
             code = 2 * slot
             phase = n_in + slot
             a = smoothing.gain[k, satellite]
             gain = chain.white[k, :, code]  # minus the solver's gain
-            differing = _code_minus_carrier(received, smoothing, k, satellite)
-            move[k, :m, state], move[k, state, state] = (1.0 - a) * gain, 1.0 - a
-            white[k, :m, code], white[k, state, code] = a * gain, a
-            white[k, :m, phase], white[k, state, phase] = (1.0 - a) * gain, -a
-            variance[k, [code, phase]] = received.sigma[k, 2 * satellite] ** 2, smoothing.sigma[k, satellite] ** 2
-            shared[k, :m] -= (1.0 - a) * np.outer(gain, differing)
-            shared[k, state] = a * differing
+            d = _code_minus_carrier(received, smoothing, k, satellite)
+            move[k, :m, state] = (1.0 - a) * gain
+            move[k, state, state] = 1.0 - a
+            white[k, :m, code] = a * gain
+            white[k, state, code] = a
+            white[k, :m, phase] = (1.0 - a) * gain
+            white[k, state, phase] = -a
+            variance[k, code] = received.sigma[k, 2 * satellite] ** 2
+            variance[k, phase] = smoothing.sigma[k, satellite] ** 2
+            shared[k, :m] -= (1.0 - a) * np.outer(gain, d)
+            shared[k, state] = a * d
     kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
-    return chain._replace(
-        move=move,
-        white=white,
-        variance=variance,
-        kind=kind,
-        shared=shared,
-        push=push,
-    )
+    return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
 
 
 def _code_minus_carrier(received: TrueSignals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
