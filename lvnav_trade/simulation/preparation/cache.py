@@ -48,13 +48,13 @@ def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
 class _ByIdentity(NamedTuple):
     """Wrapper of a trajectory that is compared by identity, not by its splines."""
 
-    flight: Trajectory
+    trajectory: Trajectory
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByIdentity) and self.flight is other.flight
+        return isinstance(other, _ByIdentity) and self.trajectory is other.trajectory
 
     def __hash__(self) -> int:
-        return id(self.flight)
+        return id(self.trajectory)
 
 
 def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
@@ -75,15 +75,17 @@ def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: 
 
 
 @remembered_by_reads(6)
-def _heard(key: str, scenario: Scenario, flown: _ByIdentity, epochs: bytes, start: float) -> ReceivedSatellites:
+def _heard(key: str, scenario: Scenario, by_identity: _ByIdentity, epochs: bytes, start: float) -> ReceivedSatellites:
     """Return the received satellites at the times of validity; the arguments are the key of the cache."""
     t_epoch = np.frombuffer(epochs).copy()
-    trajectory = flown.flight
-    receiver, above = scenario.receiver, scenario.constellation
-    late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
+    trajectory = by_identity.trajectory
+    receiver = scenario.receiver
+    constellation = scenario.constellation
+    latency = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
     if receiver.latency_per_satellite > 0.0:
-        now = heard_in(above, receiver, trajectory, t_epoch, scenario.faults)
-        late = late + receiver.latency_per_satellite * now.sky.tracked.sum(axis=1)
+        now = heard_in(constellation, receiver, trajectory, t_epoch, scenario.faults)
+        n_tracked = now.sky.tracked.sum(axis=1)
+        latency = latency + receiver.latency_per_satellite * n_tracked
     # if the latency decreases, times of validity still ascend
-    times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
-    return heard_in(above, receiver, trajectory, times, scenario.faults)
+    t_valid = np.maximum.accumulate(np.maximum(start, t_epoch - latency))
+    return heard_in(constellation, receiver, trajectory, t_valid, scenario.faults)

@@ -85,13 +85,19 @@ def start_of(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> Initi
     initial, C_n_i = scenario.initial, filtering.C_n_i
     attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
     roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
-    words = np.array([source_word(f"initial {name}") for name in ("attitude", "velocity", "position")], dtype=np.uint64)
-    return InitialState(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, filtering.P)
+    sources = [source_word(f"initial {name}") for name in ("attitude", "velocity", "position")]
+    return InitialState(
+        nav=np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]),
+        roots=roots,
+        sources=np.array(sources, dtype=np.uint64),
+        P=filtering.P,
+    )
 
 
 def _strapdown(scenario: Scenario, flight: TrueFlight) -> Strapdown:
     """Return the strapdown algorithm, with Earth rotation angle and position at the start of the flight."""
     card, ref = scenario.filter, flight.reference
-    angle = float(earth_angle(flight.trajectory.theta0, ref.t[0]))
-    turn = float(np.sqrt(np.max(np.sum(ref.dtheta * ref.dtheta, axis=1))))
-    return strapdown_of(card.strapdown, card.gravity, card.mechanisation, angle, ref.r_i[0], turn)
+    earth_rotation = float(earth_angle(flight.trajectory.theta0, ref.t[0]))
+    squared_increments = np.sum(ref.dtheta * ref.dtheta, axis=1)
+    largest_increment = float(np.sqrt(np.max(squared_increments)))
+    return strapdown_of(card.strapdown, card.gravity, card.mechanisation, earth_rotation, ref.r_i[0], largest_increment)

@@ -65,8 +65,9 @@ class CloneTimes(NamedTuple):
 def direct(scenario: Scenario) -> DirectSolution:
     """Return the card of a directly simulated solution; zero sigmas if the receiver computes its solution itself."""
     card = scenario.receiver.solution
-    none = DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
-    return card if isinstance(card, DirectSolution) else none
+    if isinstance(card, DirectSolution):
+        return card
+    return DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
 
 
 def every(scenario: Scenario) -> int:
@@ -101,7 +102,7 @@ def gains_of(
         return None
     names = state_names(layout)
     if tuple(schedule.states) != names:
-        raise _about(
+        raise _input_error(
             "filter.gains",
             f"the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter has "
             f"{', '.join(names)}",
@@ -109,19 +110,21 @@ def gains_of(
     try:
         scheduled = gains_at(schedule, t_epoch, events)
     except ValueError as error:
-        raise _about("filter.gains", str(error)) from None
+        raise _input_error("filter.gains", str(error)) from None
     gain = np.zeros((t_epoch.size, channels.n_channel, len(names)))
     stored = np.zeros(channels.n_channel, dtype=np.bool_)
     for k, name in enumerate(schedule.measurements):
         if name in channels.names:
-            at = channels.names.index(name)
-            gain[:, at], stored[at] = scheduled[:, k], True
+            channel = channels.names.index(name)
+            gain[:, channel] = scheduled[:, k]
+            stored[channel] = True
     if not stored.any():
-        raise _about("filter.gains", f"the schedule {schedule.name!r} has no gains for {', '.join(channels.names[:6])}")
+        first_channels = ", ".join(channels.names[:6])
+        raise _input_error("filter.gains", f"the schedule {schedule.name!r} has no gains for {first_channels}")
     return StoredGains(np.ascontiguousarray(gain), stored)
 
 
-def _about(path: str, message: str) -> InputError:
+def _input_error(path: str, message: str) -> InputError:
     """Return the input error for a field of the scenario."""
     return InputError(records=[Mistake(message, path)])
 
@@ -169,17 +172,23 @@ def delays_taken(
     card = scenario.filter.delay_compensation
     if card is None or not scenario.filter.aided:
         return ()
-    of_receiver = []
+    delays = []
     if scenario.filter.tight or scenario.filter.loose:
-        stamped = isinstance(card.delay, str)
-        of_receiver.append(CompensatedDelay(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
-    return (*of_receiver, *(CompensatedDelay(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
+        if isinstance(card.delay, str):  # by the time tags of the measurements
+            delay = t_epoch - t_valid
+        else:
+            delay = np.full(t_epoch.size, card.delay)
+        delays.append(CompensatedDelay(-1, delay))
+    for number, device in enumerate(devices):
+        if np.any(device.delay > 0.0):
+            delays.append(CompensatedDelay(number, device.delay))
+    return tuple(delays)
 
 
 def late_of(
     scenario: Scenario,
     delays: Sequence[CompensatedDelay],
-    kept: Sequence[CloneTimes],
+    stored: Sequence[CloneTimes],
     schedule: Schedule,
     channels: Channels,
 ) -> DelayProcessing | None:
@@ -189,7 +198,7 @@ def late_of(
     ----------
     scenario
         Validated model of the case.
-    delays, kept
+    delays, stored
         Delays of `delays_taken`, and the storage times of `clone_times` for each.
     schedule
         Windows of the flight.
@@ -199,32 +208,35 @@ def late_of(
     card = scenario.filter.delay_compensation
     if card is None or not delays:
         return None
-    ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
-    ticks = scenario.imu.rate * epoch_interval(scenario)
+    window_end = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
+    ticks_per_epoch = scenario.imu.rate * epoch_interval(scenario)
     sensors = [item.sensor for item in delays]
-    n_ring = np.array([_stored_at_once(at, ticks) for at in kept], dtype=np.int64)
-    extrapolated = card.kind == "extrapolated" and sensors[0] < 0
+    has_receiver = sensors[0] < 0
+    extrapolated = card.kind == "extrapolated" and has_receiver
+    of_sensor = [sensors.index(k) if k in sensors else -1 for k in range(len(channels.sensors))]
+    n_ring = np.array([_n_stored(times, ticks_per_epoch) for times in stored], dtype=np.int64)
+    is_buffered = [not extrapolated or sensor >= 0 for sensor in sensors]
     return DelayProcessing(
         extrapolated=extrapolated,
-        receiver=0 if sensors[0] < 0 else -1,
-        line=_line_of_channels(sensors, channels),
-        of_sensor=np.array([sensors.index(k) if k in sensors else -1 for k in range(len(channels.sensors))], np.int64),
+        receiver=0 if has_receiver else -1,
+        line=_channel_lines(sensors, channels),
+        of_sensor=np.array(of_sensor, np.int64),
         n_ring=n_ring,
         first=np.cumsum(n_ring) - n_ring,
-        buffered=np.repeat([not extrapolated or sensor >= 0 for sensor in sensors], n_ring),
-        valid=np.stack([_epochs_at(ends, at.valid) for at in kept]),
-        early=np.stack([_epochs_at(ends, at.early) for at in kept]),
+        buffered=np.repeat(is_buffered, n_ring),
+        valid=np.stack([_epochs_at(window_end, times.valid) for times in stored]),
+        early=np.stack([_epochs_at(window_end, times.early) for times in stored]),
         delay=delays[0].delay,
-        offset=np.stack([at.offset for at in kept]),
-        base=kept[0].base,
+        offset=np.stack([times.offset for times in stored]),
+        base=stored[0].base,
         interval=epoch_interval(scenario),
         jitter=card.delay_sigma**2,
         acceleration=card.acceleration_sigma**2,
     )
 
 
-def _line_of_channels(sensors: list[int], channels: Channels) -> Ints:
-    """Return the line of each channel, (n_channel,), -1 not late; sensors: that of each line, -1 the receiver."""
+def _channel_lines(sensors: list[int], channels: Channels) -> Ints:
+    """Return the delay line of each channel, (n_channel,), -1 not late; sensors: that of each line, -1 the receiver."""
     line = np.full(channels.n_channel, -1, dtype=np.int64)
     for number, sensor in enumerate(sensors):
         if sensor < 0:
@@ -235,10 +247,12 @@ def _line_of_channels(sensors: list[int], channels: Channels) -> Ints:
     return line
 
 
-def _stored_at_once(at: CloneTimes, ticks: float) -> int:
-    """Return the number of states stored at once; ticks: between epochs. A state is stored until its epoch is over."""
-    ahead = np.floor(np.arange(1, at.valid.size + 1) - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
-    return max(1, int(ahead.max(initial=1)))
+def _n_stored(times: CloneTimes, ticks_per_epoch: float) -> int:
+    """Return the number of states stored at once. A state is stored until its epoch is over."""
+    epoch = np.arange(1, times.valid.size + 1)
+    epoch_of_storing = np.minimum(times.valid, times.early) / ticks_per_epoch
+    n_stored = np.floor(epoch - epoch_of_storing + 1e-9) + 1
+    return max(1, int(n_stored.max(initial=1)))
 
 
 def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
@@ -246,7 +260,9 @@ def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
 
     ends : (n_window,) last ticks of the windows; ticks : (n_epoch,) ascending
     """
-    return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
+    first = np.searchsorted(ticks, ends, "left")
+    after_last = np.searchsorted(ticks, ends, "right")
+    return np.stack([first, after_last], axis=1).astype(np.int64)
 
 
 def clone_times(
@@ -270,17 +286,26 @@ def clone_times(
     card = scenario.filter.delay_compensation
     if card is None:
         return ()
-    return tuple(_clone_times(t_epoch - item.delay, card.base if item.sensor < 0 else 0.0, t, group) for item in delays)
+    times = []
+    for item in delays:
+        base = card.base if item.sensor < 0 else 0.0
+        times.append(_clone_times(t_epoch - item.delay, base, t, group))
+    return tuple(times)
 
 
-def _clone_times(wanted: Floats, before: float, t: Floats, group: int) -> CloneTimes:
-    """Return the storage times of states at the times `wanted` (s), and of velocities `before` s earlier (0: none)."""
+def _clone_times(t_valid: Floats, before: float, t: Floats, group: int) -> CloneTimes:
+    """Return the storage times of states at the times `t_valid` (s), and of velocities `before` s earlier (0: none)."""
     dt = float(t[1] - t[0])
+    step = dt * group
     # states are stored at the end of a step, so the earliest are those of the first two steps
-    valid = np.maximum(2 * group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
-    early = np.maximum(group, valid - max(1, round(before / (dt * group))) * group) if before > 0.0 else valid
-    offset = wanted - t[valid]
+    nearest = np.rint((t_valid - t[0]) / step).astype(np.int64) * group
+    valid = np.maximum(2 * group, nearest)
+    early = valid
+    if before > 0.0:
+        early = np.maximum(group, valid - max(1, round(before / step)) * group)
     # rounding errors of the times need no propagation by a fraction of a step
+    offset = t_valid - t[valid]
     offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
-    base = wanted - t[early]
-    return CloneTimes(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))
+    base = t_valid - t[early]
+    base = np.where(base < 0.5 * dt * group, t[valid] - t[early], base)
+    return CloneTimes(valid, early, offset, base)

@@ -113,7 +113,7 @@ def _options(
     return Options(
         solver=measured.solver,
         rules=measured.rules,
-        late=late_of(scenario, times.delayed, times.kept, times.schedule, flight.channels),
+        late=late_of(scenario, times.delayed, times.stored, times.schedule, flight.channels),
         gains=filtering.gains,
         vehicle=vehicle_of(scenario, flight.trajectory, ref, layout),
         samples=samples_of(scenario, ref, layout),

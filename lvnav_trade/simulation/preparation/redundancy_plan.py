@@ -84,14 +84,20 @@ def redundant_of(
     dt = 1.0 / card.rate
     owner = np.array([triad.unit for triad in triads_of(card)], dtype=np.int64)
     axes = _Axes(owner, own_solutions(card), axis_weights(card), card.selection == "prime")
-    test = _test(card, units, owner, dt)
+    test = _parity_test(card, units, owner, dt)
     excludes = (card.parity or ParityCard()).after_detection != "report"
     along = np.array(along_axes(units, dt))
-    errors = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
-    tested = card.parity is not None and excludes
-    lost = failed(along + errors, units.frames[:, :, 0], test) if tested else [(hand_over, 0)] * (hand_over >= 0)
-    excluded = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
-    spread, walk = _of_biases(card)
+    errors = _profile_errors(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
+    lost: list[tuple[int, int]] = []
+    if card.parity is not None and excludes:
+        lost = failed(along + errors, units.frames[:, :, 0], test)
+    elif hand_over >= 0:
+        lost = [(hand_over, 0)]
+    means = []
+    for n_lost in range(len(lost) + 1):
+        excluded = {unit for _, unit in lost[:n_lost]}
+        means.append(_mean_stage(units, axes, excluded).solved)
+    spread, walk = _bias_variances(card)
     redundant = ImuRedundancy(
         middle=card.selection == "mid_value",
         prime=axes.prime,
@@ -107,47 +113,60 @@ def redundant_of(
         noise=units.white[:, :6].reshape(-1, 2, 3).swapaxes(0, 1) ** 2 / dt,
         spread=spread,
         walk=walk,
-        lost=np.array([at for at, _ in lost], dtype=np.int64),
-        mean=np.array([_mean(units, axes, out).solved for out in excluded]),
+        lost=np.array([tick for tick, _ in lost], dtype=np.int64),
+        mean=np.array(means),
     )
     statistics = _MedianStatistics(card, units, axes, ref, along, errors) if redundant.middle else None
-    return _staged(units, axes, statistics, lost, redundant)
+    return _add_stages(units, axes, statistics, lost, redundant)
 
 
-def _test(card: ImuSet, units: ImuArray, owner: Ints, dt: float) -> ParityTest:
+def _parity_test(card: ImuSet, units: ImuArray, owner: Ints, dt: float) -> ParityTest:
     """Return the parity test of an array; without one, that of the default card, which gives the weights."""
     parity = card.parity or ParityCard()
     ticks = max(1, round(parity.window / dt))
     weight = 1.0 / _variance(card, units, dt, ticks)
-    n_axis = int(units.n_axis.sum())
+    # the probability of a false alarm is shared by the tests of all windows and of both sensors
     n_test = 2 * weight.shape[0]
-    limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
-    return ParityTest(ticks, weight, limits, owner, parity.after_detection == "hand_over")
+    dof = np.arange(1, max(2, int(units.n_axis.sum()) - 2))
+    quantiles = chdtri(dof, parity.false_alarm / max(1, n_test))
+    return ParityTest(
+        ticks=ticks,
+        weight=weight,
+        limits=np.concatenate([[np.inf], quantiles]),
+        owner=owner,
+        hands_over=parity.after_detection == "hand_over",
+    )
 
 
-def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
+def _bias_variances(card: ImuSet) -> tuple[Floats, Floats]:
     """Return variance and variance rate of the random walk of the biases, (2, n_triad, 3) each, by sensor and axis."""
-    spread, walk = np.zeros((2, 2, len(triads_of(card)), 3))
-    for block in terms_of(card):
-        if block.driver == CONSTANT:
-            variance = np.array(squares(block.sigma))
-            spread[block.sensor, block.triad] += variance
-            walk[block.sensor, block.triad] += squares(block.walk) + 2.0 / block.time_constant * variance
+    shape = (2, len(triads_of(card)), 3)
+    spread = np.zeros(shape)
+    walk = np.zeros(shape)
+    for term in terms_of(card):
+        if term.driver == CONSTANT:
+            variance = np.array(squares(term.sigma))
+            # a Gauss-Markov process of variance s^2 drifts with 2 s^2 / T per second
+            drift = squares(term.walk) + 2.0 / term.time_constant * variance
+            spread[term.sensor, term.triad] += variance
+            walk[term.sensor, term.triad] += drift
     return spread, walk
 
 
-def _known(units: ImuArray, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
+def _profile_errors(units: ImuArray, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
     """Return the errors of increments along the axes by deterministic profiles, (2, n_triad, n_tick, 3)."""
     n_triad, n_tick = units.dtheta.shape[:2]
     errors = np.zeros((2, n_triad, n_tick, 3))
-    for code, driver, start, end, size in profiles:
+    for code, driver, start, end, amplitude in profiles:
         triad, sensor = divmod(code, 2)
-        share = np.clip((t - start) / (end - start), 0.0, 1.0)[:, None] * np.array(size)
-        errors[sensor, triad] += share * inputs_of(units, dt, driver, triad, sensor)
-    return errors * (np.arange(3) < units.n_axis[:, None])[None, :, None, :]
+        growth = np.clip((t - start) / (end - start), 0.0, 1.0)
+        parameter = growth[:, None] * np.array(amplitude)
+        errors[sensor, triad] += parameter * inputs_of(units, dt, driver, triad, sensor)
+    has_axis = np.arange(3) < units.n_axis[:, None]
+    return errors * has_axis[None, :, None, :]
 
 
-def _spread(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tuple[Floats, Floats]:
+def _summed_variances(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tuple[Floats, Floats]:
     """Return the variances of increments along the axes, summed over windows of some ticks.
 
     Returns
@@ -158,24 +177,26 @@ def _spread(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tuple[Float
     n_triad, n_tick = units.dtheta.shape[:2]
     edges = np.arange(0, n_tick + 1, ticks)
     lasting = np.zeros((edges.size - 1, 2, n_triad, 3))
-    for block in terms_of(card):
-        entering = np.cumsum(inputs_of(units, dt, block.driver, block.triad, block.sensor), axis=0)
-        summed = np.diff(np.vstack([np.zeros((1, 3)), entering])[edges], axis=0)
-        grown = np.array(squares(block.sigma)) + np.array(squares(block.walk)) * dt * edges[1:, None]
-        lasting[:, block.sensor, block.triad] += grown * summed**2
-    white = np.stack(
-        [
-            ticks * units.white[:, 3 * sensor : 3 * sensor + 3] ** 2 + units.white[:, 6 + sensor, None] ** 2 / 6.0
-            for sensor in range(2)
-        ]
-    )
+    for term in terms_of(card):
+        inputs = np.cumsum(inputs_of(units, dt, term.driver, term.triad, term.sensor), axis=0)
+        from_start = np.vstack([np.zeros((1, 3)), inputs])
+        summed = np.diff(from_start[edges], axis=0)
+        parameter_variance = np.array(squares(term.sigma)) + np.array(squares(term.walk)) * dt * edges[1:, None]
+        lasting[:, term.sensor, term.triad] += parameter_variance * summed**2
+    white = np.empty((2, n_triad, 3))
+    for sensor in range(2):
+        noise = units.white[:, 3 * sensor : 3 * sensor + 3]
+        step = units.white[:, 6 + sensor, None]
+        # of the uniform rounding errors (step^2 / 12) of a sum only those of its first and last sample remain
+        white[sensor] = ticks * noise**2 + step**2 / 6.0
     return lasting, np.broadcast_to(white[None], lasting.shape)
 
 
 def _variance(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> Floats:
     """Return the variance (n_window, 2, n_triad, 3) of a summed increment along an axis; infinite without an axis."""
-    lasting, white = _spread(card, units, dt, ticks)
-    return np.asarray(np.where(np.arange(3) < units.n_axis[:, None], lasting + white, np.inf))
+    lasting, white = _summed_variances(card, units, dt, ticks)
+    has_axis = np.arange(3) < units.n_axis[:, None]
+    return np.asarray(np.where(has_axis, lasting + white, np.inf))
 
 
 def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[int, int]]:
@@ -195,26 +216,38 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
     out = set[int]()
     excluded = list[tuple[int, int]]()
     n_window = len(tests.weight)
-    n_unit = int(tests.owner.max()) + 1
-    sums = along[:, :, : n_window * tests.ticks].reshape(2, along.shape[1], n_window, tests.ticks, 3).sum(axis=3)
+    n_triad = along.shape[1]
+    by_window = along[:, :, : n_window * tests.ticks].reshape(2, n_triad, n_window, tests.ticks, 3)
+    sums = by_window.sum(axis=3)
     for window in range(n_window):
         for sensor in range(2):
             y = sums[sensor, :, window]
             weight = tests.weight[window, sensor]
-            if _over(y, directions, weight, tests, out) <= 1.0:
+            if _residual_ratio(y, directions, weight, tests, out) <= 1.0:
                 continue
-            if tests.hands_over:
-                ratios = [0.0] * n_unit  # the first in use, whichever has failed
-            else:
-                ratios = [_over(y, directions, weight, tests, out | {u}, True) for u in range(n_unit)]
-            worst = min((ratio, u) for u, ratio in enumerate(ratios) if u not in out)
-            if np.isfinite(worst[0]):
-                out.add(worst[1])
-                excluded.append(((window + 1) * tests.ticks, worst[1]))
+            ratio, unit = _least_residual_ratio(y, directions, weight, tests, out)
+            if np.isfinite(ratio):
+                out.add(unit)
+                excluded.append(((window + 1) * tests.ticks, unit))
     return excluded
 
 
-def _over(
+def _least_residual_ratio(
+    y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int]
+) -> tuple[float, int]:
+    """Return the smallest residual ratio of the fits without one more IMU, and that IMU; of a prime IMU 0 and the first."""
+    candidates = []
+    for unit in range(int(tests.owner.max()) + 1):
+        if unit in out:
+            continue
+        ratio = 0.0  # a hand-over excludes the first in use, whichever has failed
+        if not tests.hands_over:
+            ratio = _residual_ratio(y, directions, weight, tests, out | {unit}, True)
+        candidates.append((ratio, unit))
+    return min(candidates)
+
+
+def _residual_ratio(
     y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int], alone: bool = False
 ) -> float:
     """Return the weighted sum of squared residuals of a fit without the IMUs in `out`, divided by its limit.
@@ -228,7 +261,8 @@ def _over(
     root = np.sqrt(weight[use])
     H = directions[use] * root[:, None]
     z = y[use] * root
-    residual = z - H @ np.linalg.lstsq(H, z, rcond=None)[0]
+    x, *_ = np.linalg.lstsq(H, z, rcond=None)
+    residual = z - H @ x
     return float(residual @ residual / tests.limits[dof])
 
 
@@ -245,133 +279,150 @@ class _CombinationStage(NamedTuple):
     shift: Floats
 
 
-def _staged(
+def _add_stages(
     units: ImuArray,
-    own: _Axes,
-    looked: "_MedianStatistics | None",
+    axes: _Axes,
+    statistics: "_MedianStatistics | None",
     lost: list[tuple[int, int]],
     redundant: ImuRedundancy,
 ) -> ImuArray:
     """Return the IMU array with the stages of the flight, tick by tick: with exclusions, and without.
 
-    looked : statistics of the middle value; None if the mean is used
+    statistics : statistics of the middle value; None if the mean is used
     lost : ticks from which IMUs are excluded, and their numbers
     """
     n_tick = units.dtheta.shape[1]
     stages: list[_CombinationStage] = []
     index: dict[tuple[bytes, bytes, bytes], int] = {}
 
-    def number(stage: _CombinationStage) -> int:
+    def stage_number(first: int, excluded: set[int]) -> int:
+        stage = _mean_stage(units, axes, excluded) if statistics is None else statistics.at(first, excluded)
         key = (stage.solved.tobytes(), stage.noisy.tobytes(), stage.shift.tobytes())
         if key not in index:
             index[key] = len(stages)
             stages.append(stage)
         return index[key]
 
-    edges = sorted({0, n_tick, *(at for at, _ in lost), *(() if looked is None else range(0, n_tick, looked.step))})
-    stage = np.zeros(n_tick, dtype=np.int64)
-    flown = np.zeros(n_tick, dtype=np.int64)
-    for first, last in pairwise(edges):
-        out = {unit for at, unit in lost if at <= first}
-        for numbers, excluded in ((flown, set[int]()), (stage, out)):
-            numbers[first:last] = number(_mean(units, own, excluded) if looked is None else looked.at(first, excluded))
+    edges = {0, n_tick}
+    edges.update(tick for tick, _ in lost)
+    if statistics is not None:
+        edges.update(range(0, n_tick, statistics.step))
+    with_exclusions = np.zeros(n_tick, dtype=np.int64)
+    without = np.zeros(n_tick, dtype=np.int64)
+    for first, last in pairwise(sorted(edges)):
+        excluded = {unit for tick, unit in lost if tick <= first}
+        without[first:last] = stage_number(first, set())
+        with_exclusions[first:last] = stage_number(first, excluded)
     return units._replace(
-        solved=np.array([item.solved for item in stages]),
-        noisy=np.array([item.noisy for item in stages]),
-        shift=np.array([item.shift for item in stages]),
-        stage=stage,
-        flown=flown,
+        solved=np.array([stage.solved for stage in stages]),
+        noisy=np.array([stage.noisy for stage in stages]),
+        shift=np.array([stage.shift for stage in stages]),
+        stage=with_exclusions,
+        flown=without,
         redundant=redundant,
     )
 
 
-def _mean(units: ImuArray, own: _Axes, out: set[int]) -> _CombinationStage:
-    """Return the stage with the mean of the IMUs that are not in `out`; of a prime IMU, with the first of them."""
+def _mean_stage(units: ImuArray, axes: _Axes, excluded: set[int]) -> _CombinationStage:
+    """Return the stage with the mean of the IMUs that are not excluded; of a prime IMU, with the first of them."""
     solved = units.solved[0]
-    if out:
+    if excluded:
+        in_use = ~np.isin(axes.owner, list(excluded))
+        if axes.prime:
+            in_use &= axes.owner == axes.owner[in_use].min()
+        has_axis = np.arange(3) < units.n_axis[:, None]
+        triad, axis = np.nonzero(has_axis & in_use[:, None])
         solved = np.zeros_like(solved)
-        used = ~np.isin(own.owner, list(out))
-        if own.prime:
-            used &= own.owner == own.owner[used].min()
-        use = (np.arange(3) < units.n_axis[:, None]) & used[:, None]
-        triad, axis = np.nonzero(use)
-        for sensor, shares in enumerate(own.shares):
+        for sensor, shares in enumerate(axes.shares):
             A = least_squares(units.frames[triad, axis, 0], shares[triad])
             solved[triad, sensor, :, axis] = A.T
-    return _CombinationStage(solved, np.ones((2, 2, 3)), np.zeros((2, 3)))
+    return _CombinationStage(solved, noisy=np.ones((2, 2, 3)), shift=np.zeros((2, 3)))
 
 
 class _MedianStatistics:
     """Statistics of the middle value along a flight."""
 
-    def __init__(self, card: ImuSet, units: ImuArray, own: _Axes, ref: Reference, along: Floats, known: Floats) -> None:
+    def __init__(
+        self, card: ImuSet, units: ImuArray, axes: _Axes, ref: Reference, along: Floats, errors: Floats
+    ) -> None:
         dt = 1.0 / card.rate
-        self.step = step = min(units.dtheta.shape[1], max(1, round(STAGE / dt)))
-        lasting, white = _spread(card, units, dt, step)
-        self._units, self._own, self._alone = units, own, own.alone
-        self._n = int(own.owner.max()) + 1
-        self._white = np.sqrt(self._of_units(white)[0] / step)
-        self._lasting = np.sqrt(self._of_units(lasting)) / step
+        n_tick = units.dtheta.shape[1]
+        step = min(n_tick, max(1, round(STAGE / dt)))
+        self.step = step
+        self._units = units
+        self._owner = axes.owner
+        self._alone = axes.alone
+        self._n = int(axes.owner.max()) + 1
+        lasting, white = _summed_variances(card, units, dt, step)
+        self._white = np.sqrt(self._solution_variances(white)[0] / step)
+        self._lasting = np.sqrt(self._solution_variances(lasting)) / step
+        solutions = np.stack([self._solutions(along[sensor] + errors[sensor]) for sensor in range(2)])
         true = np.stack([ref.dtheta, ref.dvel])
-        sensed = np.stack([self._solved(along[s] + known[s]) for s in range(2)])
         # errors of a tick, averaged over each stage; a shorter last stage uses the errors of the stage before
-        off = (sensed - true[:, None])[:, :, : len(lasting) * step]
-        self._off = off.reshape(2, self._n, len(lasting), step, 3).mean(axis=3)
+        n_stage = len(lasting)
+        solution_errors = (solutions - true[:, None])[:, :, : n_stage * step]
+        self._errors = solution_errors.reshape(2, self._n, n_stage, step, 3).mean(axis=3)
 
-    def _solved(self, along: Floats) -> Floats:
+    def _solutions(self, along: Floats) -> Floats:
         """Return the solution of each IMU alone, (n_unit, n_tick, 3), from increments (n_triad, n_tick, 3)."""
         solutions = np.zeros((self._n, *along.shape[1:]))
-        for triad, unit in enumerate(self._own.owner):
+        for triad, unit in enumerate(self._owner):
             solutions[unit] += along[triad] @ self._alone[triad].T
         return solutions
 
-    def _of_units(self, variance: Floats) -> Floats:
+    def _solution_variances(self, variance: Floats) -> Floats:
         """Return the variances (n, 2, n_unit, 3) of the solution of each IMU from those of axes, (n, 2, n_triad, 3)."""
         variances = np.zeros((len(variance), 2, self._n, 3))
-        for triad, unit in enumerate(self._own.owner):
+        for triad, unit in enumerate(self._owner):
             variances[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
         return variances
 
-    def at(self, tick: int, out: set[int]) -> _CombinationStage:
-        """Return the stage of a tick without the IMUs in `out`."""
-        window = min(tick // self.step, self._off.shape[2] - 1)
-        used = [unit for unit in range(self._n) if unit not in out]
+    def at(self, tick: int, excluded: set[int]) -> _CombinationStage:
+        """Return the stage of a tick without the excluded IMUs."""
+        window = min(tick // self.step, self._errors.shape[2] - 1)
+        in_use = [unit for unit in range(self._n) if unit not in excluded]
         solved = np.zeros_like(self._units.solved[0])
         noisy = np.ones((2, 2, 3))
         shift = np.zeros((2, 3))
         for sensor in range(2):
             for axis in range(3):
-                off = self._off[sensor, used, window, axis]
-                white = self._white[sensor, used, axis]
-                lasting = self._lasting[window, sensor, used, axis]
-                selection = _rounded(off, white, lasting)
-                for triad, unit in enumerate(self._own.owner):
-                    if unit in used:
-                        gain = selection.gains[used.index(int(unit))]
+                error = self._errors[sensor, in_use, window, axis]
+                white = self._white[sensor, in_use, axis]
+                lasting = self._lasting[window, sensor, in_use, axis]
+                median = _rounded_median(error, white, lasting)
+                for triad, unit in enumerate(self._owner):
+                    if unit in in_use:
+                        gain = median.gains[in_use.index(int(unit))]
                         solved[triad, sensor, axis] = gain * self._alone[triad][axis]
-                noisy[sensor, :, axis] = selection.lasting, selection.white
-                shift[sensor, axis] = white[0] * selection.mean - selection.gains @ (off - np.median(off))
+                noisy[sensor, 0, axis] = median.lasting
+                noisy[sensor, 1, axis] = median.white
+                # mean of the median, minus the part that enters by the linear gains
+                shift[sensor, axis] = white[0] * median.mean - median.gains @ (error - np.median(error))
         return _CombinationStage(solved, noisy, shift)
 
 
-def _rounded(off: Floats, white: Floats, lasting: Floats) -> MedianModel:
+def _rounded_median(error: Floats, white: Floats, lasting: Floats) -> MedianModel:
     """Return the statistics of the middle value for rounded ratios, so that they can be cached.
 
     Quantities are in units of the first noise: deterministic errors about their median are rounded to a tenth and
     limited to 40, lasting errors to a tenth of their logarithm. Variances are returned as factors on the sigmas of the
     linear part.
     """
-    steps = np.clip(np.rint((off - np.median(off)) / white[0] * 10.0), -400.0, 400.0)
-    exponents = np.rint(np.log(np.maximum(lasting / white[0], 1e-4)) * 10.0)
-    return _remembered(tuple(steps), tuple(np.round(white / white[0], 6)), tuple(exponents))
+    deviations = (error - np.median(error)) / white[0]
+    tenths = np.clip(np.rint(deviations * 10.0), -400.0, 400.0)
+    log_ratios = np.log(np.maximum(lasting / white[0], 1e-4))
+    exponents = np.rint(log_ratios * 10.0)
+    return _cached_median(tuple(tenths), tuple(np.round(white / white[0], 6)), tuple(exponents))
 
 
 @lru_cache(maxsize=4096)
-def _remembered(steps: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> MedianModel:
+def _cached_median(tenths: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> MedianModel:
+    """Return the statistics of the middle value for the ratios of `_rounded_median`."""
     lasting_sigma = np.exp(np.array(exponents) / 10.0)
     white_sigma = np.array(white)
-    statistics = middle(np.array(steps) / 10.0, white_sigma, lasting_sigma)
-    lasting, noise = (np.sum((statistics.gains * sigma) ** 2) for sigma in (lasting_sigma, white_sigma))
-    return statistics._replace(
-        lasting=float(np.sqrt(statistics.lasting / lasting)), white=float(np.sqrt(statistics.white / noise))
+    median = middle(np.array(tenths) / 10.0, white_sigma, lasting_sigma)
+    linear_lasting = np.sum((median.gains * lasting_sigma) ** 2)
+    linear_white = np.sum((median.gains * white_sigma) ** 2)
+    return median._replace(
+        lasting=float(np.sqrt(median.lasting / linear_lasting)), white=float(np.sqrt(median.white / linear_white))
     )

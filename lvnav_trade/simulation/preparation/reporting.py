@@ -43,15 +43,18 @@ def reporting_of(
 ) -> Reporting:
     """Return the reported quantities of a case; solution: of `solution_of`."""
     frame, trajectory = scenario.frame, flight.trajectory
-    shown = (*outputs(layout, frame), *(solution_outputs(frame) if reported(scenario) else ()))
+    main = outputs(layout, frame)
+    if reported(scenario):
+        main = (*main, *solution_outputs(frame))
     backup = backup_outputs(frame) if scenario.filter.backup else ()
+    t_in_flight = np.clip(times.t_hist, trajectory.start, trajectory.end)
     return Reporting(
-        outputs=(*shown, *backup),
-        backup=len(shown) if backup else None,
+        outputs=(*main, *backup),
+        backup=len(main) if backup else None,
         solution=solution,
         channel_names=_channel_names(scenario, flight.channels, solution),
         record=_record(scenario, flight, times),
-        motion=motion(trajectory, np.clip(times.t_hist, trajectory.start, trajectory.end)),
+        motion=motion(trajectory, t_in_flight),
     )
 
 
@@ -61,27 +64,41 @@ def solution_of(
     """Return the inputs of the reported errors of the receiver's solution; None if they are not reported."""
     if chain is None or not reported(scenario):
         return None
-    first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
-    n_own = 2 * len(channels.satellites) if solver is not None and solver.filter is not None else 0
-    return ReportedSolution(chain.point, len(outputs(layout, scenario.frame)), first, n_own)
+    n_sample = N_SAMPLE if layout.motion >= 0 else 0
+    has_filter = solver is not None and solver.filter is not None
+    return ReportedSolution(
+        point=chain.point,
+        first_output=len(outputs(layout, scenario.frame)),
+        first_channel=channels.n_channel + n_sample,
+        n_channel=2 * len(channels.satellites) if has_filter else 0,
+    )
 
 
 def _channel_names(scenario: Scenario, channels: Channels, report: ReportedSolution | None) -> tuple[str, ...]:
     """Return the names of all innovations: filter channels, IMU samples, receiver's filter."""
     if not measured(scenario) and not solves(scenario):
         return ("none",)
-    sensors = ("gyro", "accelerometer") if "imu" in scenario.filter.measurements else ()
-    solved = channels.satellites if report is not None and report.n_channel else ()
-    receiver_names = [f"receiver {name} {what}" for name in solved for what in ("range", "range rate")]
-    return (*channels.names, *(f"{sensor} {axis}" for sensor in sensors for axis in "xyz"), *receiver_names)
+    names = list(channels.names)
+    if "imu" in scenario.filter.measurements:
+        names += [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
+    if report is not None and report.n_channel:
+        for satellite in channels.satellites:
+            names += [f"receiver {satellite} range", f"receiver {satellite} range rate"]
+    return tuple(names)
 
 
 def _record(scenario: Scenario, flight: TrueFlight, times: Times) -> HistoryTruth:
+    """Return the true state at the ticks of the history times, with the reporting axes there."""
     ticks, ref = times.hist_tick, flight.reference
-    t, r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.t, ref.r_i, ref.v_i, ref.q_b_i))
+    t = np.ascontiguousarray(ref.t[ticks])
+    r = np.ascontiguousarray(ref.r_i[ticks])
+    v = np.ascontiguousarray(ref.v_i[ticks])
+    q = np.ascontiguousarray(ref.q_b_i[ticks])
     theta0 = flight.trajectory.theta0
     pad_e = ecef_from_eci(ref.r_i[:1], earth_angle(theta0, ref.t[:1]))[0]
-    shown = reporting_axes(scenario.frame, t, r, v, theta0, pad_e)
-    marks = np.concatenate([[0], flight.epochs.tick])
-    since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
-    return HistoryTruth(r, v, q, np.ascontiguousarray(shown), t, since, scenario.diverged)
+    axes = reporting_axes(scenario.frame, t, r, v, theta0, pad_e)
+    # time since the last epoch, or since the start before the first
+    epoch_ticks = np.concatenate([[0], flight.epochs.tick])
+    last_epoch = np.searchsorted(epoch_ticks, ticks, side="right") - 1
+    since = (ticks - epoch_ticks[last_epoch]) / scenario.imu.rate
+    return HistoryTruth(r, v, q, np.ascontiguousarray(axes), t, since, scenario.diverged)

@@ -20,7 +20,9 @@ _SAME_TICK = 1e-6
 
 def _history_times(events: Floats, start: float, end: float, every: float) -> Floats:
     """Return the grid of history times and the times of events, sorted, without duplicates."""
-    grid = np.arange(math.ceil(start / every), math.floor(end / every) + 1) * every
+    first = math.ceil(start / every)
+    last = math.floor(end / every)
+    grid = np.arange(first, last + 1) * every
     return np.unique(np.concatenate([[start], grid, events]))
 
 
@@ -45,33 +47,39 @@ class _Windows(NamedTuple):
     hist: Ints
 
 
-def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int) -> _Windows:
+def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stored: Ints, group: int) -> _Windows:
     """Divide the flight into windows.
 
     Windows end at covariance steps (rounded to strapdown steps of `group` ticks), epochs, history times, and ticks at
     which a state is stored. A second history time at the same tick gets a window without ticks.
     """
     steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
-    bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
-    begin = np.concatenate([[0], bounds[:-1]])
-    epoch = np.full(bounds.size, -1)
-    hist = np.full(bounds.size, -1)
-    epoch[np.searchsorted(bounds, epoch_tick)] = np.arange(epoch_tick.size)
-    seconds = np.ones(hist_tick.size, dtype=bool)
-    seconds[np.unique(hist_tick, return_index=True)[1]] = False
-    hist[np.searchsorted(bounds, hist_tick[~seconds])] = np.flatnonzero(~seconds)
-    kept_rows = (bounds > 0) | (hist >= 0)
-    rows = np.stack([begin, bounds - begin, epoch, hist], axis=1)[kept_rows]
-    none = np.zeros(np.count_nonzero(seconds), dtype=np.int64)
-    more = np.stack([hist_tick[seconds], none, none - 1, np.flatnonzero(seconds)], axis=1)
-    order = np.argsort(np.concatenate([bounds[kept_rows], hist_tick[seconds]]), kind="stable")
-    return _Windows(*np.ascontiguousarray(np.concatenate([rows, more])[order].T))
+    end = np.unique(np.concatenate([steps, hist_tick, epoch_tick, stored, [0, n_imu]]))
+    first = np.concatenate([[0], end[:-1]])
+    epoch = np.full(end.size, -1)
+    epoch[np.searchsorted(end, epoch_tick)] = np.arange(epoch_tick.size)
+    is_repeated = np.ones(hist_tick.size, dtype=bool)
+    _, first_at_tick = np.unique(hist_tick, return_index=True)
+    is_repeated[first_at_tick] = False
+    hist = np.full(end.size, -1)
+    hist[np.searchsorted(end, hist_tick[~is_repeated])] = np.flatnonzero(~is_repeated)
+    # a window before tick 0 is needed only to record the start
+    is_needed = (end > 0) | (hist >= 0)
+    windows = np.stack([first, end - first, epoch, hist], axis=1)[is_needed]
+    repeated_tick = hist_tick[is_repeated]
+    none = np.zeros(repeated_tick.size, dtype=np.int64)
+    empty_windows = np.stack([repeated_tick, none, none - 1, np.flatnonzero(is_repeated)], axis=1)
+    order = np.argsort(np.concatenate([end[is_needed], repeated_tick]), kind="stable")
+    columns = np.concatenate([windows, empty_windows])[order].T
+    return _Windows(*np.ascontiguousarray(columns))
 
 
-def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
+def _add_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
     """Return history times and covariance steps (s), sorted; a step at the tick of a history time is omitted."""
-    grid = (start, rate, n_imu, group)
-    return np.sort(np.concatenate([t_hist, steps[~np.isin(ticks_of(steps, *grid), ticks_of(t_hist, *grid))]]))
+    step_ticks = ticks_of(steps, start, rate, n_imu, group)
+    hist_ticks = ticks_of(t_hist, start, rate, n_imu, group)
+    additional = steps[~np.isin(step_ticks, hist_ticks)]
+    return np.sort(np.concatenate([t_hist, additional]))
 
 
 class Times(NamedTuple):
@@ -83,7 +91,7 @@ class Times(NamedTuple):
     lengths : (n_length,) s. Window lengths that occur.
     injected : (n_injection, n_state) SI squared. Variances added to the filter's states at changes of region.
     delayed : Delays that the filter compensates.
-    kept : For each of these delays, the times at which states are stored.
+    stored : For each of these delays, the times at which states are stored.
     """
 
     t_hist: Floats
@@ -92,7 +100,7 @@ class Times(NamedTuple):
     lengths: Floats
     injected: Floats
     delayed: tuple[CompensatedDelay, ...]
-    kept: tuple[CloneTimes, ...]
+    stored: tuple[CloneTimes, ...]
 
 
 def times_of(
@@ -111,27 +119,28 @@ def times_of(
     every_step_beside
         As in `prepare`.
     """
-    card, ref, (_, tick, n_imu, group) = scenario.filter, flight.reference, flight.epochs
+    card, ref, trajectory = scenario.filter, flight.reference, flight.trajectory
+    _, epoch_tick, n_imu, group = flight.epochs
     rate = scenario.imu.rate
     start = float(ref.t[0])
     delayed = delays_taken(scenario, flight.epochs.t, flight.stamped, flight.devices)
     stored_times = clone_times(scenario, flight.epochs.t, delayed, ref.t, group)
     per_window = max(1, round(rate / card.covariance_rate))
     # an event within the last fraction of a tick has the errors of the last tick
-    end = flight.trajectory.end
-    events = np.array([t for t in flight.trajectory.events.values() if start <= t <= end], dtype=np.float64)
+    in_flight = [t for t in trajectory.events.values() if start <= t <= trajectory.end]
+    events = np.array(in_flight, dtype=np.float64)
     t_hist = _history_times(events, start, float(ref.t[-1]), history)
     if every_step_beside is not None:
-        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
+        t_hist = _add_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _history_ticks(t_hist, events, start, rate, n_imu, group)
-    stored = np.concatenate(
-        [np.zeros(0, dtype=np.int64), *(ticks for at in stored_times for ticks in (at.valid, at.early))]
-    )
-    cut = _cut(n_imu, per_window, hist_tick, tick, stored, group)
+    stored_ticks = [np.zeros(0, dtype=np.int64)]
+    for times in stored_times:
+        stored_ticks += [times.valid, times.early]
+    cut = _divide(n_imu, per_window, hist_tick, epoch_tick, np.concatenate(stored_ticks), group)
     windows = TickWindows(cut.first_tick, cut.n_tick)
     lengths, length = np.unique(cut.n_tick, return_inverse=True)
-    imu, *_ = filter_models(scenario)
-    injection, injected = injections(card, flight.trajectory, ref, windows, layout, imu)
+    imu, _, _ = filter_models(scenario)
+    injection, injected = injections(card, trajectory, ref, windows, layout, imu)
     schedule = Schedule(
         first_tick=cut.first_tick,
         n_tick=cut.n_tick,
@@ -141,4 +150,12 @@ def times_of(
         injection=injection,
         linearised=linearisations(card, rate, windows),
     )
-    return Times(t_hist, hist_tick, schedule, lengths / rate, injected, delayed, stored_times)
+    return Times(
+        t_hist=t_hist,
+        hist_tick=hist_tick,
+        schedule=schedule,
+        lengths=lengths / rate,
+        injected=injected,
+        delayed=delayed,
+        stored=stored_times,
+    )

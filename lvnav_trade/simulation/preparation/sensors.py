@@ -65,41 +65,53 @@ def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
     t = np.maximum(t, trajectory.start)
     at = motion(trajectory, t)
     rest = motion(without_oscillations(trajectory), t)
-    standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
+    speed_e = np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1)
     # heights may be computed in frame i, since it is rotated about the axis of the ellipsoid only
-    height = geodetic_from_ecef(at.r_i)[2]
-    theta = np.asarray(earth_angle(trajectory.theta0, t))
+    _, _, height = geodetic_from_ecef(at.r_i)
     return FlightView(
-        t, at.r_i, at.v_i, at.q_b_i, height, theta, at.w_ib_b, trajectory.epoch, rest.r_i, rest.q_b_i, standing
+        t=t,
+        r_i=at.r_i,
+        v_i=at.v_i,
+        q_b_i=at.q_b_i,
+        height=height,
+        theta=np.asarray(earth_angle(trajectory.theta0, t)),
+        w_ib_b=at.w_ib_b,
+        epoch=trajectory.epoch,
+        r_rest=rest.r_i,
+        q_rest=rest.q_b_i,
+        standing=np.logical_and.accumulate(speed_e < STILL),
     )
 
 
-def _own(error: CorrelatedError, name: str) -> CorrelatedError:
+def _named_error(error: CorrelatedError, name: str) -> CorrelatedError:
     """Return a lasting error with the name of its sensor, if several sensors measure the same quantity."""
     labels = tuple(" ".join((name, label)).strip() for label in error.labels)
     return error._replace(source=f"{error.source} {name}", labels=labels)
 
 
 def _states(
-    model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], wanted: Collection[str]
+    model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], names: Collection[str]
 ) -> tuple[SensorState, ...]:
-    """Return the filter states that model lasting errors of a sensor, for the state names in `wanted`."""
-    modelled = [
-        (model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states
-    ]
-    return tuple(
-        SensorState(
-            state.name,
-            label,
-            getattr(model, error.field),
-            model.time_constant(error.field),
-            state[1:],
-            np.ascontiguousarray(partials[:, :, k]),
-        )
-        for state, error, partials in modelled
-        if state.name in wanted
-        for k, label in enumerate(error.labels)
-    )
+    """Return the filter states that model lasting errors of a sensor, for the state names in `names`."""
+    states = []
+    for error, partials in lasting:
+        if error.field not in model.states:
+            continue
+        state = model.states[error.field]
+        if state.name not in names:
+            continue
+        for k, label in enumerate(error.labels):
+            states.append(
+                SensorState(
+                    state.name,
+                    label,
+                    getattr(model, error.field),
+                    model.time_constant(error.field),
+                    state[1:],
+                    np.ascontiguousarray(partials[:, :, k]),
+                )
+            )
+    return tuple(states)
 
 
 def measures(scenario: Scenario, card: SensorCard, course: FlightProfile, t_epoch: Floats) -> Bools:
@@ -113,13 +125,16 @@ def measures(scenario: Scenario, card: SensorCard, course: FlightProfile, t_epoc
         If a condition of the card names an event that the flight lacks.
     """
     rate = card.rate or scenario.filter.update_rate
-    ticks = t_epoch * rate
-    return inside(course.holding(card), t_epoch) & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
+    samples = t_epoch * rate
+    is_due = np.abs(samples - np.rint(samples)) < 1e-6 * max(1.0, rate)
+    return inside(course.holding(card), t_epoch) & is_due
 
 
 def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
     """Return the time (n_epoch,) s since the previous measurement, or since the start (s) of the flight."""
-    return np.asarray(t_epoch - np.concatenate([[start], np.maximum.accumulate(np.where(on, t_epoch, start))[:-1]]))
+    last = np.maximum.accumulate(np.where(on, t_epoch, start))
+    previous = np.concatenate([[start], last[:-1]])
+    return np.asarray(t_epoch - previous)
 
 
 def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float = 0.0) -> tuple[Sensor, ...]:
@@ -136,54 +151,64 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
     if not used:
         return ()
     views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
-    kinds = [card.measurement for card in used.values()]
+    measurements = [card.measurement for card in used.values()]
     compensates = scenario.filter.delay_compensation is not None
-    states = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
+    state_names = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
     sensors = []
     for name, card in used.items():
-        alone = kinds.count(card.measurement) == 1
+        is_alone = measurements.count(card.measurement) == 1
         model = sensor_model(scenario, card)
-        delay = model.latency if compensates else 0.0
         view = views(card.latency)
-        assumed = views(delay)
+        assumed = views(model.latency if compensates else 0.0)
         truth = card.truth(view)
         known = card.known(model, assumed)
         on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
         if card.on_pad and not on.any():
             message = "it measures on the pad only, and at none of its times is the vehicle on the pad"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
-        shape = (t_epoch.size, len(card.scalars))
-        since = np.zeros(0)
-        sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
-        variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
-        if isinstance(card, ImuDifferenceCard):  # a sum of increments since the previous measurement
-            since = _since(on, t_epoch, start)
-            walk = np.array(difference_of(scenario, card).by_axis)
-            sigma = walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
-            is_matched = isinstance(getattr(scenario.filter.sensor_models, card.measurement), str)
-            variance = (walk**2 if is_matched else variance) * since[:, None]
-        errors = [error if alone else _own(error, name) for error in card.lasting()]
-        lasting = tuple((error, error.partials(view, len(card.scalars))) for error in errors)
-        entering = tuple((error, error.partials(assumed, len(card.scalars))) for error in errors)
-        channel = card.measurement if alone else name
+        since = _since(on, t_epoch, start) if isinstance(card, ImuDifferenceCard) else np.zeros(0)
+        sigma, variance = _white_noise(scenario, card, model, view, assumed, since)
+        errors = [error if is_alone else _named_error(error, name) for error in card.lasting()]
+        n_scalar = len(card.scalars)
+        modelled = [(error, error.partials(assumed, n_scalar)) for error in errors]
+        states = _states(model, modelled, state_names)
         sensors.append(
             Sensor(
-                name,
-                card,
-                SensorChannels(channel, card.measurement, card.scalars, _states(model, entering, states)),
-                card.noise if alone else f"{card.noise} {name}",
-                on,
-                _padded(truth, N_TRUTH),
-                sigma,
-                variance,
-                lasting,
-                _padded(known, N_KNOWN),
-                assumed.theta,
-                t_epoch - assumed.t,
-                since,
+                name=name,
+                card=card,
+                channels=SensorChannels(card.measurement if is_alone else name, card.measurement, card.scalars, states),
+                noise=card.noise if is_alone else f"{card.noise} {name}",
+                on=on,
+                truth=_padded(truth, N_TRUTH),
+                sigma=sigma,
+                variance=variance,
+                lasting=tuple((error, error.partials(view, n_scalar)) for error in errors),
+                known=_padded(known, N_KNOWN),
+                theta=assumed.theta,
+                delay=t_epoch - assumed.t,
+                since=since,
             )
         )
     return tuple(sensors)
+
+
+def _white_noise(
+    scenario: Scenario, card: SensorCard, model: SensorModel, view: FlightView, assumed: FlightView, since: Floats
+) -> tuple[Floats, Floats]:
+    """Return true sigma and assumed variance of the white noise of a sensor, (n_epoch, n_scalar) each.
+
+    view, assumed : true flight at the true times of the measurements, and at those that the filter assumes
+    since : (n_epoch,) s. Time since the previous measurement, for a difference of two IMUs
+    """
+    shape = (view.t.size, len(card.scalars))
+    sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
+    variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
+    if isinstance(card, ImuDifferenceCard):  # a sum of increments since the previous measurement
+        walk = np.array(difference_of(scenario, card).by_axis)
+        sigma = walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
+        is_matched = isinstance(getattr(scenario.filter.sensor_models, card.measurement), str)
+        variance = (walk**2 if is_matched else variance) * since[:, None]
+    return sigma, variance
 
 
 def _padded(values: Floats, width: int) -> Floats:

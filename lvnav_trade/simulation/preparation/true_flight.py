@@ -120,7 +120,8 @@ def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 
     n_imu, group
         Number of ticks; ticks of a strapdown step.
     """
-    return np.clip(np.rint((times - start) * rate / group).astype(np.int64) * group, 0, n_imu)
+    steps = np.rint((times - start) * rate / group).astype(np.int64)
+    return np.clip(steps * group, 0, n_imu)
 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
@@ -132,15 +133,17 @@ def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
     n_imu = ref.dtheta.shape[0] // group * group
     interval = epoch_interval(scenario)
     n_epoch = math.floor((end - start) / interval + 1e-9)
-    tick = ticks_of(start + interval * np.arange(1, n_epoch + 1, dtype=np.float64), start, rate, n_imu, group)
+    grid = start + interval * np.arange(1, n_epoch + 1, dtype=np.float64)
+    tick = ticks_of(grid, start, rate, n_imu, group)
     # the times are those of the ticks, where increments end: half a tick is 20 m at orbital speed
     return Epochs(ref.t[tick], tick, n_imu, group)
 
 
 def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
     """Return the measurement channels of a filter."""
-    ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
+    card = scenario.filter
+    ever_tracked = np.any(seen.tracked, axis=0).tolist()
     sensors = tuple(device.channels for device in devices)
-    receiver = scenario.filter.tight or scenario.filter.loose
-    further = tuple(name for name in scenario.filter.measurements if name in FURTHER)
-    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, receiver, sensors, further)
+    has_receiver = card.tight or card.loose
+    further = tuple(name for name in card.measurements if name in FURTHER)
+    return Channels(card.tight, seen.names, seen.systems, tuple(ever_tracked), has_receiver, sensors, further)

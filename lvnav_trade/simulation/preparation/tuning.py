@@ -43,10 +43,11 @@ def weights(
     beta = np.zeros((t_epoch.size, row_type.size))
     factor = np.ones_like(beta)
     for card in cards:
-        kinds = [TYPES[name] for name in card.measurements or TYPES]
-        on = inside(course.holding(card), t_epoch)[:, None] & np.isin(row_type, kinds)
-        beta += np.where(on, card.beta, 0.0)
-        factor *= np.where(on, card.noise_factor, 1.0)
+        types = [TYPES[name] for name in card.measurements or TYPES]
+        in_condition = inside(course.holding(card), t_epoch)
+        applies = in_condition[:, None] & np.isin(row_type, types)
+        beta += np.where(applies, card.beta, 0.0)
+        factor *= np.where(applies, card.noise_factor, 1.0)
     return beta, factor
 
 
@@ -87,69 +88,79 @@ def injections(
     added
         (n_injection, n_state) SI squared. At least one row.
     """
-    number = np.full(windows.n_tick.size, -1, dtype=np.int64)
+    n_window = windows.n_tick.size
+    number = np.full(n_window, -1, dtype=np.int64)
     moved = windows.n_tick > 0
     first = windows.first_tick[moved]
     end = (windows.first_tick + windows.n_tick)[moved]
-    added = np.zeros((windows.n_tick.size, layout.n_state))
+    added = np.zeros((n_window, layout.n_state))
     for region in card.region_noise:
-        changed = np.zeros(windows.n_tick.size, dtype=bool)
+        changed = np.zeros(n_window, dtype=bool)
         changed[moved] = _changes(region, trajectory.course, ref, first, end)
         added[changed] += _variance(region, layout, imu)
     if card.process_noise_by:
-        added[moved, :9] += _tabled(card.process_noise_by, trajectory, ref.t[first], ref.t[end])
-    at = np.flatnonzero(np.any(added > 0.0, axis=1))
-    number[at] = np.arange(at.size)
-    return number, added[at] if at.size else np.zeros((1, layout.n_state))
+        added[moved, :9] += _tabled_variance(card.process_noise_by, trajectory, ref.t[first], ref.t[end])
+    injecting = np.flatnonzero(np.any(added > 0.0, axis=1))
+    if not injecting.size:
+        return number, np.zeros((1, layout.n_state))
+    number[injecting] = np.arange(injecting.size)
+    return number, added[injecting]
 
 
 def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first: Ints, end: Ints) -> Bools:
     """Return whether the operating region changes within each window, (n,); first, end (n,): ticks of the windows."""
     intervals = course.holding(card)
+    t_first = ref.t[first]
+    t_end = ref.t[end]
     if card.force_change is None and card.rate_change is None:
         edges = np.array([edge for interval in intervals for edge in interval])
-        since = ref.t[first][:, None] + ROUNDING
-        until = ref.t[end][:, None] + ROUNDING
+        since = t_first[:, None] + ROUNDING
+        until = t_end[:, None] + ROUNDING
         return np.asarray(np.any((edges >= since) & (edges < until), axis=1))
     changed = np.zeros(first.size, dtype=bool)
     for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
-        if limit is not None:
-            summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
-            changed |= _jumps((summed[end] - summed[first]) / (ref.t[end] - ref.t[first])[:, None], limit)
-    return changed & inside(intervals, ref.t[end])
+        if limit is None:
+            continue
+        summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
+        window_mean = (summed[end] - summed[first]) / (t_end - t_first)[:, None]
+        changed |= _jumps(window_mean, limit)
+    return changed & inside(intervals, t_end)
 
 
-def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
+def _tabled_variance(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
     """Return the process-noise variance (n, 9) SI squared of attitude, velocity and position by tables.
 
     start, end : (n,) s, of the windows; the tables are read for the motion in the middle of each window
     """
-    at = dynamics_at(trajectory, 0.5 * (start + end))
+    dynamics = dynamics_at(trajectory, 0.5 * (start + end))
     variance = np.zeros((start.size, 9))
     for table in tables:
-        for name, states in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
-            if getattr(table, name):
-                density = np.interp(getattr(at, table.over), getattr(table, table.over), getattr(table, name)) ** 2
-                variance[:, states : states + 3] += (density * (end - start))[:, None]
+        for name, first in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
+            values = getattr(table, name)
+            if values:
+                density = np.interp(getattr(dynamics, table.over), getattr(table, table.over), values) ** 2
+                variance[:, first : first + 3] += (density * (end - start))[:, None]
     return variance
 
 
 def _jumps(values: Floats, limit: float) -> Bools:
     """Return whether values (n, 3) differ by a limit or more from those at the last such change, (n,)."""
     jumped = np.zeros(len(values), dtype=bool)
-    last = values[0]
+    reference = values[0]
     for k, value in enumerate(values):
-        if np.linalg.norm(value - last) >= limit:
-            jumped[k], last = True, value
+        if np.linalg.norm(value - reference) >= limit:
+            jumped[k] = True
+            reference = value
     return jumped
 
 
 def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:
     """Return the variance that a change of region adds to the states, (n_state,) SI squared."""
     variance = np.zeros(layout.n_state)
-    blocks = {"attitude": ATT, "velocity": VEL, "position": POS}
-    for name, at in [*blocks.items(), *((block.name, block.offset) for block in layout.parameters)]:
-        variance[at : at + 3] = (getattr(card, name, 0.0) / imu.full_scale(name)) ** 2
+    first_states = [("attitude", ATT), ("velocity", VEL), ("position", POS)]
+    first_states += [(block.name, block.offset) for block in layout.parameters]
+    for name, first in first_states:
+        variance[first : first + 3] = (getattr(card, name, 0.0) / imu.full_scale(name)) ** 2
     if layout.clock >= 0:
         variance[layout.clock] = card.clock_bias**2
         if not layout.has_reduced_clock:

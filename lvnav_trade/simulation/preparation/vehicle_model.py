@@ -1,7 +1,6 @@
 """Vehicle model of a filter: process noise from the motion envelope, IMU samples as measurements."""
 
 import math
-import re
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.per_axis import PerAxis, squares
 from lvnav_trade.quantities.records import Bools, Floats, Reference
 from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
-from lvnav_trade.quantities.state_layout import StateLayout
+from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.inputs import ReportedSamples
@@ -19,7 +18,7 @@ from lvnav_trade.trajectory.guided.course import changes
 from lvnav_trade.trajectory.truth import Trajectory
 
 
-def _by_sensor(gyro: PerAxis, accel: PerAxis) -> Floats:
+def _sensor_variances(gyro: PerAxis, accel: PerAxis) -> Floats:
     """Return the squares (6,) of one-sigmas of the gyro and of the accelerometer."""
     return np.array([*squares(gyro), *squares(accel)])
 
@@ -38,21 +37,27 @@ def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layou
     """
     if layout.motion < 0:
         return None
-    dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
-    of_sensor = [[(p, block) for p, block in enumerate(layout.parameters) if block.sensor == s] for s in (GYRO, ACCEL)]
-    most = max(map(len, of_sensor))
+    dt = 1.0 / scenario.imu.rate
+    imu, _, _ = filter_models(scenario)
+    sensor_blocks: tuple[list[tuple[int, ErrorTerm]], ...] = ([], [])  # of gyro and accelerometer
+    for number, block in enumerate(layout.parameters):
+        if block.sensor in (GYRO, ACCEL):
+            sensor_blocks[block.sensor].append((number, block))
+    most = max(len(blocks) for blocks in sensor_blocks)
     blocks = np.full((2, most, 2), (-1, CONSTANT), dtype=np.int64)
-    columns = np.repeat(layout.motion + np.arange(N_SAMPLE)[:, None], 1 + most, axis=1)
-    for sensor, sensor_blocks in enumerate(of_sensor):
-        for k, (number, block) in enumerate(sensor_blocks):
+    motion_states = layout.motion + np.arange(N_SAMPLE)
+    columns = np.repeat(motion_states[:, None], 1 + most, axis=1)
+    for sensor, numbered in enumerate(sensor_blocks):
+        rows = slice(3 * sensor, 3 * sensor + 3)
+        for k, (number, block) in enumerate(numbered):
             blocks[sensor, k] = number, block.driver
-            columns[3 * sensor : 3 * sensor + 3, 1 + k] = block.offset + np.arange(3)
+            columns[rows, 1 + k] = block.offset + np.arange(3)
     return VehicleModel(
         motion=layout.motion,
         blocks=blocks,
         columns=columns,
         walk=walks(scenario.filter.envelope or EnvelopeCard(), trajectory, ref),
-        variance=_by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt,
+        variance=_sensor_variances(imu.gyro_random_walk, imu.accel_random_walk) / dt,
         rate=ref.dtheta / dt,
         force=ref.dvel / dt,
     )
@@ -62,17 +67,21 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Repor
     """Return the inputs of the reported errors of IMU samples; None if they are not reported."""
     if not layout.samples:
         return None
-    dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
-    noise = _by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt
-    numbers = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
-    par = np.array([numbers.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
-    bias = [layout.parameters[p].offset + i if p >= 0 else -1 for p in par for i in range(3)]
+    dt = 1.0 / scenario.imu.rate
+    imu, _, _ = filter_models(scenario)
+    noise = _sensor_variances(imu.gyro_random_walk, imu.accel_random_walk) / dt
+    par = np.full(2, -1, dtype=np.int64)
+    bias = np.full(6, -1, dtype=np.int64)
+    for number, block in enumerate(layout.parameters):
+        if block.driver == CONSTANT and block.sensor in (GYRO, ACCEL):
+            par[block.sensor] = number
+            bias[3 * block.sensor : 3 * block.sensor + 3] = block.offset + np.arange(3)
     return ReportedSamples(
         rate=ref.dtheta / dt,
         force=ref.dvel / dt,
         par=par,
-        bias=np.array(bias, dtype=np.int64),
-        raw=noise + _by_sensor(imu.gyro_bias, imu.accel_bias),
+        bias=bias,
+        raw=noise + _sensor_variances(imu.gyro_bias, imu.accel_bias),
         variance=noise,
     )
 
@@ -102,20 +111,22 @@ def burning(trajectory: Trajectory, t: Floats) -> Bools:
 
 def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
     """Return start and end (s) of each burn, from the names of events; a burn without a cut-off lasts to the end."""
-    marks = sorted(
-        (t, bool(re.search("cutoff", name)))
-        for name, t in trajectory.events.items()
-        if name == "liftoff" or re.search("ignition|cutoff", name)
-    )
+    marks: list[tuple[float, bool]] = []
+    for name, t in trajectory.events.items():
+        is_cutoff = "cutoff" in name
+        if is_cutoff or name == "liftoff" or "ignition" in name:
+            marks.append((t, is_cutoff))
     intervals: list[tuple[float, float]] = []
     start: float | None = None
-    for t, is_cutoff in marks:
+    for t, is_cutoff in sorted(marks):
         if is_cutoff and start is not None:
             intervals.append((start, t))
             start = None
         elif not is_cutoff and start is None:
             start = t
-    return intervals if start is None else [*intervals, (start, trajectory.end)]
+    if start is not None:
+        intervals.append((start, trajectory.end))
+    return intervals
 
 
 def envelopes(
@@ -147,18 +158,21 @@ def envelopes(
         (n, 3) m/s^3. Body axes.
     """
     dt = float(t[1] - t[0])
+    is_change = changing(card, t, changes)
+    unknown = np.asarray(np.where(burning | is_change, card.burn, card.coast))
+    # pitch and yaw: response to commanded rates, and motion without a command
+    commanded_turning = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)
     turning = np.empty((t.size, 3))
-    jerk = np.empty((t.size, 3))
-    change = changing(card, t, changes)
-    unknown = np.asarray(np.where(burning | change, card.burn, card.coast))
-    turns = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)
-    pushes = card.nozzle_gain * _slope(nozzle_command, np.zeros((1, 2)), dt)
     turning[:, 0] = card.roll
-    turning[:, 1:] = np.abs(_lagged(turns, card.turn_time, dt)) + unknown[:, np.newaxis]
-    pushed = np.abs(_lagged(pushes, card.nozzle_time, dt)) + card.lateral
-    jerk[:, 1], jerk[:, 2] = pushed[:, 1], pushed[:, 0]
+    turning[:, 1:] = np.abs(_lagged(commanded_turning, card.turn_time, dt)) + unknown[:, np.newaxis]
+    # a nozzle angle in pitch pushes along the axis of yaw, and vice versa
+    nozzle_jerk = card.nozzle_gain * _slope(nozzle_command, np.zeros((1, 2)), dt)
+    lateral = np.abs(_lagged(nozzle_jerk, card.nozzle_time, dt)) + card.lateral
+    jerk = np.empty((t.size, 3))
     jerk[:, 0] = np.where(burning, card.axial_burn, card.axial_coast)
-    jerk[change, 0] = card.axial_change
+    jerk[is_change, 0] = card.axial_change
+    jerk[:, 1] = lateral[:, 1]
+    jerk[:, 2] = lateral[:, 0]
     return turning, jerk
 
 
