@@ -44,31 +44,29 @@ def align(log: NavigationData, card: NavigationLog) -> Alignment:
         If the vehicle is not at rest, the specific force at rest is not gravity, or the motion does not show a heading.
     """
     begin, end = card.still
-    rest = (log.t_fix >= begin) & (log.t_fix <= end)
-    if not rest.any() or end >= log.t_fix[-1]:
+    at_rest = (log.t_fix >= begin) & (log.t_fix <= end)
+    if not at_rest.any() or end >= log.t_fix[-1]:
         raise InputError(f"still: no solutions from {begin:g} to {end:g} s, or none after it")
-    if (speed := float(np.max(np.linalg.norm(log.moving[rest], axis=1)))) > _FASTEST:
+    speed = float(np.max(np.linalg.norm(log.moving[at_rest], axis=1)))
+    if speed > _FASTEST:
         raise InputError(f"still: the vehicle moves at up to {speed:.2g} m/s from {begin:g} to {end:g} s")
-    place = np.mean(log.place[rest], axis=0)
-    rate, force = (
-        (increments_to(log, np.array([end]), part) - increments_to(log, np.array([begin]), part))[0] / (end - begin)
-        for part in (log.turned, log.pushed)
-    )
-    axes_n = rotation_e_n(place[0], place[1])
+    place = np.mean(log.place[at_rest], axis=0)
+    rate = _mean_at_rest(log, card, log.turned)
+    force = _mean_at_rest(log, card, log.pushed)
     weight = _weight(place)
-    size = float(np.linalg.norm(force))
-    if abs(size - weight) > _WRONG_FORCE * weight:
-        raise InputError(f"still: a mean specific force of {size:.5g} m/s^2, gravity there is {weight:.5g} m/s^2")
-    level = _levelled(-force / size)
+    force_size = float(np.linalg.norm(force))
+    if abs(force_size - weight) > _WRONG_FORCE * weight:
+        raise InputError(f"still: a mean specific force of {force_size:.5g} m/s^2, gravity there is {weight:.5g} m/s^2")
+    level = _levelled(-force / force_size)
     if card.heading is not None:
         heading, sigma = card.heading, 0.0
     else:
         # the mean rate at rest includes the Earth rate, which is thus removed too: a twelfth of a degree in 20 s
-        heading, sigma = _heading_of_motion(log, card, level, rate, weight)
+        heading, sigma = _motion_heading(log, card, level, rate, weight)
     C_b_n = Rotation.from_rotvec([0.0, 0.0, heading]).as_matrix() @ level
-    turning = C_b_n.T @ axes_n @ np.array([0.0, 0.0, OMEGA])
-    bias = rate - turning if card.gyro_bias == "still" else np.zeros(3)
-    return Alignment(end, C_b_n, bias, heading, sigma)
+    earth_rate_b = C_b_n.T @ rotation_e_n(place[0], place[1]) @ np.array([0.0, 0.0, OMEGA])
+    bias = rate - earth_rate_b if card.gyro_bias == "still" else np.zeros(3)
+    return Alignment(t=end, C_b_n=C_b_n, gyro_bias=bias, heading=heading, heading_sigma=sigma)
 
 
 def increments_to(log: NavigationData, t: Floats, sums: Floats) -> Floats:
@@ -83,40 +81,63 @@ def _weight(place: Floats) -> float:
     return float(np.linalg.norm(gravity_along(r_e[None, :])[0] + outward))
 
 
+def _mean_at_rest(log: NavigationData, card: NavigationLog, sums: Floats) -> Floats:
+    """Return the mean rate or specific force (3,) during the rest, body axes; sums: of increments."""
+    begin, end = card.still
+    increment = increments_to(log, np.array([end]), sums) - increments_to(log, np.array([begin]), sums)
+    return np.asarray(increment[0] / (end - begin))
+
+
 def _levelled(down: Floats) -> Floats:
     """Return the attitude C_b_n (3, 3) with zero heading; down (3,): direction of the vertical, body axes."""
-    ahead = np.array([1.0, 0.0, 0.0] if abs(down[0]) < _UPRIGHT else [0.0, 0.0, 1.0])
+    if abs(down[0]) < _UPRIGHT:
+        ahead = np.array([1.0, 0.0, 0.0])
+    else:  # the x axis is nearly vertical: zero heading is that of the z axis
+        ahead = np.array([0.0, 0.0, 1.0])
     north = ahead - (ahead @ down) * down
     north /= np.linalg.norm(north)
     return np.stack([north, np.cross(down, north), down])
 
 
-def _heading_of_motion(
+def _motion_heading(
     log: NavigationData, card: NavigationLog, level: Floats, rate: Floats, weight: float
 ) -> tuple[float, float]:
     """Return the heading that best fits the horizontal velocity of the IMU to that of the receiver, and its sigma, rad.
 
     With both velocities as complex numbers, the heading is the phase between them.
     """
-    end = card.still[1]
-    fixes = (log.t_fix > end) & (log.t_fix <= end + card.heading_within)
-    rows = log.t[(log.t > end) & (log.t < end + card.heading_within)]
-    t = np.concatenate([[end], rows])
-    turned, pushed = (np.diff(increments_to(log, t, part), axis=0) for part in (log.turned, log.pushed))
-    attitude = Rotation.from_matrix(level)
-    gained = np.zeros((len(t), 3))
-    steps = Rotation.from_rotvec(turned - rate * np.diff(t)[:, None])
-    for k, step in enumerate(steps):
-        middle = attitude * Rotation.from_rotvec(0.5 * step.as_rotvec())
-        gained[k + 1] = gained[k] + middle.apply(pushed[k])
-        attitude = attitude * step
-    gained[:, 2] += weight * (t - end)
-    inertial = np.interp(log.t_fix[fixes], t, gained[:, 0]) + 1j * np.interp(log.t_fix[fixes], t, gained[:, 1])
-    received = log.moving[fixes, 0] + 1j * log.moving[fixes, 1]
-    if not fixes.any() or np.sqrt(np.mean(np.abs(received) ** 2)) < _SLOWEST:
+    _, begin = card.still
+    end = begin + card.heading_within
+    solutions = (log.t_fix > begin) & (log.t_fix <= end)
+    received = log.moving[solutions, 0] + 1j * log.moving[solutions, 1]
+    if not solutions.any() or np.sqrt(np.mean(np.abs(received) ** 2)) < _SLOWEST:
         raise InputError(
             f"heading: the vehicle hardly moves in the {card.heading_within:g} s after its rest; state the heading"
         )
+    t = np.concatenate([[begin], log.t[(log.t > begin) & (log.t < end)]])
+    velocity = _inertial_velocity(log, t, level, rate)
+    velocity[:, 2] += weight * (t - begin)
+    t_fix = log.t_fix[solutions]
+    inertial = np.interp(t_fix, t, velocity[:, 0]) + 1j * np.interp(t_fix, t, velocity[:, 1])
     heading = float(np.angle(np.sum(received * np.conj(inertial))))
+    # components of the received velocities across the inertial ones, turned by the heading
     across = np.imag(received * np.exp(-1j * (np.angle(inertial) + heading)))
-    return heading, float(np.sqrt(np.mean(across**2) / np.sum(np.abs(inertial) ** 2)))
+    variance = np.mean(across**2) / np.sum(np.abs(inertial) ** 2)
+    return heading, float(np.sqrt(variance))
+
+
+def _inertial_velocity(log: NavigationData, t: Floats, level: Floats, rate: Floats) -> Floats:
+    """Return the velocity (n, 3) m/s gained by specific force since the first of the times t (n,) s, levelled axes.
+
+    level : (3, 3) attitude at the first time; rate : (3,) rad/s, subtracted from the angular rate
+    """
+    dt = np.diff(t)[:, None]
+    dtheta = np.diff(increments_to(log, t, log.turned), axis=0) - rate * dt
+    dvel = np.diff(increments_to(log, t, log.pushed), axis=0)
+    attitude = Rotation.from_matrix(level)
+    velocity = np.zeros((len(t), 3))
+    for k, step in enumerate(Rotation.from_rotvec(dtheta)):
+        middle = attitude * Rotation.from_rotvec(0.5 * step.as_rotvec())
+        velocity[k + 1] = velocity[k] + middle.apply(dvel[k])
+        attitude = attitude * step
+    return velocity

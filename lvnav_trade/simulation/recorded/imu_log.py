@@ -18,7 +18,8 @@ from lvnav_trade.trajectory.files.rows import si
 
 FEWEST = 12
 _UNEVEN = 0.1  # of the interval; tolerance of evenly spaced rows
-_LAG, _MOST_STEPS = 60, 5000  # rows over which time stamps are compared; largest number of late stamps examined
+_LAG = 60  # rows over which time stamps are compared
+_MOST_STEPS = 5000  # largest number of late stamps examined
 _FEW, _PART = 4, 0.02  # number and fraction of uneven rows above which the stamps are those of a host computer
 _FARTHEST = 5.0  # intervals; largest delay of a stamp of a host
 _FASTEST, _STRONGEST = 400.0, 2e4  # rad/s and m/s^2 beyond the range of any IMU: 64 turns a second, 2000 g
@@ -90,24 +91,30 @@ def read_log(
     """
     titles = column_names(file, delimiter)
     time, scale = time_column(file, titles)
-    triads = {part: _columns(file, titles, part) for part in _SI}
-    names = [time, *(name for columns, _, _ in triads.values() for name in columns)]
+    gyro_names, gyro_unit, gyro_increments = _columns(file, titles, "gyro")
+    accel_names, accel_unit, accel_increments = _columns(file, titles, "accel")
+    names = [time, *gyro_names, *accel_names]
     table, places = read_columns(file, names, delimiter, FEWEST, "a log")
     stamps = table[:, 0] if counted else time_stamps(table[:, 0], time.rpartition("_")[2], file, places)
-    here = _part(stamps * scale, start, end, file)
-    table = table[here]
-    places = places[here]
-    t = stamps[here] * scale
+    rows = _row_range(stamps * scale, start, end, file)
+    table = table[rows]
+    places = places[rows]
+    t = stamps[rows] * scale
     if counted:
-        t = _evenly(t, file, places)
-    dt = _interval(t - t[0], file, places) if gap is None else _uneven(t, file, places, gap)
-    steps = dt if gap is None else np.diff(t, prepend=t[0] - dt)[:, None]
-    means = {}
-    for at, (part, (_, unit, increments)) in zip((1, 4), triads.items(), strict=True):
-        with np.errstate(over="ignore"):  # infinite values are refused below
-            means[part] = table[:, at : at + 3] * si(unit, _SI[part][increments]) / (steps if increments else 1.0)
-    _refuse_impossible(means["gyro"], means["accel"], file, places)
-    return ImuLog(t, dt, means["gyro"], means["accel"])
+        t = _even_times(t, file, places)
+    if gap is None:
+        dt = _interval(t - t[0], file, places)
+        intervals: Floats | float = dt
+    else:
+        dt = _mean_interval(t, file, places, gap)
+        intervals = np.diff(t, prepend=t[0] - dt)[:, None]
+    gyro_scale = si(gyro_unit, _SI["gyro"][gyro_increments])
+    accel_scale = si(accel_unit, _SI["accel"][accel_increments])
+    with np.errstate(over="ignore"):  # infinite values are refused below
+        gyro = table[:, 1:4] * gyro_scale / (intervals if gyro_increments else 1.0)
+        accel = table[:, 4:7] * accel_scale / (intervals if accel_increments else 1.0)
+    _refuse_impossible(gyro, accel, file, places)
+    return ImuLog(t, dt, gyro, accel)
 
 
 def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]) -> None:
@@ -142,11 +149,11 @@ def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
 def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
     """Return the names of the x, y and z columns of a triad, their unit, and whether they are increments."""
     endings = _GYRO if part == "gyro" else _ACCEL
-    known = {title.replace("_per_", "_"): title for title in titles}
+    title_of = {title.replace("_per_", "_"): title for title in titles}
     for end, (unit, increments) in endings.items():
         names = [f"{part}_{axis}_{end}" for axis in "xyz"]
-        if all(name in known for name in names):
-            return [known[name] for name in names], unit, increments
+        if all(name in title_of for name in names):
+            return [title_of[name] for name in names], unit, increments
     raise InputError(
         f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
         f"{', '.join(titles[:12])}"
@@ -196,19 +203,23 @@ def _scatter(t: Floats) -> tuple[float, float]:
     lag = min(_LAG, t.size // 4)
     count = np.arange(t.size)
     dt = float(np.median(t[lag:] - t[:-lag])) / lag
-    off = t - dt * count
-    many = np.flatnonzero(np.diff(t) > 1.5 * dt)
     if dt <= 0.0:
         return dt, 0.0
-    for k in many[:_MOST_STEPS].tolist():
-        if np.median(off[k + 1 : k + 1 + lag]) - np.median(off[max(0, k + 1 - lag) : k + 1]) > 0.5 * dt:
+    deviation = t - dt * count
+    late_stamps = np.flatnonzero(np.diff(t) > 1.5 * dt)
+    for k in late_stamps[:_MOST_STEPS].tolist():
+        before = np.median(deviation[max(0, k + 1 - lag) : k + 1])
+        after = np.median(deviation[k + 1 : k + 1 + lag])
+        if after - before > 0.5 * dt:
             return dt, 0.0
     slope, base = np.polyfit(count, t, 1)
     residual = t - slope * count - base
-    return float(slope), float(np.std(residual)) if np.max(np.abs(residual)) < _FARTHEST * dt else 0.0
+    if np.max(np.abs(residual)) >= _FARTHEST * dt:
+        return float(slope), 0.0
+    return float(slope), float(np.std(residual))
 
 
-def _evenly(t: Floats, file: str, places: list[str]) -> Floats:
+def _even_times(t: Floats, file: str, places: list[str]) -> Floats:
     """Return the times (n,) of evenly spaced rows from times that scatter; InputError if rows are missing."""
     dt, sigma = _scatter(t)
     if sigma == 0.0 and np.any(np.abs(np.diff(t) - dt) > _UNEVEN * dt):
@@ -216,7 +227,7 @@ def _evenly(t: Floats, file: str, places: list[str]) -> Floats:
     return np.asarray(t[0] + dt * np.arange(t.size))
 
 
-def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
+def _mean_interval(t: Floats, file: str, places: list[str], longest: float) -> float:
     """Return the mean interval (s) of uneven rows; InputError for a gap longer than `longest` (s)."""
     steps = refuse_unordered(t, file, places)
     refuse_first(
@@ -228,11 +239,12 @@ def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
     return float((t[-1] - t[0]) / (t.size - 1))
 
 
-def _part(t: Floats, start: float, end: float, file: str) -> slice:
+def _row_range(t: Floats, start: float, end: float, file: str) -> slice:
     """Return the rows from start to end (s after the first row); InputError if there are too few."""
     since = t - t[0]
     first, last = np.searchsorted(since, [start - 1e-9, end + 1e-9])
-    rows = slice(int(first) if start > 0.0 else 0, int(last) if math.isfinite(end) else t.size)
-    if rows.stop - rows.start < FEWEST:
-        raise InputError(f"{file}: {rows.stop - rows.start} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
-    return rows
+    begin = int(first) if start > 0.0 else 0
+    stop = int(last) if math.isfinite(end) else t.size
+    if stop - begin < FEWEST:
+        raise InputError(f"{file}: {stop - begin} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
+    return slice(begin, stop)

@@ -86,48 +86,59 @@ def read_ranges(card: RangesFile, folder: Path, zero: float) -> Ranges:
     texts = read_texts(file, "satellite", card.delimiter)
     refuse_first(np.array([not text.strip() for text in texts]), file, places, lambda k: "satellite is empty")
     t = table[:, 0] * scale
-    names = tuple(map(satellite_name, texts))
+    names = tuple(satellite_name(text) for text in texts)
     _refuse_second(t, names, file, places)
-    size = table[:, 1]
+    pseudorange = table[:, 1]
     rate = table[:, 2]
-    missing = [~(size > 0.0), ~np.isfinite(rate) | (rate == 0.0)]
-    why = ("is empty, zero or below it", "is empty or zero")
-    for name, gone, reason in zip(_COLUMNS, missing, why, strict=True):
-        if gone.all():
-            raise InputError(f"{file}:{places[0]}: {name} {reason}, in all {gone.size} rows")
+    no_pseudorange = ~(pseudorange > 0.0)
+    no_rate = ~np.isfinite(rate) | (rate == 0.0)
+    missing = (
+        ("pseudorange_m", no_pseudorange, "is empty, zero or below it"),
+        ("range_rate_m_s", no_rate, "is empty or zero"),
+    )
+    for name, rows, reason in missing:
+        if rows.all():
+            raise InputError(f"{file}:{places[0]}: {name} {reason}, in all {rows.size} rows")
     refuse_first(
-        ~missing[0] & ((size < _NEAREST) | (size > _FARTHEST)),
+        ~no_pseudorange & ((pseudorange < _NEAREST) | (pseudorange > _FARTHEST)),
         file,
         places,
-        lambda k: f"pseudorange_m is {size[k]:.9g}; is it in m?",
+        lambda k: f"pseudorange_m is {pseudorange[k]:.9g}; is it in m?",
     )
     refuse_first(
-        ~missing[1] & (np.abs(rate) > _FASTEST),
+        ~no_rate & (np.abs(rate) > _FASTEST),
         file,
         places,
         lambda k: f"range_rate_m_s is {rate[k]:.9g}; is it in m/s?",
     )
-    values = np.where(np.column_stack(missing), np.nan, table[:, 1:])
-    notes = tuple(
-        f"{name} {reason} in {np.count_nonzero(gone)} of {gone.size} rows: left out ({_named(file, places, gone)})"
-        for name, gone, reason in zip(_COLUMNS, missing, why, strict=True)
-        if gone.any()
-    )
-    return Ranges(t - zero, names, values, file, notes)
+    notes = []
+    for name, rows, reason in missing:
+        if rows.any():
+            where = _listed_rows(file, places, rows)
+            notes.append(f"{name} {reason} in {np.count_nonzero(rows)} of {rows.size} rows: left out ({where})")
+    values = np.where(np.column_stack([no_pseudorange, no_rate]), np.nan, table[:, 1:])
+    return Ranges(t - zero, names, values, file, tuple(notes))
 
 
-def _named(file: str, places: list[str], gone: Bools) -> str:
-    which = np.flatnonzero(gone)
-    return f"{os.path.basename(file)}:{', '.join(places[k] for k in which[:5])}" + (", ..." if which.size > 5 else "")
+def _listed_rows(file: str, places: list[str], rows: Bools) -> str:
+    """Return the name of the file with the first of the rows (n,)."""
+    indices = np.flatnonzero(rows)
+    listed = ", ".join(places[k] for k in indices[:5])
+    more = ", ..." if indices.size > 5 else ""
+    return f"{os.path.basename(file)}:{listed}{more}"
 
 
 def _refuse_second(t: Floats, names: tuple[str, ...], file: str, places: list[str]) -> None:
     """Raise InputError for the first two rows of a satellite at the same time."""
     _, number = np.unique(names, return_inverse=True)
     order = np.lexsort((t, number))
-    repeated = (np.diff(number[order]) == 0) & (np.diff(t[order]) < _SAME)
-    pairs = [sorted((int(order[k]), int(order[k + 1]))) for k in np.flatnonzero(repeated)]
-    for first, second in sorted(pairs, key=lambda pair: pair[1])[:1]:
+    is_repeated = (np.diff(number[order]) == 0) & (np.diff(t[order]) < _SAME)
+    pairs = []
+    for k in np.flatnonzero(is_repeated):
+        rows = sorted((int(order[k]), int(order[k + 1])))
+        pairs.append((rows[1], rows[0]))
+    if pairs:
+        second, first = min(pairs, key=lambda pair: pair[0])
         raise InputError(
             f"{file}:{places[second]}: {quoted(names[second])} at {t[second]:.9g} s again, as in {places[first]}: keep "
             "the rows of one signal"
@@ -241,23 +252,26 @@ def read_recording(card: NavigationLog, folder: Path) -> NavigationData:
         spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {solutions.file} from {zero:.9g} s on"
         raise InputError(f"{unit_file}: its rows do not span the rest: it has {spans}")
     step = np.diff(t)[:, None]
-    turn = turning(card.imu.axes).T
-    turned, pushed = (np.cumsum(np.vstack([np.zeros(3), means * step]), axis=0) for means in (log.gyro, log.accel))
+    angle_sums = np.cumsum(np.vstack([np.zeros(3), log.gyro * step]), axis=0)
+    velocity_sums = np.cumsum(np.vstack([np.zeros(3), log.accel * step]), axis=0)
+    to_body = turning(card.imu.axes).T
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
-    notes = solutions.notes + (ranges.notes if ranges is not None else ())
+    notes = solutions.notes
+    if ranges is not None:
+        notes = notes + ranges.notes
     return NavigationData(
-        t - zero,
-        turned @ turn,
-        pushed @ turn,
-        solutions.t - zero,
-        solutions.place,
-        solutions.moving,
-        solutions.sigma,
-        epoch,
-        ranges,
-        solutions.lines,
-        solutions.file,
-        notes,
+        t=t - zero,
+        turned=angle_sums @ to_body,
+        pushed=velocity_sums @ to_body,
+        t_fix=solutions.t - zero,
+        place=solutions.place,
+        moving=solutions.moving,
+        sigma=solutions.sigma,
+        epoch=epoch,
+        ranges=ranges,
+        lines=solutions.lines,
+        fixes=solutions.file,
+        notes=notes,
     )
 
 

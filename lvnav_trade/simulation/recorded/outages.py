@@ -60,21 +60,30 @@ def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
     """Return the effect of an outage of a given length (s) on a replayed case; None if the log has no solution at its
     end.
     """
-    ends = prepared.t_epoch[(prepared.t_epoch <= begin + length + 1e-9) & (prepared.signals.n_used > 0)]
-    end = float(ends[-1]) if ends.size else begin
-    if end < begin + length - 0.5 * float(prepared.signals.interval) or begin + length > prepared.t_epoch[-1] + 1e-9:
+    last_epoch = float(prepared.t_epoch[-1])
+    interval = float(prepared.signals.interval)
+    has_solution = prepared.signals.n_used > 0
+    t_withheld = prepared.t_epoch[(prepared.t_epoch <= begin + length + 1e-9) & has_solution]
+    end = float(t_withheld[-1]) if t_withheld.size else begin
+    if end < begin + length - 0.5 * interval or begin + length > last_epoch + 1e-9:
         return None
-    at = int(np.argmin(np.abs(prepared.t_hist - end)))
-    schedule = prepared.schedule
-    last = int(np.flatnonzero(schedule.hist == at)[0]) + 1
-    cut = with_outage(prepared, begin, end)._replace(schedule=type(schedule)(*(part[:last] for part in schedule)))
-    error, covariance, failed = end_of_run(cut, at)
-    turn = prepared.record.axes[at]
+    # the run ends at the history time nearest to the last withheld solution
+    history_time = int(np.argmin(np.abs(prepared.t_hist - end)))
+    n_window = int(np.flatnonzero(prepared.schedule.hist == history_time)[0]) + 1
+    schedule = type(prepared.schedule)(*(array[:n_window] for array in prepared.schedule))
+    cut = with_outage(prepared, begin, end)._replace(schedule=schedule)
+    error, covariance, failed = end_of_run(cut, history_time)
     states = slice(VEL, VEL + _MOTION)
-    turns = np.kron(np.eye(2), turn)
-    failed = failed or not (np.isfinite(error[states]).all() and np.isfinite(covariance).all())
+    is_finite = np.isfinite(error[states]).all() and np.isfinite(covariance).all()
     P = covariance[states, states] + _noise(prepared, end)
-    return Outage(begin, end, error[states], turns @ P @ turns.T, failed)
+    axes = np.kron(np.eye(2), prepared.record.axes[history_time])  # reporting axes of velocity and position
+    return Outage(
+        begin=begin,
+        end=end,
+        error=error[states],
+        covariance=axes @ P @ axes.T,
+        failed=failed or not is_finite,
+    )
 
 
 def _noise(prepared: Prepared, t: float) -> Floats:
@@ -83,6 +92,8 @@ def _noise(prepared: Prepared, t: float) -> Floats:
     A filter that processes ranges uses the sigmas of its receiver model.
     """
     if prepared.scenario.filter.tight:
-        model = filter_models(prepared.scenario)[1]
+        _, model, _ = filter_models(prepared.scenario)
         return np.diag(np.repeat([model.velocity_sigma**2, model.position_sigma**2], 3))
-    return np.diag(np.roll(prepared.signals.variance[int(np.argmin(np.abs(prepared.t_epoch - t))), :6], 3))
+    epoch = int(np.argmin(np.abs(prepared.t_epoch - t)))
+    position_and_velocity = prepared.signals.variance[epoch, :6]
+    return np.diag(np.roll(position_and_velocity, 3))

@@ -6,6 +6,7 @@ two columns exchanged) is refused.
 
 import os
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -26,15 +27,18 @@ SIGMAS = tuple(f"sigma_{part}" for part in ("north_m", "east_m", "down_m", "v_no
 FEWEST = 3  # solutions of a log
 MOST_WILD = 0.1  # largest fraction of rows omitted as outliers; with more the log contradicts itself
 _NAMED = 5  # rows that a note lists
-_LOWEST, _HIGHEST, _FASTEST = -2e3, 1e9, 2e4  # m, m, m/s
-_SMALLEST = np.repeat([1e-4, 1e-5], 3)
-_LARGEST = np.repeat([1e5, 1e3], 3)  # sigmas, m and m/s
-_JUMP, _SCATTERS = 10.0, 15.0  # m, and median residuals of the log: thresholds of an outlier
+_LOWEST, _HIGHEST = -2e3, 1e9  # m, heights
+_FASTEST = 2e4  # m/s
+_SMALLEST = np.repeat([1e-4, 1e-5], 3)  # smallest sigmas, m and m/s
+_LARGEST = np.repeat([1e5, 1e3], 3)  # largest sigmas, m and m/s
+_JUMP = 10.0  # m, threshold of an outlier
+_SCATTERS = 15.0  # threshold of an outlier as a multiple of the log's median residual
 _UNSEEN = 100.0 / 8.0  # m/s^2; deviation of the path, over dt^2, due to an acceleration of 100 m/s^2 between rows
-_WINDOWS = (10.0, 30.0)
+_WINDOWS = (10.0, 30.0)  # s, lengths of the windows in which positions and velocities are compared
 _FEWEST_WINDOWS = 5
-_PATH = 30.0  # s; number; m, shortest path in a window
-_MISSED, _FITS = 0.3, 0.1  # residual over path from which velocities contradict positions, and below which they agree
+_PATH = 30.0  # m, shortest path in a window
+_MISSED = 0.3  # residual over path from which velocities contradict positions
+_FITS = 0.1  # residual over path below which velocities and positions agree
 
 
 class ReceiverFile(Card):
@@ -75,11 +79,19 @@ class Solutions(NamedTuple):
         """Return the rows with `used` (m,), with a note on the others; InputError if too few remain."""
         if used.all():
             return self
-        if np.count_nonzero(used) < FEWEST:
-            raise InputError(f"{self.file}: {note}; {np.count_nonzero(used)} are left, a log needs {FEWEST} or more")
-        lines = tuple(line for line, kept in zip(self.lines, used, strict=True) if kept)
-        t, place, moving, sigma = (part[used] for part in (self.t, self.place, self.moving, self.sigma))
-        return Solutions(self.file, t, place, moving, sigma, lines, self.zero, (*self.notes, note))
+        n_used = np.count_nonzero(used)
+        if n_used < FEWEST:
+            raise InputError(f"{self.file}: {note}; {n_used} are left, a log needs {FEWEST} or more")
+        return Solutions(
+            file=self.file,
+            t=self.t[used],
+            place=self.place[used],
+            moving=self.moving[used],
+            sigma=self.sigma[used],
+            lines=tuple(self.lines[row] for row in np.flatnonzero(used)),
+            zero=self.zero,
+            notes=(*self.notes, note),
+        )
 
 
 def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
@@ -87,27 +99,37 @@ def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
     file = os.fspath(folder / card.file)
     titles = column_names(file, card.delimiter)
     time, scale = time_column(file, titles)
-    stated = all(name in titles for name in SIGMAS)
-    if card.noise == "log" and not stated:
+    has_sigmas = all(name in titles for name in SIGMAS)
+    if card.noise == "log" and not has_sigmas:
         raise InputError(f"{file}: gnss.noise: log needs the columns {', '.join(SIGMAS)}")
-    names = [time, *PLACE, *MOTION, *(SIGMAS if stated else ())]
-    table, places = read_columns(file, names, card.delimiter, FEWEST, "a log", blanks=tuple(names[1:]))
+    names: tuple[str, ...] = (*PLACE, *MOTION)
+    if has_sigmas:
+        names = (*names, *SIGMAS)
+    table, places = read_columns(file, [time, *names], card.delimiter, FEWEST, "a log", blanks=names)
     t = time_stamps(table[:, 0], time.rpartition("_")[2], file, places) * scale
     refuse_unordered(t, file, places)
     refuse_impossible(table[:, 1:7], file, places)
-    sigma = table[:, 7:] if stated else np.full((t.size, 6), np.nan)
-    place = np.column_stack([np.radians(table[:, 1:3]), table[:, 3]])
-    solutions = Solutions(file, t, place, table[:, 4:7], sigma, tuple(places), float(t[0]))
-    solutions = solutions.only(*_complete(solutions))
-    solutions = solutions.only(*_fixed(solutions))
-    if stated:
-        solutions = _weighed(solutions, card.noise == "log")
+    solutions = Solutions(
+        file=file,
+        t=t,
+        place=np.column_stack([np.radians(table[:, 1:3]), table[:, 3]]),
+        moving=table[:, 4:7],
+        sigma=table[:, 7:] if has_sigmas else np.full((t.size, 6), np.nan),
+        lines=tuple(places),
+        zero=float(t[0]),
+    )
+    solutions = _select_complete(solutions)
+    solutions = _select_fixed(solutions)
+    if has_sigmas:
+        solutions = _check_sigmas(solutions, card.noise == "log")
     return consistent(solutions)
 
 
 def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
     """Raise InputError for the first of the rows (n, 6), in the units of the file, that is impossible."""
-    for name, column, low, high in zip(PLACE, rows.T, (-90.0, -360.0, _LOWEST), (90.0, 360.0, _HIGHEST), strict=False):
+    lowest = (-90.0, -360.0, _LOWEST)
+    highest = (90.0, 360.0, _HIGHEST)
+    for name, column, low, high in zip(PLACE, rows.T, lowest, highest, strict=False):
         for k in np.flatnonzero((column < low) | (column > high))[:1]:
             bound = high if column[k] > high else low
             raise InputError(f"{file}:{places[k]}: {name} is {column[k]:.9g}, beyond {bound:g}; is the unit right?")
@@ -116,45 +138,50 @@ def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
     refuse_first(speed > _FASTEST, file, places, lambda k: f"a speed of {speed[k]:.6g} m/s; is the unit right?")
 
 
-def _complete(solutions: Solutions) -> tuple[Bools, str]:
-    full = np.asarray(np.isfinite(np.hstack([solutions.place, solutions.moving])).all(axis=1))
-    return full, left_out(solutions, ~full, "have an empty field")
+def _select_complete(solutions: Solutions) -> Solutions:
+    """Return the solutions without an empty field of position or velocity."""
+    values = np.hstack([solutions.place, solutions.moving])
+    complete = np.asarray(np.isfinite(values).all(axis=1))
+    return solutions.only(complete, left_out(solutions, ~complete, "have an empty field"))
 
 
-def _fixed(solutions: Solutions) -> tuple[Bools, str]:
-    none = np.asarray(np.all(solutions.place[:, :2] == 0.0, axis=1))
-    return np.logical_not(none), left_out(
-        solutions, none, "are at latitude and longitude zero, as of a receiver without a fix"
-    )
+def _select_fixed(solutions: Solutions) -> Solutions:
+    """Return the solutions that are not at latitude and longitude zero."""
+    at_zero = np.asarray(np.all(solutions.place[:, :2] == 0.0, axis=1))
+    note = left_out(solutions, at_zero, "are at latitude and longitude zero, as of a receiver without a fix")
+    return solutions.only(np.logical_not(at_zero), note)
 
 
-def left_out(solutions: Solutions, gone: Bools, why: str) -> str:
-    """Return the note on omitted rows `gone` (m,)."""
-    which = [solutions.lines[k] for k in np.flatnonzero(gone)]
-    named = ", ".join(which[:_NAMED]) + (", ..." if len(which) > _NAMED else "")
-    place = f"{os.path.basename(solutions.file)}:{named}"
-    return f"{len(which)} of {gone.size} solutions {why}: left out ({place})"
+def left_out(solutions: Solutions, omitted: Bools, reason: str) -> str:
+    """Return the note on omitted rows (m,)."""
+    lines = [solutions.lines[k] for k in np.flatnonzero(omitted)]
+    listed = ", ".join(lines[:_NAMED])
+    if len(lines) > _NAMED:
+        listed += ", ..."
+    place = f"{os.path.basename(solutions.file)}:{listed}"
+    return f"{len(lines)} of {omitted.size} solutions {reason}: left out ({place})"
 
 
-def _weighed(solutions: Solutions, used: bool) -> Solutions:
+def _check_sigmas(solutions: Solutions, sigmas_used: bool) -> Solutions:
     """Return the solutions with possible sigmas, or all of them if sigmas are not used."""
-    wrong = ~((solutions.sigma >= _SMALLEST) & (solutions.sigma <= _LARGEST))
-    rows = np.asarray(wrong.any(axis=1))
-    if not used:
+    if not sigmas_used:
         below = (solutions.sigma <= 0.0).any(axis=1)
+        if not below.any():
+            return solutions
         note = f"sigmas of {np.count_nonzero(below)} of {below.size} solutions are not above zero; they are not used"
-        return solutions._replace(notes=(*solutions.notes, note)) if below.any() else solutions
-    if np.count_nonzero(rows) > 0.5 * rows.size:
-        k = int(np.argmax(rows))
-        at = int(np.argmax(wrong[k]))
-        limits = f"from {_SMALLEST[at]:g} to {_LARGEST[at]:g}"
+        return solutions._replace(notes=(*solutions.notes, note))
+    wrong = ~((solutions.sigma >= _SMALLEST) & (solutions.sigma <= _LARGEST))
+    wrong_rows = np.asarray(wrong.any(axis=1))
+    if np.count_nonzero(wrong_rows) > 0.5 * wrong_rows.size:
+        row = int(np.argmax(wrong_rows))
+        column = int(np.argmax(wrong[row]))
+        limits = f"from {_SMALLEST[column]:g} to {_LARGEST[column]:g}"
         raise InputError(
-            f"{solutions.file}:{solutions.lines[k]}: {SIGMAS[at]} is {solutions.sigma[k, at]:g}; a sigma is {limits} "
-            f"(gnss.noise: filter takes the noise of the filter's card)"
+            f"{solutions.file}:{solutions.lines[row]}: {SIGMAS[column]} is {solutions.sigma[row, column]:g}; a sigma "
+            f"is {limits} (gnss.noise: filter takes the noise of the filter's card)"
         )
-    return solutions.only(
-        np.logical_not(rows), left_out(solutions, rows, "have a sigma that is not above zero, or empty or too large")
-    )
+    note = left_out(solutions, wrong_rows, "have a sigma that is not above zero, or empty or too large")
+    return solutions.only(np.logical_not(wrong_rows), note)
 
 
 # --- positions against velocities -------------------------------------------------------------------------------------
@@ -164,17 +191,18 @@ def consistent(solutions: Solutions) -> Solutions:
     """Return the solutions without outliers; InputError if positions and velocities of the log are inconsistent."""
     r_e, v_e = _earth_fixed(solutions.place, solutions.moving)
     used, worst = _on_path(solutions.t, r_e, v_e)
-    gone = np.logical_not(used)
-    if np.count_nonzero(gone) <= max(1.0, MOST_WILD * gone.size):
-        why = f"contradict the positions and velocities of the rows around them, by up to {_length(worst)}"
-        solutions = solutions.only(used, left_out(solutions, gone, why))
+    omitted = np.logical_not(used)
+    n_omitted = np.count_nonzero(omitted)
+    if n_omitted <= max(1.0, MOST_WILD * omitted.size):
+        reason = f"contradict the positions and velocities of the rows around them, by up to {_length(worst)}"
+        solutions = solutions.only(used, left_out(solutions, omitted, reason))
         _refuse_contradiction(solutions)
         return solutions
     _refuse_contradiction(solutions)
     k = int(np.argmax(used[1:] != used[:-1])) + 1  # first row at which the consistent run begins or ends
     raise InputError(
         f"{solutions.file}:{solutions.lines[k]}: the position is not where the rows before and their velocities lead; "
-        f"{np.count_nonzero(gone)} of {gone.size} solutions so, by up to {_length(worst)}"
+        f"{n_omitted} of {omitted.size} solutions so, by up to {_length(worst)}"
     )
 
 
@@ -193,27 +221,32 @@ def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
     The second result is the largest distance (m) of another row from that path.
     """
     dt = np.diff(t)
-    misses = np.linalg.norm(np.diff(r_e, axis=0) - 0.5 * (v_e[1:] + v_e[:-1]) * dt[:, None], axis=1)
-    allowed = max(_JUMP, _SCATTERS * float(np.median(misses)))
+    predicted = 0.5 * (v_e[1:] + v_e[:-1]) * dt[:, None]
+    distances = np.linalg.norm(np.diff(r_e, axis=0) - predicted, axis=1)
+    allowed = max(_JUMP, _SCATTERS * float(np.median(distances)))
 
-    def miss(i: int, j: int) -> float:
+    def excess(i: int, j: int) -> float:
         """Return the distance (m) of row j from the path from row i, less the allowed distance; negative: it fits."""
-        lag = abs(t[j] - t[i])
-        led = 0.5 * (v_e[i] + v_e[j]) * (t[j] - t[i])
-        return float(np.linalg.norm(r_e[j] - r_e[i] - led)) - allowed - _UNSEEN * lag**2
+        step = t[j] - t[i]
+        displacement = 0.5 * (v_e[i] + v_e[j]) * step
+        distance = float(np.linalg.norm(r_e[j] - r_e[i] - displacement))
+        return distance - allowed - _UNSEEN * step**2
 
-    bad = misses > allowed + _UNSEEN * dt**2
-    edges = np.concatenate([[0], np.flatnonzero(bad) + 1, [t.size]])
-    runs = [range(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
-    main = max(range(len(runs)), key=lambda k: len(runs[k]))
+    bad = distances > allowed + _UNSEEN * dt**2
+    edges = [0, *(np.flatnonzero(bad) + 1).tolist(), t.size]
+    runs = [range(begin, end) for begin, end in pairwise(edges)]
+    longest = max(range(len(runs)), key=lambda k: len(runs[k]))
     used = np.zeros(t.size, dtype=bool)
+    used[list(runs[longest])] = True
     worst = 0.0
-    used[list(runs[main])] = True
-    for order, end in ((runs[main + 1 :], runs[main][-1]), (runs[:main][::-1], runs[main][0])):
-        last = end
-        for run in order:
-            near, far = (run[0], run[-1]) if run[0] > last else (run[-1], run[0])
-            if (beyond := miss(last, near)) <= 0.0:
+    # runs after the longest in rising order, then runs before it in falling order: row next to the path, row at its end
+    after = [(run[0], run[-1], run) for run in runs[longest + 1 :]]
+    before = [(run[-1], run[0], run) for run in reversed(runs[:longest])]
+    for path_end, neighbours in ((runs[longest][-1], after), (runs[longest][0], before)):
+        last = path_end
+        for near, far, run in neighbours:
+            beyond = excess(last, near)
+            if beyond <= 0.0:
                 used[list(run)] = True
                 last = far
             else:
@@ -251,51 +284,54 @@ def _refuse_contradiction(solutions: Solutions) -> None:
 
     The message offers the interpretation of the columns, if any, with which they agree.
     """
-    missed = _missed(solutions.t, solutions.place, solutions.moving)
-    axis = int(np.argmax(missed)) if missed.size else 0
-    if not missed.size or missed[axis] <= _MISSED:
+    misses = _path_misses(solutions.t, solutions.place, solutions.moving)
+    axis = int(np.argmax(misses)) if misses.size else 0
+    if not misses.size or misses[axis] <= _MISSED:
         return
-    what = "positions contradict the velocities" if axis == 0 else f"{MOTION[axis - 1]} contradicts the positions"
     fits = []
     for name, change in _READINGS:
         place, moving = change(solutions.place, solutions.moving)
         if np.abs(place[:, 0]).max() <= 0.5 * np.pi:
-            other = _missed(solutions.t, place, moving)
-            if other.size and other.max() <= _FITS:
-                fits.append((float(other.max()), name))
+            changed = _path_misses(solutions.t, place, moving)
+            if changed.size and changed.max() <= _FITS:
+                fits.append((float(changed.max()), name))
     hint = f"with {min(fits)[1]} they fit: is that so?" if fits else "is a unit, an axis or a time wrong?"
-    raise InputError(f"{solutions.file}: {what}: they miss the path by {100.0 * missed[axis]:.0f} % of it; {hint}")
+    contradiction = "positions contradict the velocities"
+    if axis > 0:
+        contradiction = f"{MOTION[axis - 1]} contradicts the positions"
+    percent = 100.0 * misses[axis]
+    raise InputError(f"{solutions.file}: {contradiction}: they miss the path by {percent:.0f} % of it; {hint}")
 
 
-def _missed(t: Floats, place: Floats, moving: Floats) -> Floats:
+def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
     """Return the difference of integrated velocities and positions over the path, as a median over windows.
 
     The result (4,) is for the whole vector and for the axes north, east and down, 0 for an axis without motion. It is
     empty if the vehicle moves in too few windows.
     """
     r_e, v_e = _earth_fixed(place, moving)
-    step = np.diff(t)
-    steps = 0.5 * (v_e[1:] + v_e[:-1]) * step[:, None]
-    led, gone = (np.vstack([np.zeros(3), np.cumsum(part, axis=0)]) for part in (steps, np.diff(r_e, axis=0)))
-    covered = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    steps = 0.5 * (v_e[1:] + v_e[:-1]) * np.diff(t)[:, None]
+    by_velocity = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    by_position = np.vstack([np.zeros(3), np.cumsum(np.diff(r_e, axis=0), axis=0)])
+    path_length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
     for span in _WINDOWS:
         first, last = _windows(t, span)
-        by_v = led[last] - led[first]
-        by_r = gone[last] - gone[first]
-        path = np.maximum(covered[last] - covered[first], np.linalg.norm(by_r, axis=1))
+        moved_v = by_velocity[last] - by_velocity[first]
+        moved_r = by_position[last] - by_position[first]
+        path = np.maximum(path_length[last] - path_length[first], np.linalg.norm(moved_r, axis=1))
         moves = path >= _PATH
         if np.count_nonzero(moves) < _FEWEST_WINDOWS:
             continue
-        first = first[moves]
-        by_v = by_v[moves]
-        by_r = by_r[moves]
-        path = path[moves]
-        C = rotation_e_n(place[first, 0], place[first, 1])
-        v_n, r_n = (np.abs(np.einsum("kij,kj->ki", C, part)) for part in (by_v, by_r))
-        off = np.abs(np.einsum("kij,kj->ki", C, by_r - by_v))
+        miss = moved_r[moves] - moved_v[moves]
+        C_e_n = rotation_e_n(place[first[moves], 0], place[first[moves], 1])
+        v_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_v[moves]))
+        r_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_r[moves]))
+        miss_n = np.abs(np.einsum("kij,kj->ki", C_e_n, miss))
         along = np.maximum(v_n, r_n)
-        parts = np.where(np.median(along, axis=0) >= _PATH, np.median(off / np.maximum(along, 1e-9), axis=0), 0.0)
-        return np.append(np.median(np.linalg.norm(by_r - by_v, axis=1) / path), parts)
+        ratios = np.median(miss_n / np.maximum(along, 1e-9), axis=0)
+        by_axis = np.where(np.median(along, axis=0) >= _PATH, ratios, 0.0)
+        whole = np.median(np.linalg.norm(miss, axis=1) / path[moves])
+        return np.append(whole, by_axis)
     return np.zeros(0)
 
 
@@ -303,6 +339,8 @@ def _windows(t: Floats, span: float) -> tuple[NDArray[np.int64], NDArray[np.int6
     """Return first and last rows of windows of about `span` s, half a window apart, without gaps in them."""
     starts = np.searchsorted(t, np.arange(t[0], t[-1] - span, 0.5 * span))
     ends = np.minimum(np.searchsorted(t, t[starts] + span), t.size - 1)
-    gaps = np.concatenate([[0], np.cumsum(np.diff(t) > max(2.0, 3.0 * float(np.median(np.diff(t)))))])
-    whole = (ends > starts) & (gaps[ends] == gaps[starts])
-    return starts[whole], ends[whole]
+    dt = np.diff(t)
+    is_gap = dt > max(2.0, 3.0 * float(np.median(dt)))
+    n_gap = np.concatenate([[0], np.cumsum(is_gap)])
+    gapless = (ends > starts) & (n_gap[ends] == n_gap[starts])
+    return starts[gapless], ends[gapless]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.simulation.recorded.log_consistency import RecordedRanges, compared
+from lvnav_trade.simulation.recorded.range_consistency import RecordedRanges, compared
 
 N_EPOCH, N_SAT, RADIUS, TURN = 40, 7, 2.656e7, 1.4585e-4
 

@@ -1,0 +1,154 @@
+"""Consistency of the recorded ranges of a log: their residuals relative to the solutions of the log.
+
+Single ranges with impossible residuals are omitted. A column that contradicts the solutions throughout is refused, with
+the interpretation that fits, if there is one.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.line_of_sight import sight
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_COLUMNS = ("pseudorange_m", "range_rate_m_s")
+_UNITS = ("m", "m/s")
+_FEWEST_RESIDUALS = 4  # smallest number of satellites of an epoch for the median that removes the receiver clock
+_CONTRADICTED = (300.0, 10.0)  # m and m/s, limits of the median: above almanac and delay errors, below a wrong time
+_WILD = (500.0, 10.0)  # m and m/s, limits of a single residual
+_SCATTERS = 15.0  # limit of a single residual as a multiple of the median
+_MOST_WILD = 0.1  # largest fraction of measurements that may be omitted
+_FITS = 0.1  # fraction of the median residual that a fitting interpretation of the column may leave
+_NAMED = 6
+_WAVELENGTH = SPEED_OF_LIGHT / 1575.42e6
+_READINGS = (
+    (-1.0, "its sign is reversed: is it a Doppler shift in m/s?"),
+    (-_WAVELENGTH, "it fits as a Doppler shift in Hz of 1575.42 MHz: multiply it by -0.190294 m"),
+    (_WAVELENGTH, "it fits as a range rate in cycles of 1575.42 MHz: multiply it by 0.190294 m"),
+    (1000.0, "it fits in km/s"),
+    (0.001, "it fits in mm/s"),
+)
+
+
+class RecordedRanges(NamedTuple):
+    """Recorded ranges and range rates.
+
+    observed : (n_epoch, n_sat, 2) m, m/s. As measured.
+    added : (n_epoch, n_sat, 2) m, m/s. Corrections to be added.
+    tracked : (n_epoch, n_sat). Whether they are used.
+    needed : Columns that the filter processes.
+    """
+
+    observed: Floats
+    added: Floats
+    tracked: Bools
+    needed: list[int]
+
+
+def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools, tuple[str, ...]]:
+    """Return whether measurements are used (n_epoch, n_sat), and notes on those that contradict the solutions.
+
+    Raises
+    ------
+    InputError
+        If the measurements contradict the solutions throughout.
+    """
+    expected = _expected(prepared)
+    compared_ranges = _near_solution(prepared)[:, None] & log.tracked
+    omitted = np.zeros_like(log.tracked)
+    largest: list[str] = []
+    for column in log.needed:
+        difference = log.observed[:, :, column] + log.added[:, :, column] - expected[:, :, column]
+        residuals = _residuals(difference, compared_ranges)
+        sizes = np.abs(residuals[np.isfinite(residuals)])
+        if not sizes.size:
+            continue
+        typical = float(np.median(sizes))
+        if typical > _CONTRADICTED[column]:
+            rate = expected[:, :, 1]
+            if column == 0:
+                hint = _range_hint(residuals, rate)
+            else:
+                hint = _rate_hint(log, rate, compared_ranges, typical)
+            raise InputError(
+                f"{file}: {_COLUMNS[column]} contradicts the solutions: without the receiver's "
+                f"clock, half of them are off by more than {_quantity(typical, column)}; {hint}"
+            )
+        wild = np.abs(np.nan_to_num(residuals)) > max(_WILD[column], _SCATTERS * typical)
+        omitted |= wild
+        if wild.any():
+            largest.append(_quantity(float(sizes.max()), column))
+    n_omitted = int(np.count_nonzero(omitted))
+    if not n_omitted:
+        return log.tracked, ()
+    n_compared = np.count_nonzero(compared_ranges)
+    by_satellite = _omitted_by_satellite(omitted, prepared.sky.names)
+    note = f"{n_omitted} of {n_compared} ranges contradict the solutions, by up to {' and '.join(largest)}"
+    if n_omitted > max(1.0, _MOST_WILD * n_compared):
+        raise InputError(f"{file}: {note}: {by_satellite}")
+    return log.tracked & ~omitted, (f"{note}: left out, by satellite: {by_satellite}",)
+
+
+def _omitted_by_satellite(omitted: Bools, names: tuple[str, ...]) -> str:
+    """Return the number of omitted ranges (n_epoch, n_sat) of the first satellites, as text."""
+    _, satellites = np.nonzero(omitted)
+    counts = Counter(names[k] for k in satellites.tolist())
+    return ", ".join(f"{name} ({count})" for name, count in sorted(counts.items())[:_NAMED])
+
+
+def _quantity(size: float, column: int) -> str:
+    unit = _UNITS[column]
+    return f"{size * 1e-3:.4g} k{unit}" if size >= 1e3 else f"{size:.3g} {unit}"
+
+
+def _expected(prepared: Prepared) -> Floats:
+    """Return the ranges and range rates (n_epoch, n_sat, 2) m and m/s by the solutions, without clocks."""
+    sky, signals = prepared.sky, prepared.signals
+    line = sight(sky.r_i - signals.position[:, None, :], sky.v_i - signals.velocity[:, None, :])
+    return np.stack([line.distance, line.rate], axis=2)
+
+
+def _near_solution(prepared: Prepared) -> Bools:
+    """Return whether the epochs (n_epoch,) have a solution of the log."""
+    return np.asarray(prepared.signals.n_used > 0)
+
+
+def _residuals(difference: Floats, used: Bools) -> Floats:
+    """Return differences (n_epoch, n_sat) minus the median of their epoch; NaN if unused or with too few satellites."""
+    residuals = np.where(used & np.isfinite(difference), difference, np.nan)
+    is_enough = np.isfinite(residuals).sum(axis=1) >= _FEWEST_RESIDUALS
+    residuals[~is_enough] = np.nan
+    residuals[is_enough] -= np.nanmedian(residuals[is_enough], axis=1, keepdims=True)
+    return residuals
+
+
+def _range_hint(residuals: Floats, rate: Floats) -> str:
+    """Return a hint on the cause of range residuals: a time offset of the satellites if it explains them."""
+    motion = _residuals(rate, np.isfinite(residuals))
+    both_known = np.isfinite(residuals) & np.isfinite(motion)
+    size = residuals[both_known]
+    slope = motion[both_known]
+    # least squares of residual = time offset * rate
+    offset = float(np.sum(size * slope) / max(np.sum(slope**2), 1e-9))
+    unexplained = np.median(np.abs(size - offset * slope))
+    if unexplained <= _FITS * np.median(np.abs(size)):
+        direction = "later" if offset > 0.0 else "earlier"
+        return (
+            f"the satellites fit {abs(offset):.1f} s {direction}: is the epoch UTC, and do "
+            "the columns of time count from it (leap seconds: time_scale)?"
+        )
+    return "are the epoch, the constellation (of that day) and the unit right?"
+
+
+def _rate_hint(log: RecordedRanges, rate: Floats, used: Bools, typical: float) -> str:
+    """Return a hint on the interpretation of the range-rate column that fits, if there is one."""
+    for factor, hint in _READINGS:
+        difference = factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate
+        residuals = _residuals(difference, used)
+        if np.nanmedian(np.abs(residuals)) <= min(_CONTRADICTED[1], _FITS * typical):
+            return hint
+    return "are the epoch and the unit right?"
