@@ -13,8 +13,8 @@ import numpy as np
 from lvnav_trade.export.translation.program import Program
 from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array, Constant, RecordValue, Value, table_of
 from lvnav_trade.simulation.epoch.filter_case import case_of
-from lvnav_trade.simulation.montecarlo import new_work
 from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.run_arrays import new_work
 
 # Time axes (epochs or windows) of the arrays read from signals, sensors and options.
 EPOCHS = {

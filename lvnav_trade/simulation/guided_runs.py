@@ -46,23 +46,20 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     plan = prepared.plan
     if plan is None:
         return NO_INJECTIONS, NO_LOST
-    steered = steering_times(plan, prepared.record.t)
-    navigated = [
-        NavigationErrors(prepared.record.t[steered], error[steered]) for error in in_inertial_axes(prepared, errors)
-    ]
-    drawn = [draw(plan.card, seed, first_run + k) for k in range(len(navigated))]
-    words = seed_words(seed)
-    results = [
-        inject(plan, *pair, DrawKeys(*words, np.uint64(first_run + k)))
-        for k, pair in enumerate(zip(drawn, navigated, strict=True))
-    ]
-    lost = [
-        (first_run + k, SOURCES.index(name), number, value)
-        for k, result in enumerate(results)
-        if result.outcome != INJECTED
-        for name, values in drawn[k].items()
-        for number, value in enumerate(values)
-    ]
+    times = steering_times(plan, prepared.record.t)
+    t = prepared.record.t[times]
+    k0, k1 = seed_words(seed)
+    results: list[Injection] = []
+    lost: list[tuple[float, ...]] = []
+    for run, error in enumerate(in_inertial_axes(prepared, errors), start=first_run):
+        draws = draw(plan.card, seed, run)
+        result = inject(plan, draws, NavigationErrors(t, error[times]), DrawKeys(k0, k1, np.uint64(run)))
+        results.append(result)
+        if result.outcome == INJECTED:
+            continue
+        for name, values in draws.items():
+            source = SOURCES.index(name)
+            lost += [(run, source, number, value) for number, value in enumerate(values)]
     return rows_of(results, plan.nominal), np.array(lost, dtype=float).reshape(-1, 4)
 
 
@@ -72,10 +69,11 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
     errors : (n_run, n_hist, n_out), attitude in body axes, velocity and position in the reporting frame
     """
     record = prepared.record
-    parts = errors[..., :_N_MOTION].reshape(*errors.shape[:2], 3, 3)
-    turned = np.einsum("hij,rhj->rhi", matrices(record.q), parts[:, :, 0])
-    others = np.einsum("hji,rhpj->rhpi", record.axes, parts[:, :, 1:])
-    return np.concatenate([turned[:, :, None], others], axis=2).reshape(*errors.shape[:2], _N_MOTION)
+    n_run, n_hist = errors.shape[:2]
+    by_quantity = errors[..., :_N_MOTION].reshape(n_run, n_hist, 3, 3)
+    attitude = np.einsum("hij,rhj->rhi", matrices(record.q), by_quantity[:, :, 0])
+    velocity_and_position = np.einsum("hji,rhpj->rhpi", record.axes, by_quantity[:, :, 1:])
+    return np.concatenate([attitude[:, :, None], velocity_and_position], axis=2).reshape(n_run, n_hist, _N_MOTION)
 
 
 def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
@@ -84,7 +82,7 @@ def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
     error = np.stack([item.error for item in injections])
     target = orbit_of(nominal[None])[0]
     achieved = orbit_of(y)
+    # the navigated state: position and velocity without the navigation errors, which are velocity first
     navigated = orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
-    head = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in injections])
-    parts = ((achieved, target), (achieved, navigated))
-    return np.concatenate([head, *(orbit_difference(*pair) for pair in parts)], axis=1)
+    outcomes = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in injections])
+    return np.concatenate([outcomes, orbit_difference(achieved, target), orbit_difference(achieved, navigated)], axis=1)

@@ -75,15 +75,16 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | N
         return None
     launch = launch_of(scenario)
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
-    moved = np.stack([flown.history[..., autopilot.MOVED] for flown in missions])
+    movement = np.stack([mission.history[..., autopilot.MOVED] for mission in missions])
+    turning = [_turning(launch, mission, feed) for mission, feed in zip(missions, FEEDS, strict=True)]
     shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
     return NozzleStatistics(
         t=missions[0].t,
         total=_totals(missions, np.array(_burns_of(scenario))),
-        mean=moved.mean(axis=1),
-        low=moved.min(axis=1),
-        high=moved.max(axis=1),
-        turning=np.stack([_turning(launch, flown, feed) for flown, feed in zip(missions, FEEDS, strict=True)]),
+        mean=movement.mean(axis=1),
+        low=movement.min(axis=1),
+        high=movement.max(axis=1),
+        turning=np.stack(turning),
         shown_t=shown_t,
         shown=shown,
     )
@@ -106,61 +107,70 @@ def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
     )
 
 
-def _totals(missions: list[Missions], spans: Floats) -> Floats:
+def _totals(missions: list[Missions], burns: Floats) -> Floats:
     """Return the movement (n_feed, n_run, n_burn + 1, 2): flight, and from begin to a second after each burn."""
-    found = np.empty((len(missions), len(missions[0].movement), len(spans) + 1, 2))
-    for feed, flown in enumerate(missions):
-        found[feed, :, 0] = flown.movement
-        for number, (begin, end) in enumerate(spans, start=1):
-            at = np.minimum(np.searchsorted(flown.t, [begin, end + 1.0]), flown.t.size - 1)
-            rows = flown.history[..., autopilot.MOVED][:, at]
-            found[feed, :, number] = rows[:, 1] - rows[:, 0]
-    return found
+    totals = np.empty((len(missions), len(missions[0].movement), len(burns) + 1, 2))
+    for feed, mission in enumerate(missions):
+        totals[feed, :, 0] = mission.movement
+        for number, (begin, end) in enumerate(burns, start=1):
+            first, last = np.minimum(np.searchsorted(mission.t, [begin, end + 1.0]), mission.t.size - 1)
+            movement = mission.history[..., autopilot.MOVED]
+            totals[feed, :, number] = movement[:, last] - movement[:, first]
+    return totals
 
 
-def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
-    """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see NozzleStatistics."""
-    sums = flown.sums.sum(axis=0)
-    furthest = flown.sums.max(axis=0)
-    ticks = np.where(sums[..., autopilot.TICKS] > 0.0, sums[..., autopilot.TICKS], np.nan)
-    raw = rms(launch.imu.gyro.random_walk) * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
+def _turning(launch: Launch, missions: Missions, feed: str) -> Floats:
+    """Return the sums over the ticks of each axis and phase, (2, N_PHASE, 8); see NozzleStatistics."""
+    sums = missions.sums.sum(axis=0)
+    furthest = missions.sums.max(axis=0)
+    n_tick = sums[..., autopilot.TICKS]
+    divisor = np.where(n_tick > 0.0, n_tick, np.nan)
+    formal = np.full((2, autopilot.N_PHASE), np.nan)
+    if feed == "raw":
+        formal[:] = rms(launch.imu.gyro.random_walk) * np.sqrt(launch.imu.rate)
+    elif feed == "filtered":
+        formal = _formal(launch, missions)
     return np.stack(
         [
-            sums[..., autopilot.TICKS],
-            sums[..., autopilot.INSIDE_TURNING] / ticks,
-            sums[..., autopilot.INSIDE_JERK] / ticks,
+            n_tick,
+            sums[..., autopilot.INSIDE_TURNING] / divisor,
+            sums[..., autopilot.INSIDE_JERK] / divisor,
             furthest[..., autopilot.TURNING_RATIO],
             furthest[..., autopilot.JERK_RATIO],
-            np.sqrt(sums[..., autopilot.SQUARE_ERROR] / ticks),
-            np.sqrt(sums[..., autopilot.SQUARE_RATE] / ticks),
-            _formal(launch, flown) if feed == "filtered" else np.full((2, autopilot.N_PHASE), raw),
+            np.sqrt(sums[..., autopilot.SQUARE_ERROR] / divisor),
+            np.sqrt(sums[..., autopilot.SQUARE_RATE] / divisor),
+            formal,
         ],
         axis=-1,
     )
 
 
-def _formal(launch: Launch, flown: Missions) -> Floats:
-    """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
+def _formal(launch: Launch, missions: Missions) -> Floats:
+    """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate; NaN for a phase that is missing."""
     course = launch.course
-    phase = course.phase[: -1 : max(1, round((course.t.size - 1) / flown.t.size))][: flown.t.size]
-    found = np.full((2, autopilot.N_PHASE), np.nan)
+    n_record = missions.t.size
+    every = max(1, round((course.t.size - 1) / n_record))
+    phase = course.phase[:-1:every][:n_record]
+    sigma = np.full((2, autopilot.N_PHASE), np.nan)
     for number in np.unique(phase):
-        found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, autopilot.FORMAL] ** 2, axis=(0, 1)))
-    return found
+        formal = missions.history[:, phase == number, :, autopilot.FORMAL]
+        sigma[:, number] = np.sqrt(np.mean(formal**2, axis=(0, 1)))
+    return sigma
 
 
 def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, Floats]:
-    """Return time and motion of the first run's first seconds, of each bin the tick furthest out."""
-    one = fly_missions(launch, feedback, 1, seed, every=1)
+    """Return time and motion of the first run's first seconds, for each bin the tick furthest out."""
+    run = fly_missions(launch, feedback, 1, seed, every=1)
     per_bin = max(1, round(_BIN * launch.imu.rate))
-    n_bin = int(np.sum(one.t <= SHOWN)) // per_bin
-    ticks = one.history[0, : n_bin * per_bin].reshape(n_bin, per_bin, 2, -1)
-    found = np.empty((n_bin, 2, 4))
-    for column, (value, bound) in enumerate(
-        ((autopilot.TURNING, autopilot.TURNING_BOUND), (autopilot.JERK, autopilot.JERK_BOUND))
-    ):
+    n_bin = int(np.sum(run.t <= SHOWN)) // per_bin
+    n_tick = n_bin * per_bin
+    ticks = run.history[0, :n_tick].reshape(n_bin, per_bin, 2, -1)
+    shown = np.empty((n_bin, 2, 4))
+    columns = ((autopilot.TURNING, autopilot.TURNING_BOUND), (autopilot.JERK, autopilot.JERK_BOUND))
+    for pair, (value, bound) in enumerate(columns):
         furthest = np.argmax(np.abs(ticks[..., value]) / ticks[..., bound], axis=1)
         for axis in range(2):
-            rows = ticks[np.arange(n_bin), furthest[:, axis], axis]
-            found[:, axis, 2 * column], found[:, axis, 2 * column + 1] = rows[:, value], rows[:, bound]
-    return one.t[: n_bin * per_bin : per_bin], found
+            selected = ticks[np.arange(n_bin), furthest[:, axis], axis]
+            shown[:, axis, 2 * pair] = selected[:, value]
+            shown[:, axis, 2 * pair + 1] = selected[:, bound]
+    return run.t[:n_tick:per_bin], shown

@@ -55,63 +55,68 @@ def effective_settings(prepared: Prepared, read: Collection[str]) -> EffectiveSe
     case to check that the list is complete.
     """
     scenario = prepared.scenario
-    whole: tuple[str, ...] = _FLIGHT_LOOP
+    complete = list(_FLIGHT_LOOP)
     if scenario.control is not None:
-        steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
-        whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
+        complete += _CONTROL
+        for name, card in scenario.sensors.items():
+            if card and card.measurement == "attitude":
+                complete.append(f"sensors.{name}")
     if prepared.plan is not None:
-        whole += ("trajectory.control",)  # runs fly it
-    exact = dict(_exact(prepared))
+        complete.append("trajectory.control")  # runs fly it
+    exact = dict(_exact_states(prepared))
     idle = dict(
         [
-            *_untouched(prepared),
-            *_late(prepared),
-            *_of_ranges(scenario),
-            *_of_noise(scenario),
-            *_of_phases(prepared),
-            *_of_clock(scenario),
-            *_of_faults(scenario),
-            *_of_outages(prepared),
-            *_of_tests(scenario),
+            *_unmeasured_states(prepared),
+            *_unused_delay_compensation(prepared),
+            *_unused_ranges(scenario),
+            *_unused_noise_factors(scenario),
+            *_unused_phases(prepared),
+            *_unused_clock_noise(scenario),
+            *_empty_faults(scenario),
+            *_unnoticed_outages(prepared),
+            *_unused_fault_tests(scenario),
         ]
     )
-    return EffectiveSettings(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
+    return EffectiveSettings(
+        read=frozenset(read),
+        whole=tuple(complete),
+        idle=exact | idle,
+        exact=frozenset(exact.keys() - idle.keys()),
+    )
 
 
-def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _named_states(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield path and name of the states that the filter card names."""
     for field in ("extra_states", "consider", "as_noise"):
         for number, name in enumerate(getattr(prepared.scenario.filter, field)):
             yield f"filter.{field}.{number}", name
 
 
-def _uncertain(prepared: Prepared) -> set[str]:
+def _uncertain_states(prepared: Prepared) -> set[str]:
     """Return the names of the states with an initial sigma or with driving noise."""
+    names = set()
     blocks: list[Any] = [*prepared.layout.extras, *prepared.layout.parameters]
-    return {block.name for block in blocks if rms(block.sigma) > 0.0 or rms(block.walk) > 0.0}
+    for block in blocks:
+        if rms(block.sigma) > 0.0 or rms(block.walk) > 0.0:
+            names.add(block.name)
+    return names
 
 
-def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unmeasured_states(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield the states on which no measurement depends: their Jacobian column is zero at every epoch."""
-    layout = prepared.layout
-    measured = prepared.model.measured
-    entering = [
-        _enters(prepared, block, partial)
-        for block, partial in zip(layout.extras, prepared.signals.partial, strict=True)
-    ]
-    touched = {
-        block.name
-        for block, row in zip(layout.extras, entering, strict=True)
-        if np.any(row & (block.member >= 0) & measured)
-    }
-    for path, name in _named(prepared):
-        if name in SENSOR_STATES and name not in touched & _uncertain(prepared):
+    touched = set()
+    for block, partial in zip(prepared.layout.extras, prepared.signals.partial, strict=True):
+        enters = _entered_channels(prepared, block, partial) & (block.member >= 0)
+        if np.any(enters & prepared.model.measured):
+            touched.add(block.name)
+    for path, name in _named_states(prepared):
+        if name in SENSOR_STATES and name not in touched & _uncertain_states(prepared):
             yield path, f"{name}: no sensor has such an error"
         elif name not in PARAMETERS and name not in touched:
             yield path, f"{name}: no measurement of the filter depends on it"
 
 
-def _enters(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
+def _entered_channels(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
     """Return whether a block of states enters the channels, (n_channel,); a constant does not enter a difference."""
     enters = np.asarray(np.any(partial != 0.0, axis=0))
     if np.isinf(block.time_constant) and block.walk == 0.0:
@@ -121,61 +126,67 @@ def _enters(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
     return enters
 
 
-def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    for path, name in _named(prepared):
-        if name not in _uncertain(prepared):
+def _exact_states(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    for path, name in _named_states(prepared):
+        if name not in _uncertain_states(prepared):
             yield path, f"{name}: its one-sigma is zero, and nothing drives it"
 
 
-def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unused_delay_compensation(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield delay compensation without a delay, and settings that only an extrapolated solution has."""
     card = prepared.scenario.filter.delay_compensation
-    late = prepared.options.late
     if card is None:
         return
-    is_late = late is not None and (np.any(late.delay > 0.0) or any(np.any(d.delay > 0.0) for d in prepared.devices))
-    if not is_late:
+    late = prepared.options.late
+    delays = [] if late is None else [late.delay, *(device.delay for device in prepared.devices)]
+    if not any(np.any(delay > 0.0) for delay in delays):
         yield "filter.delay_compensation", "nothing arrives late: no latency of the receiver or of a sensor"
     elif card.kind == "buffered":
         for field in ("delay_sigma", "acceleration_sigma", "base"):
             yield f"filter.delay_compensation.{field}", "applies to extrapolated solutions only; this one is buffered"
 
 
-def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _unused_noise_factors(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the noise factors of measurements that receiver or filter do not take."""
     model = scenario.filter.receiver
-    listed = scenario.filter.measurements
-    observables = [DIFFERENCES.get(name, name) for name in listed]
-    solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
-    for path, tables, measured in (
-        ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else observables),
-        ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else observables),
+    filter_tables = () if isinstance(model, str) else model.noise_by
+    observables = [DIFFERENCES.get(name, name) for name in scenario.filter.measurements]
+    receiver_measurements: Collection[str] = observables
+    if solves(scenario):
+        receiver_measurements = RANGES if smoothing_of(scenario) is None else (*RANGES, "carrier_phase")
+        observables = []
+    for path, tables, taken in (
+        ("receiver", scenario.receiver.noise_by, receiver_measurements),
+        ("filter.receiver", filter_tables, observables),
     ):
-        for number in idle_tables(tables, measured):
+        for number in idle_tables(tables, taken):
             yield f"{path}.noise_by.{number}", "no effect: none of these measurements is taken"
 
 
-def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _unused_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield faults of ranges and satellites if no ranges are used, and a receiver solution that is not used."""
+    is_loose = scenario.filter.loose
     if scenario.filter.tight or solves(scenario):
         return
     if not isinstance(scenario.receiver.solution, DirectSolution):
         yield "receiver.solution", "no effect: the filter does not take the solution, and it is not reported"
-    what = "solution is simulated, not solved from ranges" if scenario.filter.loose else "measurements are not taken"
-    reason = f"no effect: the receiver's {what}"
+    cause = "solution is simulated, not solved from ranges" if is_loose else "measurements are not taken"
+    reason = f"no effect: the receiver's {cause}"
     for number, fault in enumerate(scenario.faults):
-        if isinstance(fault, RangeBias | ClockJump | ClockDrift) or (
-            not scenario.filter.loose and isinstance(fault, Spoofing | Jamming)
-        ):
+        affects_ranges = isinstance(fault, RangeBias | ClockJump | ClockDrift)
+        affects_receiver = isinstance(fault, Spoofing | Jamming)
+        if affects_ranges or (affects_receiver and not is_loose):
             yield f"faults.{number}", reason
         elif isinstance(fault, DegradedNoise | WildSamples):
-            for field in (*fault.by_elevation, *(("satellites",) if fault.satellites else ())):
+            for field in fault.by_elevation:
                 yield f"faults.{number}.{field}", reason
+            if fault.satellites:
+                yield f"faults.{number}.satellites", reason
     if scenario.receiver.is_dual and scenario.atmosphere.ionosphere.kind == "none":
         yield "receiver.frequencies", f"{reason}, and there is no ionosphere"
 
 
-def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _unused_clock_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the process noise of a clock without memory (differences with a reference satellite)."""
     if scenario.filter.clock == "differenced":
         for number, _ in enumerate(scenario.filter.region_noise):
@@ -183,14 +194,14 @@ def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 yield f"filter.region_noise.{number}.{field}", "no effect: differences forget the clock at every epoch"
 
 
-def _of_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _empty_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield faults of zero duration; as a level of an axis, a zero duration is the case without the fault."""
     for number, fault in enumerate(scenario.faults):
         if not isinstance(fault, JumpFault) and fault.duration == 0.0:
             yield f"faults.{number}", "no effect: it lasts no time"
 
 
-def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unnoticed_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield outages that do not change the tracked satellites.
 
     They keep all satellites, affect elevations without satellites, or lie within another outage.
@@ -198,12 +209,14 @@ def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
     scenario = prepared.scenario
     start = float(prepared.reference.t[0])
     for number, fault in enumerate(scenario.faults):
-        if isinstance(fault, SatelliteOutage) and fault.duration != 0.0:
-            others = (*scenario.faults[:number], *scenario.faults[number + 1 :])
-            sound = scenario.model_copy(update={"faults": others})
-            sky = seen_in(sound, prepared.trajectory, prepared.t_epoch, start)
-            if np.array_equal(sky.tracked, prepared.sky.tracked):
-                yield f"faults.{number}", _no_loss(fault, len(sky.names), int(sky.tracked.sum(axis=1).max(initial=0)))
+        if not isinstance(fault, SatelliteOutage) or fault.duration == 0.0:
+            continue
+        remaining = (*scenario.faults[:number], *scenario.faults[number + 1 :])
+        without = scenario.model_copy(update={"faults": remaining})
+        sky = seen_in(without, prepared.trajectory, prepared.t_epoch, start)
+        if np.array_equal(sky.tracked, prepared.sky.tracked):
+            most = int(sky.tracked.sum(axis=1).max(initial=0))
+            yield f"faults.{number}", _no_loss(fault, len(sky.names), most)
 
 
 def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
@@ -215,7 +228,7 @@ def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
     return "no effect: the receiver tracks the same satellites without it"
 
 
-def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _unused_fault_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield settings of fault tests for measurements that the filter does not process."""
     if not (scenario.filter.tight or scenario.filter.loose):
         yield "filter.integrity", "no effect: it tests measurements of the receiver, and the filter uses none"
@@ -224,7 +237,7 @@ def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
             yield f"filter.integrity.{field}", "no effect: a solution has no redundancy, only ranges are compared"
 
 
-def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unused_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield settings of carrier phases in a case that neither measures them nor smooths pseudoranges by them."""
     scenario = prepared.scenario
     if smoothing_of(scenario) is not None or any(name in PHASES for name in prepared.channels.further):

@@ -17,7 +17,7 @@ from lvnav_trade.quantities.records import (
     Output,
     RunBlock,
 )
-from lvnav_trade.simulation.sums import ErrorBins, ErrorSpans, ErrorSums, LagSums, add_errors, add_lags, count_bins
+from lvnav_trade.simulation.sums import ErrorBins, count_bins, lag_products, summed_errors
 
 # Axis name of the norm of a three-axis quantity.
 NORM = "3d"
@@ -153,13 +153,17 @@ def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
 
 def columns(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
     """Return the outputs, followed by one `Output` with axis "3d" per three-axis quantity."""
-    return (*outputs, *(outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values()))
+    norms = [outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values()]
+    return (*outputs, *norms)
 
 
 def add_norms(components: Floats, outputs: tuple[Output, ...]) -> Floats:
     """Append to components (..., n_out) the root sum of squares of each three-axis quantity: (..., n_column)."""
-    squares = (components[..., indices] ** 2 for indices in norm_groups(outputs).values())
-    return np.concatenate([components, *(np.sqrt(np.sum(part, axis=-1))[..., None] for part in squares)], axis=-1)
+    columns = [components]
+    for indices in norm_groups(outputs).values():
+        square = np.sum(components[..., indices] ** 2, axis=-1)
+        columns.append(np.sqrt(square)[..., None])
+    return np.concatenate(columns, axis=-1)
 
 
 def summarise(
@@ -187,28 +191,38 @@ def summarise(
     names = tuple(sorted(event_times, key=lambda name: (event_times[name], name)))
     t_event = np.array([event_times[name] for name in names], dtype=float)
     at_event = _history_index(block.t, names, t_event)
-    failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
-    until = _sound_until(block, failed)
-    alive, alive_epoch = (None if until is None else t < until[:, None] for t in (block.t, block.t_epoch))
-    until = np.full(len(failed), np.inf) if until is None else until
+    n_run = len(block.err)
+    is_finite = np.isfinite(block.err).all(axis=(1, 2))
+    failed = np.where(is_finite | (block.failed != 0), block.failed, NOT_FINITE)
+    sound_until = _sound_until(block, failed)
+    if sound_until is None:
+        until = np.full(n_run, np.inf)
+        alive = None
+        alive_epoch = None
+    else:
+        until = sound_until
+        alive = block.t < until[:, None]
+        alive_epoch = block.t_epoch < until[:, None]
     unit = add_norms(scale, outputs)
     unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # errors of zero sigma are binned in SI units
-    lag_sum, lag_count = _lag_products(block, until)
+    groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
+    size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
+    lag_sum, lag_count = lag_products(block, until, N_LAG)
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
-        runs=np.arange(block.first_run, block.first_run + len(failed), dtype=np.int64),
+        runs=np.arange(block.first_run, block.first_run + n_run, dtype=np.int64),
         failed=failed.astype(np.int8),
         t_failed=np.asarray(block.t_failed, dtype=float),
         t=block.t,
         scale=unit,
-        n_good=_count(alive, len(failed), block.t),
-        n_good_epoch=_count(alive_epoch, len(failed), block.t_epoch),
-        **_errors(block, until, unit, np.searchsorted(block.t, t_bound), outputs),
-        nees=_or(block.nees, alive).sum(axis=0),
+        n_good=_count(alive, n_run, block.t),
+        n_good_epoch=_count(alive_epoch, n_run, block.t_epoch),
+        **summed_errors(block, until, np.searchsorted(block.t, t_bound), groups, size),
+        nees=_counted(block.nees, alive).sum(axis=0),
         t_epoch=block.t_epoch,
-        nis=_or(block.nis, alive_epoch).sum(axis=0),
-        n_row=_or(block.n_row, alive_epoch).sum(axis=0, dtype=np.int64),
-        n_reject=_or(block.n_reject, alive_epoch).sum(axis=0, dtype=np.int64),
+        nis=_counted(block.nis, alive_epoch).sum(axis=0),
+        n_row=_counted(block.n_row, alive_epoch).sum(axis=0, dtype=np.int64),
+        n_reject=_counted(block.n_reject, alive_epoch).sum(axis=0, dtype=np.int64),
         lag_sum=lag_sum,
         lag_count=lag_count,
         events=names,
@@ -228,77 +242,34 @@ def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
     """Return until when (s) each run counts: its failure, or its first error that is not finite; None if none fails."""
     if not failed.any():
         return None
-    sound = np.all(np.isfinite(block.err), axis=2)
-    first_bad = np.where(np.all(sound, axis=1), np.inf, block.t[np.argmin(sound, axis=1)])
+    finite = np.all(np.isfinite(block.err), axis=2)
+    first_bad = np.where(np.all(finite, axis=1), np.inf, block.t[np.argmin(finite, axis=1)])
     stated = np.where(np.isnan(block.t_failed), np.inf, block.t_failed)
     return np.asarray(np.where(failed == 0, np.inf, np.minimum(first_bad, stated)))
 
 
-def _or(values: Any, alive: Bools | None, after: float = 0.0) -> Any:
-    """Return values (n_run, n, ...) where a run counts (n_run, n), and `after` where it has failed before."""
-    return values if alive is None else np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
+def _counted(values: Any, alive: Bools | None) -> Any:
+    """Return values (n_run, n, ...) where a run counts (n_run, n), and zero after its failure."""
+    if alive is None:
+        return values
+    counted = alive.reshape(*alive.shape, *[1] * (values.ndim - 2))
+    return np.where(counted, values, 0.0)
 
 
 def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
     """Return the number of runs that count at the times, (n,)."""
-    return np.full(len(t), runs, dtype=np.int64) if alive is None else alive.sum(axis=0, dtype=np.int64)
-
-
-def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tuple[Output, ...]) -> dict[str, Any]:
-    """Return the sums over the errors of runs, and by span between the times with indices `at`."""
-    (n_run, n_hist, _), n_column, n_span = block.err.shape, unit.shape[1], len(at) - 1
-    groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
-    total, squares, sigma_squares = np.zeros((3, n_hist, n_column))
-    worst, mean_square = np.zeros((2, n_run, n_span, n_column))
-    bins = np.empty((n_run, n_hist, n_column), dtype=np.uint16)
-    sums = ErrorSums(
-        total=total.ravel(),
-        squares=squares.ravel(),
-        sigma_squares=sigma_squares.ravel(),
-        bins=bins.reshape(n_run, -1),
-        worst=worst,
-        mean_square=mean_square,
-    )
-    error = np.ascontiguousarray(block.err)
-    sigma = np.ascontiguousarray(block.sigma)
-    counted = np.searchsorted(block.t, until)
-    size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
-    add_errors(error, sigma, groups, counted, size, ErrorSpans(block.t, at), sums, np.empty((n_hist, n_column)))
-    mean_square /= np.diff(block.t[at])[:, None]
-    return {
-        "total": total,
-        "squares": squares,
-        "sigma_squares": sigma_squares,
-        "bins": bins,
-        "worst": worst,
-        "mean_square": mean_square,
-    }
+    if alive is None:
+        return np.full(len(t), runs, dtype=np.int64)
+    return alive.sum(axis=0, dtype=np.int64)
 
 
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
+    """Return the indices (n_event,) of the history times of events; ValueError if an event is at none."""
     index = np.clip(np.searchsorted(t, t_event - 1e-9), 0, len(t) - 1)
-    for name, wanted, nearest in zip(names, t_event, t[index], strict=True):
-        if abs(wanted - nearest) > 1e-6:
-            raise ValueError(f"event {name} at {wanted} s is not a history time (nearest after it {nearest} s)")
+    for name, t_wanted, nearest in zip(names, t_event, t[index], strict=True):
+        if abs(t_wanted - nearest) > 1e-6:
+            raise ValueError(f"event {name} at {t_wanted} s is not a history time (nearest after it {nearest} s)")
     return index
-
-
-def _lag_products(block: RunBlock, until: Floats) -> tuple[Floats, Ints]:
-    """Return sums and numbers of products of innovations by lag in epochs and channel; see `add_lags`."""
-    innovation = np.ascontiguousarray(block.innovation)
-    _, n_epoch, n_channel = innovation.shape
-    used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
-    sums = LagSums(
-        total=np.zeros((N_LAG, len(used))),
-        number=np.zeros((N_LAG, len(used))),
-        value=np.zeros((n_epoch, len(used))),
-        there=np.zeros((n_epoch, len(used))),
-        count_of_run=np.zeros((N_LAG, len(used))),
-    )
-    add_lags(innovation, block.t_epoch, until, used, sums)
-    total, count = np.zeros((2, N_LAG, n_channel))
-    total[:, used], count[:, used] = sums.total, sums.number
-    return total, count.astype(np.int64)
 
 
 def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
@@ -316,16 +287,18 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     ValueError
         If parts overlap or belong to different histories, or if there is no part.
     """
-    stream = iter(parts) if not isinstance(parts, list) else iter(sorted(parts, key=lambda part: part.first_run))
-    try:
-        first = next(stream)
-    except StopIteration:
-        raise ValueError("there is no part to merge") from None
+    if isinstance(parts, list):
+        parts = sorted(parts, key=lambda part: part.first_run)
+    stream = iter(parts)
+    first = next(stream, None)
+    if first is None:
+        raise ValueError("there is no part to merge")
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
-    histogram = sums["histogram"] = counts(first)
-    joined = {name: [getattr(first, name)] for name in (_PER_RUN + _ROWS if rows else _PER_RUN)}
+    histogram = counts(first)
+    joined_names = _PER_RUN + _ROWS if rows else _PER_RUN
+    joined = {name: [getattr(first, name)] for name in joined_names}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
-    first = first._replace(**sums, **none, bins=first.bins[:0].copy())  # frees the bins of the first part
+    first = first._replace(**none, bins=first.bins[:0].copy())  # frees the bins of the first part
     bins = []
     for part in stream:
         _check_follows(first, joined["runs"][-1], part)
@@ -339,15 +312,15 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
             bins.clear()
     if bins:
         count_bins(histogram, np.concatenate(bins))
-    whole: dict[str, Any] = {name: np.concatenate(values) for name, values in joined.items()}
-    return first._replace(**sums, **whole)
+    concatenated: dict[str, Any] = {name: np.concatenate(values) for name, values in joined.items()}
+    return first._replace(**sums, **concatenated, histogram=histogram)
 
 
 def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -> None:
     if part.first_run <= runs_before[-1]:
         raise ValueError(f"run {part.first_run} is in two parts, or the parts are not in run order")
-    same = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
-    if not same or first.events != part.events:
+    is_same = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
+    if not is_same or first.events != part.events:
         raise ValueError(f"the part that starts at run {part.first_run} belongs to another history")
 
 
@@ -362,11 +335,24 @@ def counts(summary: BlockSummary) -> NDArray[np.uint32]:
 
 def compile_kernels() -> None:
     """Compile the kernels of the statistics, or load them from the cache, with a block of one run at one time."""
-    one = np.zeros(1)
-    none = np.zeros((1, 1, 0))
-    whole = np.zeros((1, 1), dtype=np.int32)
-    block = RunBlock(0, one, none, none, one[None], one, one[None], whole, whole, none, np.zeros(1, np.int8), one)
-    merge([summarise(block, {}, none[0], ())])
+    zero = np.zeros(1)
+    no_columns = np.zeros((1, 1, 0))
+    no_rows = np.zeros((1, 1), dtype=np.int32)
+    block = RunBlock(
+        first_run=0,
+        t=zero,
+        err=no_columns,
+        sigma=no_columns,
+        nees=zero[None],
+        t_epoch=zero,
+        nis=zero[None],
+        n_row=no_rows,
+        n_reject=no_rows,
+        innovation=no_columns,
+        failed=np.zeros(1, np.int8),
+        t_failed=zero,
+    )
+    merge([summarise(block, {}, no_columns[0], ())])
 
 
 def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
@@ -379,7 +365,8 @@ def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
     bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)
     for k, histogram in enumerate(counts(summary)):  # one time after another: cumulated, they are as large again
         cumulated = np.cumsum(histogram, axis=-1, dtype=np.uint32)
-        for place, rank in zip(bins, ranks, strict=True):
-            place[k] = np.argmax(cumulated >= rank, axis=-1)
-    middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
-    return list(np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle)))
+        for number, rank in enumerate(ranks):
+            bins[number, k] = np.argmax(cumulated >= rank, axis=-1)
+    centre = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
+    values = np.where(bins == N_BIN - 1, np.inf, centre)
+    return list(np.where(bins == 0, 0.0, values))

@@ -1,16 +1,16 @@
-"""Kernels of the statistics of a block of runs: one pass over its errors, one over its innovations.
+"""Sums over a block of runs and their kernels: one pass over its errors, one over its innovations.
 
 Inner loops run over neighbours in memory and use few arrays each, so that the compiler vectorises them.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import log_unit
-from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.quantities.records import Floats, Ints, RunBlock
 
 
 class ErrorBins(NamedTuple):
@@ -53,6 +53,57 @@ class ErrorSums(NamedTuple):
     bins: NDArray[np.uint16]
     worst: Floats
     mean_square: Floats
+
+
+def summed_errors(block: RunBlock, until: Floats, bounds: Ints, groups: Ints, size: ErrorBins) -> dict[str, Any]:
+    """Return the sums over the errors of runs, and by span of the history, by field of `statistics.BlockSummary`.
+
+    Parameters
+    ----------
+    block
+        Block of runs.
+    until
+        (n_run,) s. Time from which a run does not count.
+    bounds
+        (n_span + 1,). Indices of the history times that bound the spans.
+    groups
+        (n_norm, 3). Outputs of three-axis quantities; their norms are the columns after the outputs.
+    size
+        Bins of the errors.
+    """
+    n_run, n_hist, n_out = block.err.shape
+    n_column = n_out + len(groups)
+    n_span = len(bounds) - 1
+    total, squares, sigma_squares = np.zeros((3, n_hist, n_column))
+    worst, mean_square = np.zeros((2, n_run, n_span, n_column))
+    bins = np.empty((n_run, n_hist, n_column), dtype=np.uint16)
+    sums = ErrorSums(
+        total=total.ravel(),
+        squares=squares.ravel(),
+        sigma_squares=sigma_squares.ravel(),
+        bins=bins.reshape(n_run, -1),
+        worst=worst,
+        mean_square=mean_square,
+    )
+    add_errors(
+        np.ascontiguousarray(block.err),
+        np.ascontiguousarray(block.sigma),
+        groups,
+        np.searchsorted(block.t, until),
+        size,
+        ErrorSpans(block.t, bounds),
+        sums,
+        np.empty((n_hist, n_column)),
+    )
+    mean_square /= np.diff(block.t[bounds])[:, None]
+    return {
+        "total": total,
+        "squares": squares,
+        "sigma_squares": sigma_squares,
+        "bins": bins,
+        "worst": worst,
+        "mean_square": mean_square,
+    }
 
 
 @jit
@@ -159,6 +210,29 @@ class LagSums(NamedTuple):
     value: Floats
     there: Floats
     count_of_run: Floats
+
+
+def lag_products(block: RunBlock, until: Floats, n_lag: int) -> tuple[Floats, Ints]:
+    """Return sums and numbers of products of innovations by lag in epochs and channel, (n_lag, n_channel) each.
+
+    until : (n_run,) s. Time from which a run does not count.
+    """
+    innovation = np.ascontiguousarray(block.innovation)
+    _, n_epoch, n_channel = innovation.shape
+    used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
+    n_used = len(used)
+    sums = LagSums(
+        total=np.zeros((n_lag, n_used)),
+        number=np.zeros((n_lag, n_used)),
+        value=np.zeros((n_epoch, n_used)),
+        there=np.zeros((n_epoch, n_used)),
+        count_of_run=np.zeros((n_lag, n_used)),
+    )
+    add_lags(innovation, block.t_epoch, until, used, sums)
+    total, count = np.zeros((2, n_lag, n_channel))
+    total[:, used] = sums.total
+    count[:, used] = sums.number
+    return total, count.astype(np.int64)
 
 
 @jit

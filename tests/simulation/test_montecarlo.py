@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.simulation import montecarlo as room
-from lvnav_trade.simulation.montecarlo import new_work, replay, run_block
+from lvnav_trade.simulation.montecarlo import replay, run_block
 from tests.building import INERTIAL, LOOSE, MATCHED, case, flying, hop, loaded, prepare_hop, with_fields
 
 SEED = 20260801
@@ -55,16 +54,6 @@ def test_blocks_have_the_shapes_that_their_record_promises(block):
     assert (block.failed.dtype, block.n_row.dtype) == (np.int8, np.int32)
     assert not block.failed.any()
     assert np.isnan(block.t_failed).all()
-
-
-@pytest.mark.parametrize("lanes", [False, True])
-def test_rows_have_the_room_that_the_case_asks_for_and_no_array_is_empty(lanes):
-    """A lane view of no length has no type that the compiled flight knows."""
-    prepared = case(INERTIAL)
-    (work, _), end = new_work(prepared, lanes), (WIDTH,) if lanes else ()
-    assert work.H.shape == (prepared.n_row, prepared.model.entry.shape[1], *end)
-    assert work.err.shape == work.sigma.shape == (prepared.t_hist.size, len(prepared.outputs), *end)
-    assert all(work._asdict()[name].shape[0] >= 1 for name in ("shared", "extra", "par", "true_par", "observed"))
 
 
 def test_another_seed_gives_other_runs(block):
@@ -136,7 +125,7 @@ def test_replay_is_the_block_bit_for_bit_with_every_covariance_step(rate, run):
 
 def drawn(prepared, run=3):
     """What is drawn in a run: last window's increments, true parameters, clock, and last ranges by satellite name."""
-    work, _ = room._fly(prepared, SEED, run, False)
+    work, _ = room._simulate(prepared, SEED, run, False)
     used = prepared.signals.used[-1, : prepared.signals.n_used[-1]]
     ranges = {prepared.sky.names[s]: tuple(work.ranges[slot]) for slot, s in enumerate(used)}
     return work.increments.copy(), work.true_par.copy(), work.clock.copy(), ranges

@@ -19,8 +19,8 @@ from lvnav_trade.quantities.per_axis import axes, rms, squares
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.state_layout import ErrorTerm
 from lvnav_trade.simulation.imu_array import new_units, sense_units
-from lvnav_trade.simulation.montecarlo import new_work
 from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.run_arrays import new_work
 from lvnav_trade.simulation.sensing import from_errors
 
 RUNS = 128

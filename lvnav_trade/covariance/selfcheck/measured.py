@@ -22,10 +22,11 @@ from lvnav_trade.sensors.family import RECEIVER_SOLUTION, fill, measure
 from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.sensors.jacobian_row import N_ENTRY
 from lvnav_trade.simulation.epoch.filter_case import case_of
-from lvnav_trade.simulation.montecarlo import Truth, Work, new_work
+from lvnav_trade.simulation.montecarlo import Truth
 from lvnav_trade.simulation.preparation.correlated import RECORDED
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.preparation.signals.noise import rate_sigma_of
+from lvnav_trade.simulation.run_arrays import Work, new_work
 from lvnav_trade.simulation.sensing import begin, measure_sensors, observe
 
 _EPOCHS = 24

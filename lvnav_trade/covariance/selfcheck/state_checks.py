@@ -11,9 +11,9 @@ from lvnav_trade.filter.policies.imu_samples import correct_vehicle
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.quantities.state_layout import state_names, state_outputs
 from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
-from lvnav_trade.simulation.montecarlo import Work, new_work
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.recording import record
+from lvnav_trade.simulation.run_arrays import Work, new_work
 
 SIZE = {"attitude": 1e-3, "velocity": 1.0, "position": 100.0}
 """Errors that are applied (rad, m/s, m); for any other state, its unit."""

@@ -235,7 +235,10 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
 def _least_residual_ratio(
     y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int]
 ) -> tuple[float, int]:
-    """Return the smallest residual ratio of the fits without one more IMU, and that IMU; of a prime IMU 0 and the first."""
+    """Return the smallest residual ratio of a fit without one more IMU, and that IMU.
+
+    If a failure hands over from a prime IMU, these are 0 and the first IMU in use.
+    """
     candidates = []
     for unit in range(int(tests.owner.max()) + 1):
         if unit in out:

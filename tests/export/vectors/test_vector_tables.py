@@ -8,7 +8,8 @@ import pytest
 from lvnav_trade.export.vectors import vector_tables as made
 from lvnav_trade.export.vectors.vector_files import _written
 from lvnav_trade.simulation import montecarlo
-from lvnav_trade.simulation.montecarlo import TapedRun, new_work
+from lvnav_trade.simulation.montecarlo import TapedRun
+from lvnav_trade.simulation.run_arrays import new_work
 from lvnav_trade.simulation.tape import new_tape
 from tests.both_engines.covering import DIMENSIONS
 from tests.export.cases import prepared_of
