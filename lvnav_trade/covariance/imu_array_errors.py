@@ -15,7 +15,7 @@ from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, OTHER_0, OTHER_2
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.simulation.epoch.joint_ticks import lasting_share, tick_input, unit_input
-from lvnav_trade.simulation.imu_redundancy import grow
+from lvnav_trade.simulation.exclusion_covariance import grow
 from lvnav_trade.simulation.preparation.imu_arrays import along_axes, inputs_of
 from lvnav_trade.simulation.preparation.imu_inputs import ImuArray
 from lvnav_trade.simulation.preparation.prepare import Prepared

@@ -2,8 +2,9 @@
 
 from lvnav_trade.kernels.jit import inlined
 from lvnav_trade.simulation.epoch.filter_case import hold_solution
+from lvnav_trade.simulation.imu_sensing import sense
 from lvnav_trade.simulation.recording import record
-from lvnav_trade.simulation.sensing import begin, begin_solver, measure_sensors, observe, sense
+from lvnav_trade.simulation.sensing import begin, begin_solver, measure_sensors, observe
 from lvnav_trade.simulation.steps import begin_epoch, begin_filter, propagate, update
 from lvnav_trade.simulation.tape import tape_after, tape_before, tape_epoch, tape_increments, tape_start
 
@@ -32,7 +33,7 @@ def fly(work, parts, case, truth, key):
     truth : Truth, which the filter does not read
     key : (2,) key words of the campaign's seed
     """
-    schedule, options, unit = case.schedule, case.options, truth.unit
+    schedule, options = case.schedule, case.options
     begin(work, parts.units, case, truth, key)
     begin_solver(work, parts.receiver, options.solver)
     tape_start(parts.tape, work)
@@ -41,7 +42,7 @@ def fly(work, parts, case, truth, key):
         first = schedule.first_tick[w]
         n_tick = schedule.n_tick[w]
         if n_tick > 0:
-            sense(work, parts.units, unit, options.units, first, n_tick, key)
+            sense(work, parts.units, truth.unit, options.units, first, n_tick, key)
             tape_increments(parts.tape, work, first, n_tick)
             propagate(work, parts, case, w)
         epoch = schedule.epoch[w]
@@ -54,8 +55,8 @@ def fly(work, parts, case, truth, key):
         if epoch >= 0:
             tape_after(parts.tape, work, epoch)
         # history times follow the update: errors at an epoch are those after its measurements
-        if schedule.hist[w] >= 0:
-            record(
-                work, parts, case, parts.transition_errors, truth.record, max(0, first + n_tick - 1), schedule.hist[w]
-            )
+        hist = schedule.hist[w]
+        if hist >= 0:
+            last_tick = max(0, first + n_tick - 1)
+            record(work, parts, case, parts.transition_errors, truth.record, last_tick, hist)
     tape_after(parts.tape, work, -1)

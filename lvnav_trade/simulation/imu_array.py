@@ -84,30 +84,34 @@ def add_relative_biases(work, imus, units):
     """Add the true relative biases to the errors of the states that model them (ImuArray, or None)."""
     if units is not None:
         for p in range(units.pair_sensor.shape[0]):
-            at = units.pair_state[p]
-            if at >= 0:
+            state = units.pair_state[p]
+            if state >= 0:
                 for k in range(units.n_axis.shape[0]):
                     table = imus.tables[2 * k + units.pair_sensor[p]]
                     for c in range(units.n_axis[k]):
+                        bias = table[BIAS + c]
                         for i in range(3):
-                            work.x[at + i] = work.x[at + i] + units.pair_solved[p, k, i, c] * table[BIAS + c]
+                            share = units.pair_solved[p, k, i, c]
+                            work.x[state + i] = work.x[state + i] + share * bias
 
 
 @jit
-def _gather_block(table, frames, kind, values):
+def _gather_block(table, frames, driver, values):
     """Add a block of three parameters to the table of its triad."""
     for axis in range(3):
         value = values[axis]
-        if kind == CONSTANT:
+        if driver == CONSTANT:
             table[BIAS + axis] = table[BIAS + axis] + value
-        elif OWN_0 <= kind and kind <= OWN_2:
+        elif OWN_0 <= driver and driver <= OWN_2:
+            direction = frames[axis, driver - OWN_0]
             for j in range(3):
-                at = OWN + 3 * axis + j
-                table[at] = table[at] + frames[axis, kind - OWN_0, j] * value
-        elif OTHER_0 <= kind and kind <= OTHER_2:
+                entry = OWN + 3 * axis + j
+                table[entry] = table[entry] + direction[j] * value
+        elif OTHER_0 <= driver and driver <= OTHER_2:
+            direction = frames[axis, (driver - OTHER_0 - axis) % 3]
             for j in range(3):
-                at = OTHER + 3 * axis + j
-                table[at] = table[at] + frames[axis, (kind - OTHER_0 - axis) % 3, j] * value
+                entry = OTHER + 3 * axis + j
+                table[entry] = table[entry] + direction[j] * value
         else:
             table[SQUARES + axis] = table[SQUARES + axis] + value
 
@@ -120,7 +124,8 @@ def gather_units(imus, units, values, sensors, drivers):
             imus.tables[k, i] = like(imus.tables[k, i], 0.0)
     for b in range(sensors.shape[0]):
         triad = units.triads[b]
-        _gather_block(imus.tables[2 * triad + sensors[b]], units.frames[triad], drivers[b], values[b])
+        table = imus.tables[2 * triad + sensors[b]]
+        _gather_block(table, units.frames[triad], drivers[b], values[b])
 
 
 @jit
@@ -130,18 +135,19 @@ def fuse_tables(fused, imus, units, tick):
     Nonlinearity is not included: it depends on squares along the axes of each IMU.
     """
     for sensor in range(2):
+        combined = fused[sensor]
         for i in range(N_TABLE):
-            fused[sensor, i] = like(fused[sensor, i], 0.0)
+            combined[i] = like(combined[i], 0.0)
         for k in range(units.n_axis.shape[0]):
             table = imus.tables[2 * k + sensor]
             for c in range(units.n_axis[k]):
                 for i in range(3):
                     share = entering(imus.redundant, units, tick, k, sensor, i, c)
-                    fused[sensor, BIAS + i] = fused[sensor, BIAS + i] + share * table[BIAS + c]
+                    combined[BIAS + i] = combined[BIAS + i] + share * table[BIAS + c]
                     for first in (OWN, OTHER):
                         for j in range(3):
-                            at = first + 3 * i + j
-                            fused[sensor, at] = fused[sensor, at] + share * table[first + 3 * c + j]
+                            entry = first + 3 * i + j
+                            combined[entry] = combined[entry] + share * table[first + 3 * c + j]
 
 
 @inlined
@@ -168,10 +174,12 @@ def _sense_triad(imus, units, k, at, ticks, dt, key, run):
 
     ticks : (2,) first tick, number of ticks; key : (2,) key words of the seed
     """
-    (first_tick, n_tick), (k0, k1) = ticks, key
+    first_tick, n_tick = ticks
+    k0, k1 = key
     out = imus.sensed[k]
     frames = units.frames[k]
     white = units.white[k]
+    source = units.noise_sources[k]
     gyro = imus.tables[2 * k]
     accel = imus.tables[2 * k + 1]
     for tick in range(first_tick, first_tick + n_tick):
@@ -179,21 +187,19 @@ def _sense_triad(imus, units, k, at, ticks, dt, key, run):
         epoch = np.uint64(tick)
         a = units.dtheta[k, tick]
         f = units.dvel[k, tick]
-        n0, n1, n2, n3 = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(0))
-        n4, n5, _, _ = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(1))
+        n0, n1, n2, n3 = normals(k0, k1, source, run, epoch, np.uint64(0))
+        n4, n5, _, _ = normals(k0, k1, source, run, epoch, np.uint64(1))
         gyro_noise = (n0, n1, n2)
         accel_noise = (n3, n4, n5)
         for c in range(3):
             h = frames[c, 0]
             angle = h[0] * a[0] + h[1] * a[1] + h[2] * a[2]
+            angle_error = _axis_error(gyro, c, angle, a, f, dt)
+            out[row, c] = angle + angle_error + white[c] * gyro_noise[c]
             speed = h[0] * f[0] + h[1] * f[1] + h[2] * f[2]
-            out[row, c] = angle + _axis_error(gyro, c, angle, a, f, dt) + white[c] * gyro_noise[c]
-            out[row, 3 + c] = speed + _axis_error(accel, c, speed, f, a, dt) + white[3 + c] * accel_noise[c]
-    for sensor in range(2):
-        if white[6 + sensor] > 0.0:
-            for row in range(at, at + n_tick):
-                for i in range(3 * sensor, 3 * sensor + 3):
-                    out[row, i], imus.remainder[k, i] = quantise(out[row, i], imus.remainder[k, i], white[6 + sensor])
+            speed_error = _axis_error(accel, c, speed, f, a, dt)
+            out[row, 3 + c] = speed + speed_error + white[3 + c] * accel_noise[c]
+    _quantise_triad(out, imus.remainder[k], white, at, n_tick)
 
 
 @jit
@@ -205,10 +211,11 @@ def lever_arm_increment(imus, units, k, x, y, z, dt):
     """
     lever = units.lever[k]
     before = imus.before
-    first = before[3]  # 0 at the first tick, which has no previous one
-    tx, ty, tz = cross(
-        first * (x - before[0]), first * (y - before[1]), first * (z - before[2]), lever[0], lever[1], lever[2]
-    )
+    has_before = before[3]  # 0 at the first tick, which has no previous one
+    dx = has_before * (x - before[0])
+    dy = has_before * (y - before[1])
+    dz = has_before * (z - before[2])
+    tx, ty, tz = cross(dx, dy, dz, lever[0], lever[1], lever[2])
     wx, wy, wz = cross(x, y, z, lever[0], lever[1], lever[2])
     cx, cy, cz = cross(x, y, z, wx, wy, wz)
     return (tx + cx) / dt, (ty + cy) / dt, (tz + cz) / dt
@@ -224,17 +231,30 @@ def _add_difference(imus, units, sensor, k, c, value):
 
 
 @jit
+def _quantise_triad(out, remainder, white, at, n_tick):
+    """Round the increments (n, 6) of a triad from row `at` on; white : (8,) as in ImuArray, the last two are steps."""
+    for sensor in range(2):
+        step = white[6 + sensor]
+        if step > 0.0:
+            for row in range(at, at + n_tick):
+                for i in range(3 * sensor, 3 * sensor + 3):
+                    out[row, i], remainder[i] = quantise(out[row, i], remainder[i], step)
+
+
+@jit
 def _fuse(increments, imus, units, at, n_tick, dt):
     """Set the increments of the combined triad from those of the IMUs, with lever arms compensated."""
     n = units.n_axis.shape[0]
+    solved = units.solved[0]
     for row in range(at, at + n_tick):
         for i in range(6):
             increments[row, i] = like(increments[row, i], 0.0)
         for k in range(n):
             for c in range(units.n_axis[k]):
+                angle = imus.sensed[k, row, c]
                 for i in range(3):
-                    increments[row, i] = increments[row, i] + units.solved[0, k, 0, i, c] * imus.sensed[k, row, c]
-                _add_difference(imus, units, 0, k, c, imus.sensed[k, row, c])
+                    increments[row, i] = increments[row, i] + solved[k, 0, i, c] * angle
+                _add_difference(imus, units, 0, k, c, angle)
         x = increments[row, 0]
         y = increments[row, 1]
         z = increments[row, 2]
@@ -242,11 +262,20 @@ def _fuse(increments, imus, units, at, n_tick, dt):
             sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                value = imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
+                velocity = imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
                 for i in range(3):
-                    increments[row, 3 + i] = increments[row, 3 + i] + units.solved[0, k, 1, i, c] * value
-                _add_difference(imus, units, 1, k, c, value)
-        imus.before[0], imus.before[1], imus.before[2], imus.before[3] = x, y, z, like(x, 1.0)
+                    increments[row, 3 + i] = increments[row, 3 + i] + solved[k, 1, i, c] * velocity
+                _add_difference(imus, units, 1, k, c, velocity)
+        _store_angle(imus.before, x, y, z)
+
+
+@jit
+def _store_angle(before, x, y, z):
+    """Store the combined angle increment of a tick for the lever arms at the next."""
+    before[0] = x
+    before[1] = y
+    before[2] = z
+    before[3] = like(x, 1.0)
 
 
 @jit
@@ -266,14 +295,16 @@ def _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick,
             sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                note(redundant, 1, k, c, imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
+                velocity = imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
+                note(redundant, 1, k, c, velocity)
         combine(increments, redundant, units, redundancy, row, 1)
-        imus.before[0], imus.before[1], imus.before[2], imus.before[3] = x, y, z, like(x, 1.0)
+        _store_angle(imus.before, x, y, z)
         check(redundant, units, redundancy, first_tick + row - at)
 
 
 @jit
 def _fuse_ticks(increments, imus, units, redundancy, at, first_tick, n_tick, dt):
+    """Set the increments of the combined triad; redundancy : ImuRedundancy, or None."""
     if redundancy is None:
         _fuse(increments, imus, units, at, n_tick, dt)
     else:

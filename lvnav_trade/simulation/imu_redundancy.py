@@ -14,7 +14,6 @@ from numba.extending import overload
 from lvnav_trade.filter.policies.integrity.state import invert, limit
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where, zeros_of
-from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, VEL
 from lvnav_trade.quantities.records import Floats
 
 FAR = 1e300
@@ -84,9 +83,11 @@ def begin_redundant(work, units):
     """Reset the arrays at the start of a run: every IMU is in use (RedundancyWork, or None)."""
     if work is not None:
         zero = like(work.over[0], 0.0)
-        work.reduced[0], work.alarm[0] = zero, zero
+        work.reduced[0] = zero
+        work.alarm[0] = zero
         for u in range(work.out.shape[0]):
-            work.out[u], work.when[u] = zero, zero
+            work.out[u] = zero
+            work.when[u] = zero
         _clear(work)
         for k in range(work.value.shape[0]):
             for sensor in range(2):
@@ -98,6 +99,7 @@ def begin_redundant(work, units):
 
 @jit
 def _clear(work):
+    """Reset the sums of a test window."""
     for sensor in range(2):
         for k in range(work.value.shape[0]):
             for c in range(3):
@@ -130,6 +132,7 @@ def note(work, sensor, k, c, value):
 def combine(increments, work, units, redundancy, row, sensor):
     """Set the combined increments of a tick: mean of the IMUs in use, or their middle value on each axis."""
     n = units.n_axis.shape[0]
+    first = 3 * sensor
     for i in range(3):
         if redundancy.middle:
             for u in range(work.order.shape[0]):
@@ -138,33 +141,36 @@ def combine(increments, work, units, redundancy, row, sensor):
                 u = redundancy.owner[k]
                 for c in range(units.n_axis[k]):
                     work.order[u] = work.order[u] + redundancy.alone[k, i, c] * work.value[k, c]
-            increments[row, 3 * sensor + i] = _middle_of(work)
+            increments[row, first + i] = _median_reading(work)
         else:
             total = like(work.over[0], 0.0)
             for k in range(n):
                 for c in range(units.n_axis[k]):
                     total = total + work.solved[k, sensor, i, c] * work.value[k, c]
-            increments[row, 3 * sensor + i] = total
+            increments[row, first + i] = total
 
 
 @jit
-def _middle_of(work):
+def _median_reading(work):
     """Return the median of `work.order`, which is sorted here; excluded IMUs are sorted to the end.
 
     With an even number of IMUs it is the mean of the middle two.
     """
     n = work.order.shape[0]
-    used = like(work.over[0], 0.0)
+    n_used = like(work.over[0], 0.0)
     for u in range(n):
-        used = used + where(work.out[u] > 0.0, 0.0, 1.0)
+        n_used = n_used + where(work.out[u] > 0.0, 0.0, 1.0)
+    # bubble sort without branches, since lanes have different orders
     for last in range(n - 1, 0, -1):
         for u in range(last):
             a = work.order[u]
             b = work.order[u + 1]
-            work.order[u], work.order[u + 1] = where(b < a, b, a), where(b < a, a, b)
+            work.order[u] = where(b < a, b, a)
+            work.order[u + 1] = where(b < a, a, b)
     median = work.order[0]
     for m in range(2, n + 1):
-        median = where(used == float(m), 0.5 * (work.order[(m - 1) // 2] + work.order[m // 2]), median)
+        middle = 0.5 * (work.order[(m - 1) // 2] + work.order[m // 2])
+        median = where(n_used == float(m), middle, median)
     return median
 
 
@@ -181,89 +187,112 @@ def _residual(work, units, redundancy, sensor, window, skip):
     weights = redundancy.weight[window, sensor]
     n = units.n_axis.shape[0]
     zero = like(work.over[0], 0.0)
+    A = work.A
+    b = work.b
+    fit = work.fit
+    inverse = work.inverse
+    regular = 1e-12 * weights[0, 0]  # the normal matrix is regular also with too few axes
     for i in range(3):
-        work.b[i] = zero
+        b[i] = zero
         for j in range(3):
-            work.A[i, j] = zero + (1e-12 * weights[0, 0] if i == j else 0.0)  # regular also with too few axes
+            A[i, j] = zero + (regular if i == j else 0.0)
     dof = zero - 3.0
     for k in range(n):
         for c in range(units.n_axis[k]):
             h = units.frames[k, c, 0]
             w = _weight(work, skip, redundancy, weights, k, c)
             dof = dof + where(w > 0.0, 1.0, 0.0)
+            y = work.sums[sensor, k, c]
             for i in range(3):
-                work.b[i] = work.b[i] + w * h[i] * work.sums[sensor, k, c]
+                b[i] = b[i] + w * h[i] * y
                 for j in range(3):
-                    work.A[i, j] = work.A[i, j] + w * h[i] * h[j]
-    invert(work.inverse, work.A)
+                    A[i, j] = A[i, j] + w * h[i] * h[j]
+    invert(inverse, A)
     for i in range(3):
-        work.fit[i] = work.inverse[i, 0] * work.b[0] + work.inverse[i, 1] * work.b[1] + work.inverse[i, 2] * work.b[2]
+        fit[i] = inverse[i, 0] * b[0] + inverse[i, 1] * b[1] + inverse[i, 2] * b[2]
     square = zero
     for k in range(n):
         for c in range(units.n_axis[k]):
             h = units.frames[k, c, 0]
             w = _weight(work, skip, redundancy, weights, k, c)
-            residual = work.sums[sensor, k, c] - (h[0] * work.fit[0] + h[1] * work.fit[1] + h[2] * work.fit[2])
+            fitted = h[0] * fit[0] + h[1] * fit[1] + h[2] * fit[2]
+            residual = work.sums[sensor, k, c] - fitted
             square = square + w * residual * residual
     return square, dof
 
 
 @jit
 def _in_use(work, u, prime):
-    """Return 1 where a unit enters what is fused: it is not out; of a prime, no unit before it is in use either."""
-    used = where(work.out[u] > 0.0, 0.0, like(work.over[0], 1.0))
+    """Return 1 if an IMU enters the combined increments: it is not excluded, and with a prime IMU no IMU before it is
+    in use.
+    """
+    in_use = where(work.out[u] > 0.0, 0.0, like(work.over[0], 1.0))
     if prime:
         for before in range(u):
-            used = where(work.out[before] > 0.0, used, 0.0)
-    return used
+            in_use = where(work.out[before] > 0.0, in_use, 0.0)
+    return in_use
 
 
 @jit
 def _reduce(work, units, redundancy):
-    """Set the weights of the axes in the mean of the IMUs in use."""
+    """Set the weights of the axes in the mean of the IMUs in use: (H' W H)^-1 H' W."""
     n = units.n_axis.shape[0]
     zero = like(work.over[0], 0.0)
+    A = work.A
+    inverse = work.inverse
     for sensor in range(2):
         for i in range(3):
             for j in range(3):
-                work.A[i, j] = zero + (1e-12 if i == j else 0.0)
+                A[i, j] = zero + (1e-12 if i == j else 0.0)
         for k in range(n):
-            w = where(_in_use(work, redundancy.owner[k], redundancy.prime) > 0.0, redundancy.shares[sensor, k], 0.0)
+            w = _share(work, redundancy, sensor, k)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
                     for j in range(3):
-                        work.A[i, j] = work.A[i, j] + w * h[i] * h[j]
-        invert(work.inverse, work.A)
+                        A[i, j] = A[i, j] + w * h[i] * h[j]
+        invert(inverse, A)
         for k in range(n):
-            w = where(_in_use(work, redundancy.owner[k], redundancy.prime) > 0.0, redundancy.shares[sensor, k], 0.0)
+            w = _share(work, redundancy, sensor, k)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
-                    value = work.inverse[i, 0] * h[0] + work.inverse[i, 1] * h[1] + work.inverse[i, 2] * h[2]
+                    value = inverse[i, 0] * h[0] + inverse[i, 1] * h[1] + inverse[i, 2] * h[2]
                     present = work.solved[k, sensor, i, c]
                     work.solved[k, sensor, i, c] = where(work.reduced[0] > 0.0, w * value, present)
 
 
 @jit
+def _share(work, redundancy, sensor, k):
+    """Return the weight of the axes of a triad in the mean: 0 if its IMU is not in use."""
+    in_use = _in_use(work, redundancy.owner[k], redundancy.prime)
+    return where(in_use > 0.0, redundancy.shares[sensor, k], 0.0)
+
+
+@jit
 def _hand_over(work, units, redundancy, tick):
-    """Exclude the first unit after a tick."""
-    work.out[0], work.when[0] = like(work.over[0], 1.0), like(work.over[0], tick + 1.0)
+    """Exclude the first IMU after a tick."""
+    work.out[0] = like(work.over[0], 1.0)
+    work.when[0] = like(work.over[0], tick + 1.0)
     work.reduced[0] = like(work.over[0], 1.0)
     _reduce(work, units, redundancy)
 
 
 @jit
-def _rate_without(work, units, redundancy, sensor, window):
-    """Set by what ratio units are excluded, the smallest first: what is left without it, over its limit; of a prime,
-    where a failure hands over, 0, and FAR of the others. FAR where nothing is left to exclude.
+def _set_ratios(work, units, redundancy, sensor, window):
+    """Set the ratio by which IMUs are excluded, the smallest first: the residual without the IMU, over its limit.
+
+    If a failure hands over from a prime IMU, it is 0 for the prime IMU and FAR for the others. It is FAR without
+    redundancy.
     """
     for u in range(work.out.shape[0]):
         if redundancy.hands_over:
-            work.ratio[u] = where(_in_use(work, u, redundancy.prime) > 0.0, 0.0, like(work.over[0], FAR))
+            in_use = _in_use(work, u, redundancy.prime)
+            work.ratio[u] = where(in_use > 0.0, 0.0, like(work.over[0], FAR))
         else:
             square, dof = _residual(work, units, redundancy, sensor, window, u)
-            work.ratio[u] = where((work.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(redundancy.limits, dof))
+            ratio = square / limit(redundancy.limits, dof)
+            work.ratio[u] = where((work.out[u] > 0.0) | (dof < 1.0), FAR, ratio)
 
 
 @jit
@@ -279,121 +308,24 @@ def check(work, units, redundancy, tick):
     for sensor in range(2):
         square, dof = _residual(work, units, redundancy, sensor, window, -1)
         fails = where((dof >= 1.0) & (square > limit(redundancy.limits, dof)), 1.0, 0.0)
-        if not redundancy.excludes:
-            work.alarm[0] = where((fails > 0.0) & (work.alarm[0] == 0.0), tick + 1.0, work.alarm[0])
-            continue
-        _rate_without(work, units, redundancy, sensor, window)
-        least = like(work.over[0], FAR)
-        for u in range(work.out.shape[0]):
-            least = where(work.ratio[u] < least, work.ratio[u], least)
-        for u in range(work.out.shape[0]):
-            worst = (fails > 0.0) & (work.ratio[u] == least) & (least < FAR)
-            work.out[u], work.when[u] = where(worst, 1.0, work.out[u]), where(worst, tick + 1.0, work.when[u])
-            work.reduced[0] = where(worst, 1.0, work.reduced[0])
+        if redundancy.excludes:
+            _set_ratios(work, units, redundancy, sensor, window)
+            _exclude_least(work, fails, tick)
+        else:
+            is_first = (fails > 0.0) & (work.alarm[0] == 0.0)
+            work.alarm[0] = where(is_first, tick + 1.0, work.alarm[0])
     _reduce(work, units, redundancy)
     _clear(work)
 
 
 @jit
-def inform(P, work, units, model, seconds):
-    """Inflate the covariance of the filter for excluded IMUs over a window (ImuArrayWork and ImuArray, or None).
-
-    The mean of the remaining IMUs has more noise than that of all, which the filter model assumes. seconds : s, of the
-    window
-    """
-    if units is not None:
-        _inform(P, work.redundant, units, units.redundant, model, seconds)
-
-
-@jit
-def _inform(P, work, units, redundancy, model, seconds):
-    if work is not None:
-        grow(P, work.solved, work.informed, work.reduced[0], units.n_axis, redundancy, model, seconds)
-        for k in range(work.solved.shape[0]):
-            for sensor in range(2):
-                for i in range(3):
-                    for c in range(3):
-                        last = work.informed[k, sensor, i, c]
-                        work.informed[k, sensor, i, c] = where(
-                            work.reduced[0] > 0.0, work.solved[k, sensor, i, c], last
-                        )
-
-
-@jit
-def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
-    """Inflate a covariance over a window for the additional errors of the mean of some IMUs.
-
-    White noise and random walk of the biases exceed those of the mean of all IMUs. When the weights change, the
-    combined bias changes once.
-
-    Parameters
-    ----------
-    P : (n, n) covariance, updated in place
-    solved, before : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
-    wanted : 1 in the runs with excluded IMUs
-    n_axis, redundancy, model : number of axes of each triad, ImuRedundancy, FilterModel
-    seconds : s, length of the window
-    """
-    for sensor in range(2):
-        at = ATT if sensor == GYRO else VEL
-        total = like(P[0, 0], 0.0)
-        for k in range(n_axis.shape[0]):
-            for c in range(n_axis[k]):
-                for i in range(3):
-                    all_units = redundancy.mean[0, k, sensor, i, c]
-                    excess = solved[k, sensor, i, c] * solved[k, sensor, i, c] - all_units * all_units
-                    total = total + excess * redundancy.noise[sensor, k, c]
-        total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)  # mean over the three axes
-        for i in range(3):
-            P[at + i, at + i] = P[at + i, at + i] + total
-    for b in range(model.par_offset.shape[0]):
-        if model.par_driver[b] == CONSTANT:
-            if redundancy.prime:
-                _renew_bias(P, (solved, before), wanted, n_axis, redundancy, model.par_sensor[b], model.par_offset[b])
-            _grow_bias(
-                P, (solved, before), wanted, n_axis, redundancy, model.par_sensor[b], model.par_offset[b], seconds
-            )
-
-
-@jit
-def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, at):
-    """Begin what a filter knows of a bias after a hand-over: uncorrelated, with the variance -P. `_grow_bias` adds
-    s1^2 + s2^2.
-
-    The estimate stays, and its error is b2 - b1 + e with e = b1 less the estimate. The estimate of a filter that models
-    all errors is uncorrelated with e, so Cov(b1, e) = P and, of any other error x, Cov(x, b1) = Cov(x, e). The new
-    variance is s1^2 + s2^2 - P, at least s2^2, and the covariances with other errors are zero.
-    """
-    solved, before = weights
-    for i in range(3):
-        change = like(P[0, 0], 0.0)
-        fresh = like(P[0, 0], 0.0)
-        for k in range(n_axis.shape[0]):
-            for c in range(n_axis[k]):
-                now = solved[k, sensor, i, c]
-                off = now - before[k, sensor, i, c]
-                change = change + off * off * redundancy.spread[sensor, k, c]
-                fresh = fresh + now * now * redundancy.spread[sensor, k, c]
-        known = P[at + i, at + i]
-        handed = (wanted > 0.0) & (change > 0.0)
-        for j in range(P.shape[0]):
-            P[at + i, j] = where(handed, 0.0, P[at + i, j])
-            P[j, at + i] = where(handed, 0.0, P[j, at + i])
-        most = change - fresh  # the variance of the new bias is left at least
-        P[at + i, at + i] = where(handed, -where(known < most, known, most), known)
-
-
-@jit
-def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, at, seconds):
-    """Inflate the variances of a bias, three states from `at` on, as `grow` describes; weights : solved, before."""
-    solved, before = weights
-    for i in range(3):
-        total = like(P[0, 0], 0.0)
-        for k in range(n_axis.shape[0]):
-            for c in range(n_axis[k]):
-                all_units = redundancy.mean[0, k, sensor, i, c]
-                now = solved[k, sensor, i, c]
-                change = now - before[k, sensor, i, c]
-                total = total + change * change * redundancy.spread[sensor, k, c]
-                total = total + (now * now - all_units * all_units) * redundancy.walk[sensor, k, c] * seconds
-        P[at + i, at + i] = P[at + i, at + i] + where((wanted > 0.0) & (total > 0.0), total, 0.0)
+def _exclude_least(work, fails, tick):
+    """Exclude the IMU with the smallest ratio after a tick, in the runs whose test fails."""
+    least = like(work.over[0], FAR)
+    for u in range(work.out.shape[0]):
+        least = where(work.ratio[u] < least, work.ratio[u], least)
+    for u in range(work.out.shape[0]):
+        is_failed = (fails > 0.0) & (work.ratio[u] == least) & (least < FAR)
+        work.out[u] = where(is_failed, 1.0, work.out[u])
+        work.when[u] = where(is_failed, tick + 1.0, work.when[u])
+        work.reduced[0] = where(is_failed, 1.0, work.reduced[0])

@@ -37,12 +37,16 @@ def _walk(
     run, key
         Number of the run; key words of the seed.
     """
-    zero, (at_start, at_epoch), (k0, k1) = np.uint64(0), sources, key
-    n0, n1, _, _ = normals(k0, k1, at_start, run, zero, zero)
-    path[0, 0], path[0, 1] = start[0] * n0, start[1] * n1
+    zero = np.uint64(0)
+    start_source, epoch_source = sources
+    k0, k1 = key
+    n0, n1, _, _ = normals(k0, k1, start_source, run, zero, zero)
+    path[0, 0] = start[0] * n0
+    path[0, 1] = start[1] * n1
     for epoch in range(jump.shape[0]):
-        n0, n1, _, _ = normals(k0, k1, at_epoch, run, np.uint64(epoch + 1), zero)
-        path[epoch + 1, 0], path[epoch + 1, 1] = path[epoch, 0], path[epoch, 1]
+        n0, n1, _, _ = normals(k0, k1, epoch_source, run, np.uint64(epoch + 1), zero)
+        path[epoch + 1, 0] = path[epoch, 0]
+        path[epoch + 1, 1] = path[epoch, 1]
         step_clock(path[epoch + 1], step, interval, jump[epoch], n0, n1)
 
 
@@ -50,6 +54,14 @@ def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:
     """Return the true clock bias (m) and drift (m/s) of the receiver at the epochs of a run, (n_epoch, 2)."""
     signals = prepared.signals
     path = np.zeros((prepared.t_epoch.size + 1, 2))
-    fixed = (signals.clock_jump, signals.clock_start, signals.clock_step, signals.interval)
-    _walk(path, *fixed, (signals.sources[3], signals.sources[0]), np.uint64(run), seed_words(seed))
+    _walk(
+        path,
+        signals.clock_jump,
+        signals.clock_start,
+        signals.clock_step,
+        signals.interval,
+        (signals.sources[3], signals.sources[0]),
+        np.uint64(run),
+        seed_words(seed),
+    )
     return path[1:]

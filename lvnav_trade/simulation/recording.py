@@ -19,15 +19,17 @@ N_SAMPLE_OUTPUT = 12
 
 
 @jit
-def true_parameter(tables, sensor, kind, axis):
+def true_parameter(tables, sensor, driver, axis):
     """Return the true value of a filter's IMU parameter: the sum of all true parameters with the same driver."""
     table = tables[sensor]
-    if kind == CONSTANT:
+    if driver == CONSTANT:
         return table[processes.BIAS + axis]
-    if OWN_0 <= kind and kind <= OWN_2:
-        return table[processes.OWN + 3 * axis + (axis + kind - OWN_0) % 3]
-    if OTHER_0 <= kind and kind <= OTHER_2:
-        return table[processes.OTHER + 3 * axis + kind - OTHER_0]
+    if OWN_0 <= driver and driver <= OWN_2:
+        component = (axis + driver - OWN_0) % 3
+        return table[processes.OWN + 3 * axis + component]
+    if OTHER_0 <= driver and driver <= OTHER_2:
+        component = driver - OTHER_0
+        return table[processes.OTHER + 3 * axis + component]
     return table[processes.SQUARES + axis]
 
 
@@ -37,15 +39,18 @@ def _extra_errors(work, shared, model):
     for e in range(model.extra_offset.shape[0]):
         work.x[model.extra_offset[e]] = -work.extra[e]
     for p in range(shared.error_of.shape[0]):
-        at = model.extra_offset[shared.state_of[p]]
-        work.x[at] = work.x[at] + work.shared[shared.error_of[p]]
+        state = model.extra_offset[shared.state_of[p]]
+        work.x[state] = work.x[state] + work.shared[shared.error_of[p]]
 
 
 @jit
 def _motion_error(x, nav, history, hist):
     """Set the errors (truth minus estimate) of attitude, velocity and position of a navigation state."""
     q = history.q[hist]
-    x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    rx, ry, rz = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    x[ATT] = rx
+    x[ATT + 1] = ry
+    x[ATT + 2] = rz
     for i in range(3):
         x[VEL + i] = history.v[hist, i] - nav[V + i]
         x[POS + i] = history.r[hist, i] - nav[R + i]
@@ -56,17 +61,18 @@ def _navigation_errors(x, work, history, model, hist):
     """Set the errors (truth minus estimate) of attitude, velocity, position and parameters at a history time."""
     _motion_error(x, work.nav, history, hist)
     for b in range(model.par_offset.shape[0]):
+        first = model.par_offset[b]
         for i in range(3):
             true = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
-            x[model.par_offset[b] + i] = true - work.par[b, i]
+            x[first + i] = true - work.par[b, i]
 
 
 @jit
-def _record_vector(err, sigma, at, x, P, state, along):
+def _record_vector(err, sigma, output, x, P, state, along):
     """Write the error and the sigma of a block of three states, from `state` on, along a direction (3,)."""
     c0, c1, c2 = along
-    err[at] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
-    sigma[at] = sqrt(variance_along(P, state, c0, c1, c2))
+    err[output] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
+    sigma[output] = sqrt(variance_along(P, state, c0, c1, c2))
 
 
 @jit
@@ -76,9 +82,11 @@ def _record_motion(err, sigma, first, x, P, history, hist):
     axes = history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
     for i in range(3):
-        _record_vector(err, sigma, first + ATT + i, x, P, ATT, (c[i], c[3 + i], c[6 + i]))
-        for at in (VEL, POS):
-            _record_vector(err, sigma, first + at + i, x, P, at, (axes[i, 0], axes[i, 1], axes[i, 2]))
+        body_axis = (c[i], c[3 + i], c[6 + i])
+        axis = (axes[i, 0], axes[i, 1], axes[i, 2])
+        _record_vector(err, sigma, first + ATT + i, x, P, ATT, body_axis)
+        for state in (VEL, POS):
+            _record_vector(err, sigma, first + state + i, x, P, state, axis)
 
 
 @jit
@@ -109,20 +117,22 @@ def _record_states(work, imus, history, shared, units, model, hist):
         err[i] = x[state]
         sigma[i] = sqrt(P[state, state])
     work.nees[hist] = normalised_square(P, work.X, work.K, x, model.n_assessed)
-    _check(work, history, hist)
+    _check_failure(work, history, hist)
     for i in range(model.n_state):
         x[i] = like(x[i], 0.0)
 
 
 @jit
-def _check(work, history, hist):
+def _check_failure(work, history, hist):
     """Set failure code and time of a run when its position error is first not finite (1) or beyond the limit (2)."""
     x = work.x
     failed = work.failed[0]
+    limit = history.limit * history.limit
+    # a covariance that is not a number makes the square one, which is neither within nor beyond the limit
     square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
-    good = square <= history.limit * history.limit
-    code = where(square > history.limit * history.limit, 2.0, 1.0)
-    now = where(good, failed, where(failed > 0.0, failed, code))
+    code = where(square > limit, 2.0, 1.0)
+    first_code = where(failed > 0.0, failed, code)
+    now = where(square <= limit, failed, first_code)
     work.t_failed[0] = where((now > 0.0) & (failed == 0.0), history.t[hist], work.t_failed[0])
     work.failed[0] = now
 
@@ -140,20 +150,24 @@ def _motion_errors(work, motion, vehicle, tick):
 def _record_samples(work, motion, samples, model, tick, hist):
     """Write the errors of the last IMU sample: raw, and corrected by the estimated bias (ReportedSamples, or None)."""
     if samples is not None:
-        n = model.reported.shape[0]
+        err = work.err[hist]
+        sigma = work.sigma[hist]
+        raw = model.reported.shape[0]
+        corrected = raw + N_SAMPLE
         for i in range(N_SAMPLE):
-            true = samples.rate[tick, i % 3] if i < 3 else samples.force[tick, i % 3]
+            axis = i % 3
+            true = samples.rate[tick, axis] if i < 3 else samples.force[tick, axis]
             error = true - motion.sample[i]
-            work.err[hist, n + i] = error
-            work.sigma[hist, n + i] = sqrt(like(error, samples.raw[i]))
-            block = samples.par[i // 3]
-            state = samples.bias[i]
             variance = like(error, samples.raw[i])
+            err[raw + i] = error
+            sigma[raw + i] = sqrt(variance)
+            state = samples.bias[i]
             if state >= 0:
-                error = error + work.par[block, i % 3]
+                block = samples.par[i // 3]
+                error = error + work.par[block, axis]
                 variance = work.P[state, state] + samples.variance[i]
-            work.err[hist, n + 6 + i] = error
-            work.sigma[hist, n + 6 + i] = sqrt(variance)
+            err[corrected + i] = error
+            sigma[corrected + i] = sqrt(variance)
 
 
 @jit
@@ -161,16 +175,21 @@ def _record_solution(work, solution_error, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
         axes = history.axes[hist]
-        at = report.first_output
         err = work.err[hist]
         sigma = work.sigma[hist]
+        x = solution_error.error
+        P = solution_error.covariance
+        velocity = report.first_output
+        position = velocity + 3
+        clock = velocity + 6
         for i in range(3):
             along = axes[i, 0], axes[i, 1], axes[i, 2]
-            _record_vector(err, sigma, at + i, solution_error.error, solution_error.covariance, RX_VEL, along)
-            _record_vector(err, sigma, at + 3 + i, solution_error.error, solution_error.covariance, RX_POS, along)
+            _record_vector(err, sigma, velocity + i, x, P, RX_VEL, along)
+            _record_vector(err, sigma, position + i, x, P, RX_POS, along)
         for k in range(2):
-            err[at + 6 + k] = solution_error.error[RX_BIAS + k]
-            sigma[at + 6 + k] = sqrt(solution_error.covariance[RX_BIAS + k, RX_BIAS + k])
+            state = RX_BIAS + k
+            err[clock + k] = x[state]
+            sigma[clock + k] = sqrt(P[state, state])
 
 
 @jit

@@ -1,4 +1,4 @@
-"""Truth side of a run: initial errors, IMU increments, receiver and sensor measurements (one run or eight lanes)."""
+"""Truth side of a run: initial errors, receiver and sensor measurements (one run or eight lanes)."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from lvnav_trade.filter.receivers.ekf_gnss import solve
 from lvnav_trade.filter.receivers.receiver import switch_on
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.sensors import ranges, receiver_solution
 from lvnav_trade.sensors.family import measure
-from lvnav_trade.simulation.imu_array import begin_units, fuse_tables, gather_units, sense_units, take_difference
+from lvnav_trade.simulation.imu_array import begin_units, take_difference
+from lvnav_trade.simulation.imu_sensing import gather_tables
 
 _ZERO = np.uint64(0)
 _ONE = np.uint64(1)
@@ -33,40 +33,24 @@ def begin(work, imus, case, truth, key):
     """
     run = work.run[0]
     unit = truth.unit
-    signals = case.signals
-    start = truth.start
-    model = case.model
     k0, k1 = key
-    q = from_errors(work, start, k0, k1, run)
-    work.nav[Q], work.nav[Q + 1], work.nav[Q + 2], work.nav[Q + 3] = q
-    for i in range(6):
-        work.previous[i] = like(q[0], 0.0)
-        work.remainder[i] = like(q[0], 0.0)
-    for i in range(model.n_state):
-        work.x[i] = like(q[0], 0.0)
-        for j in range(model.n_state):
-            work.P[i, j] = like(q[0], start.P[i, j])
-    processes.zero_all(work.par)
-    processes.zero_all(work.tables)
+    _begin_estimate(work, truth.start, case.model, k0, k1, run)
     processes.zero_all(work.true_par)
     processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
     begin_units(imus, case.options.units)
-    _gather_tables(work, imus, unit, case.options.units)
-    n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
-    work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
-    work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
-    shared = signals.shared
-    for m in range(shared.start.shape[0]):
-        if not shared.given[m]:
-            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
-            work.shared[m] = shared.start[m] * s0
-    for m in range(model.extra_offset.shape[0]):
-        work.extra[m] = like(n0, 0.0)
-    work.failed[0], work.t_failed[0] = like(n0, 0.0), like(n0, np.nan)
+    gather_tables(work, imus, unit, case.options.units)
+    _begin_receiver(work, case.signals, k0, k1, run)
+    zero = like(work.clock[0], 0.0)
+    work.clock_hat[0] = zero
+    work.clock_hat[1] = zero
+    for e in range(case.model.extra_offset.shape[0]):
+        work.extra[e] = zero
+    work.failed[0] = zero
+    work.t_failed[0] = like(zero, np.nan)
 
 
 @jit
-def _drawn_error(start, block, k0, k1, run):
+def _initial_error(start, block, k0, k1, run):
     """Return the drawn initial error (3) of a block: 0 attitude (rad), 1 velocity (m/s), 2 position (m), frame i."""
     n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
     root = start.roots[block]
@@ -77,134 +61,50 @@ def _drawn_error(start, block, k0, k1, run):
 
 
 @jit
+def _begin_estimate(work, start, model, k0, k1, run):
+    """Set the initial estimate: truth minus drawn errors, no estimated IMU parameters, initial covariance."""
+    q0, q1, q2, q3 = from_errors(work, start, k0, k1, run)
+    work.nav[Q] = q0
+    work.nav[Q + 1] = q1
+    work.nav[Q + 2] = q2
+    work.nav[Q + 3] = q3
+    for i in range(6):
+        work.previous[i] = like(q0, 0.0)
+        work.remainder[i] = like(q0, 0.0)
+    for i in range(model.n_state):
+        work.x[i] = like(q0, 0.0)
+        for j in range(model.n_state):
+            work.P[i, j] = like(q0, start.P[i, j])
+    processes.zero_all(work.par)
+    processes.zero_all(work.tables)
+
+
+@jit
+def _begin_receiver(work, signals, k0, k1, run):
+    """Draw the true clock and the correlated measurement errors at tick 0."""
+    n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
+    work.clock[0] = signals.clock_start[0] * n0
+    work.clock[1] = signals.clock_start[1] * n1
+    shared = signals.shared
+    for m in range(shared.start.shape[0]):
+        if not shared.given[m]:
+            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
+            work.shared[m] = shared.start[m] * s0
+
+
+@jit
 def from_errors(work, start, k0, k1, run):
     """Set estimated velocity and position to truth minus drawn errors; return the estimated attitude likewise."""
-    t = start.nav
-    dv = _drawn_error(start, 1, k0, k1, run)
-    dr = _drawn_error(start, 2, k0, k1, run)
+    true = start.nav
+    dv = _initial_error(start, 1, k0, k1, run)
+    dr = _initial_error(start, 2, k0, k1, run)
     for i in range(3):
-        work.nav[V + i], work.nav[R + i] = t[V + i] - dv[i], t[R + i] - dr[i]
-    x, y, z = _drawn_error(start, 0, k0, k1, run)
+        work.nav[V + i] = true[V + i] - dv[i]
+        work.nav[R + i] = true[R + i] - dr[i]
+    x, y, z = _initial_error(start, 0, k0, k1, run)
     e0, e1, e2, e3 = from_rotation(-x, -y, -z)
-    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, t[Q], t[Q + 1], t[Q + 2], t[Q + 3])
+    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, true[Q], true[Q + 1], true[Q + 2], true[Q + 3])
     return normalise(q0, q1, q2, q3)
-
-
-@jit
-def _gather_tables(work, imus, unit, units):
-    """Set the error tables from true parameters; in an IMU array (ImuArray) of each IMU and of the combined triad."""
-    if units is None:
-        processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
-    else:
-        gather_units(imus, units, work.true_par, unit.sensors, unit.drivers)
-        fuse_tables(work.true_tables, imus, units, 0)
-
-
-@jit
-def _add_scale_factor(table, units, code, axis, value):
-    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array (ImuArray) by its direction."""
-    if units is None:
-        table[processes.OWN + 4 * axis] = table[processes.OWN + 4 * axis] + value
-    else:
-        for j in range(3):
-            at = processes.OWN + 3 * axis + j
-            table[at] = table[at] + units.frames[code // 2, axis, 0, j] * value
-
-
-@jit
-def _add_profiles(tables, unit, units, tick):
-    """Add the deterministic profiles to the tables, for the process step that starts at a tick."""
-    middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
-    for profile in range(unit.profile_sensor.shape[0]):
-        code = unit.profile_sensor[profile]
-        table = tables[code]
-        for axis in range(3):
-            value = processes.profile_value(unit, profile, axis, middle)
-            if unit.profile_driver[profile] == CONSTANT:
-                table[axis] = table[axis] + value
-            else:
-                _add_scale_factor(table, units, code, axis, value)
-
-
-@jit
-def _set_true_tables(work, imus, unit, units, tick):
-    """Set the error tables from true parameters and profiles, for the process step that starts at a tick."""
-    if units is None:
-        processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
-        _add_profiles(work.true_tables, unit, units, tick)
-    else:
-        gather_units(imus, units, work.true_par, unit.sensors, unit.drivers)
-        _add_profiles(imus.tables, unit, units, tick)
-        fuse_tables(work.true_tables, imus, units, tick)
-
-
-@jit
-def _miss_gravity(work, value, seconds):
-    """Add the error by a gravity disturbance (m/s^2) over part of a window to the estimate.
-
-    The disturbance adds value t to the velocity error and value t^2 / 2 to the position error.
-    """
-    for i in range(3):
-        missed = seconds * value[i]
-        work.nav[V + i] = work.nav[V + i] - missed
-        # the strapdown integrates the missing velocity over the whole time, twice the position error; half is restored
-        work.nav[R + i] = work.nav[R + i] + 0.5 * seconds * missed
-
-
-@inlined
-def _sense_ticks(work, imus, unit, units, at, tick, count, key):
-    """Set the increments of `count` ticks of one process step, from row `at` on."""
-    if units is None:
-        k0, k1 = key
-        processes.corrupt(
-            work.increments,
-            at,
-            tick,
-            count,
-            unit.dtheta,
-            unit.dvel,
-            work.true_tables[0],
-            work.true_tables[1],
-            unit.white,
-            work.remainder,
-            unit,
-            k0,
-            k1,
-            work.run[0],
-        )
-    else:
-        sense_units(work, imus, units, at, tick, count, unit.dt, key)
-
-
-@inlined
-def sense(work, imus, unit, units, first, n_tick, key):
-    """Set the increments that the IMU outputs in a window, and step the varying parameters.
-
-    Parameters
-    ----------
-    work : Work, updated in place
-    imus : ImuArrayWork of an IMU array; None for one IMU
-    unit : ImuTruth
-    units : ImuArray, whose combined triad is the output; None for one IMU
-    first, n_tick : first tick, number of ticks
-    key : (2,) key words of the seed
-    """
-    k0, k1 = key
-    run = work.run[0]
-    done = 0
-    while done < n_tick:
-        tick = first + done
-        phase = tick % unit.process_ticks
-        if tick == 0 or (unit.drifting and phase == 0):
-            if tick > 0:
-                number = np.uint64(tick // unit.process_ticks)
-                processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, number)
-            _set_true_tables(work, imus, unit, units, tick)
-        count = min(n_tick - done, unit.process_ticks - phase)
-        _sense_ticks(work, imus, unit, units, done, tick, count, key)
-        if unit.gravity >= 0:
-            _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
-        done += count
 
 
 @jit
@@ -226,9 +126,10 @@ def _step_receiver(work, signals, word, epoch, key):
     step_clock(work.clock, signals.clock_step, signals.interval, signals.clock_jump[epoch], n0, n1)
     shared = signals.shared
     for m in range(shared.walk.shape[0]):
-        if shared.walk[m] > 0.0:
+        walk = shared.walk[m]
+        if walk > 0.0:
             s0, _, _, _ = normals(k0, k1, shared.sources[m], run, word, shared.satellites[m])
-            work.shared[m] = shared.decay[m] * work.shared[m] + shared.walk[m] * s0
+            work.shared[m] = shared.decay[m] * work.shared[m] + walk * s0
 
 
 @jit
@@ -272,6 +173,7 @@ def _measure_further(work, last, further, signals, word, epoch, key):
     n_kind = further.is_phase.shape[0]
     run = work.run[0]
     shared = signals.shared
+    sigma = signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
         m0, _, _, _ = normals(k0, k1, further.source, run, word, signals.words[s])
@@ -280,7 +182,7 @@ def _measure_further(work, last, further, signals, word, epoch, key):
             value = work.ranges[slot, 0]
             if further.is_phase[kind]:
                 true_phase = further.phase[epoch, s] + _shared_error(work, shared, epoch, channel)
-                value = ranges.observe(true_phase, work.clock[0], signals.sigma[epoch, channel], m0)
+                value = ranges.observe(true_phase, work.clock[0], sigma[channel], m0)
             work.ranges[slot, kind] = value
             if further.is_difference[kind]:
                 work.ranges[slot, kind] = value - last[s, kind]
@@ -306,13 +208,13 @@ def _measure_ranges(work, n_kind, signals, word, epoch, key):
     sigma = signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        at_range = n_kind * s
-        at_rate = n_kind * s + 1
+        range_channel = n_kind * s
+        rate_channel = range_channel + 1
         m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
-        true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
-        true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
-        work.ranges[slot, 0] = ranges.observe(true_range, work.clock[0], sigma[at_range], m0)
-        work.ranges[slot, 1] = ranges.observe(true_rate, work.clock[1], sigma[at_rate], m1)
+        true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, range_channel)
+        true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, rate_channel)
+        work.ranges[slot, 0] = ranges.observe(true_range, work.clock[0], sigma[range_channel], m0)
+        work.ranges[slot, 1] = ranges.observe(true_rate, work.clock[1], sigma[rate_channel], m1)
 
 
 @jit
@@ -359,15 +261,18 @@ def _sensor_error(work, signals, epoch, channel, normal):
 def measure_sensors(work, imus, sensors, units, signals, key, epoch):
     """Set the measurements of all sensors other than the receiver (Sensors, or None) at an epoch."""
     if sensors is not None:
-        zero, (k0, k1) = like(work.clock[0], 0.0), key
+        zero = like(work.clock[0], 0.0)
+        k0, k1 = key
+        run = work.run[0]
+        word = np.uint64(epoch + 1)
         for k in range(sensors.code.shape[0]):
             if sensors.on[k, epoch]:
-                n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
-                at = sensors.channel[k] + signals.shift
+                n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], run, word, _ZERO)
+                channel = sensors.channel[k] + signals.shift
                 count = sensors.scalars[k]
-                e0 = _sensor_error(work, signals, epoch, at, n0)
-                e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
-                e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
+                e0 = _sensor_error(work, signals, epoch, channel, n0)
+                e1 = _sensor_error(work, signals, epoch, channel + 1, n1) if count > 1 else zero
+                e2 = _sensor_error(work, signals, epoch, channel + 2, n2) if count > 2 else zero
                 measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
                 take_difference(work, imus, units, k)
 

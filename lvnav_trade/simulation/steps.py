@@ -20,7 +20,7 @@ from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.transition import linearise, linearised_sums
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.simulation.epoch.process import end_epoch, process_epoch, sample_window
-from lvnav_trade.simulation.imu_redundancy import inform
+from lvnav_trade.simulation.exclusion_covariance import inform
 
 
 @inlined

@@ -16,8 +16,8 @@ from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.records import Reference
+from lvnav_trade.simulation.imu_sensing import sense
 from lvnav_trade.simulation.preparation.imu import unit_of
-from lvnav_trade.simulation.sensing import sense
 
 DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
 KEY = seed_words(7)

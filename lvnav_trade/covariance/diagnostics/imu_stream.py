@@ -15,10 +15,10 @@ from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.imu_sensing import sense
 from lvnav_trade.simulation.preparation.imu_arrays import white_of
 from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
 from lvnav_trade.simulation.preparation.prepare import Prepared
-from lvnav_trade.simulation.sensing import sense
 
 _LEAST = 10  # intervals of the longest averaging time in the stream
 _PER_DECADE = 6

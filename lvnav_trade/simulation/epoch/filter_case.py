@@ -87,28 +87,17 @@ def _store_estimate_error(work, receiver, solution_error, filtering, point_model
     """Set error (frame i) and formal covariance of the receiver's estimate, in the runs that have a solution."""
     valid = receiver.solution[0] == receiver.solution[0]
     if filtering is None:
-        for i in range(4):
-            a = RX_POS + i if i < 3 else RX_BIAS
-            b = RX_VEL + i if i < 3 else RX_DRIFT
-            for j in range(4):
-                c = RX_POS + j if j < 3 else RX_BIAS
-                d = RX_VEL + j if j < 3 else RX_DRIFT
-                inverse = receiver.inverse[i, j]
-                solution_error.covariance[a, c] = where(
-                    valid, point_model.range_variance * inverse, solution_error.covariance[a, c]
-                )
-                solution_error.covariance[b, d] = where(
-                    valid, point_model.rate_variance * inverse, solution_error.covariance[b, d]
-                )
+        _store_point_covariance(solution_error.covariance, receiver.inverse, point_model, valid)
     else:
+        P = solution_error.covariance
         for i in range(N_RX):
             for j in range(N_RX):
-                solution_error.covariance[i, j] = where(valid, receiver.P[i, j], solution_error.covariance[i, j])
+                P[i, j] = where(valid, receiver.P[i, j], P[i, j])
     for i in range(N_FIX):
-        at = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
-        estimate = receiver.fix[i] if filtering is None else receiver.nav[at]
+        state = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
+        estimate = receiver.fix[i] if filtering is None else receiver.nav[state]
         true = like(estimate, point[i]) if i < 6 else work.clock[i - 6]
-        solution_error.error[at] = where(valid, true - estimate, solution_error.error[at])
+        solution_error.error[state] = where(valid, true - estimate, solution_error.error[state])
 
 
 @jit
@@ -123,19 +112,36 @@ def _store_error(run, work, parts, solver, report, epoch):
 
 
 @jit
+def _store_point_covariance(P, inverse, point_model, valid):
+    """Set the covariance of a point solution: the inverse normal matrix (4, 4) times the variances of its ranges and
+    rates, in the runs that have a solution.
+    """
+    for i in range(4):
+        row = RX_POS + i if i < 3 else RX_BIAS
+        rate_row = RX_VEL + i if i < 3 else RX_DRIFT
+        for j in range(4):
+            column = RX_POS + j if j < 3 else RX_BIAS
+            rate_column = RX_VEL + j if j < 3 else RX_DRIFT
+            by_range = point_model.range_variance * inverse[i, j]
+            by_rate = point_model.rate_variance * inverse[i, j]
+            P[row, column] = where(valid, by_range, P[row, column])
+            P[rate_row, rate_column] = where(valid, by_rate, P[rate_row, rate_column])
+
+
+@jit
 def _store_covariance(joint, solved, epoch):
     """Store the error covariance of the last solution by source, and its mean (Joint, or None)."""
     if joint is not None and solved[epoch]:
         out, state, true = joint.out, joint.state, joint.true
-        at = true.solution
+        first = true.solution
         n = out.held_mean.shape[0]
         for source in range(true.group.shape[0]):
             P = state.sources[true.group[source], ..., true.lane[source]]
             for i in range(n):
                 for j in range(n):
-                    out.held[source, i, j] = P[at + i, at + j]
+                    out.held[source, i, j] = P[first + i, first + j]
         for i in range(n):
-            out.held_mean[i] = state.mean[at + i]
+            out.held_mean[i] = state.mean[first + i]
 
 
 @jit

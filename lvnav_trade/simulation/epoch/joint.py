@@ -54,13 +54,14 @@ class NominalFlight(NamedTuple):
 def _record(tape, gain, h, epoch, channel):
     """Record an update on the tape, if a backward pass is requested."""
     if tape.channel.shape[0] > 0:
-        at = tape.used[0]
+        k = tape.used[0]
         for i in range(gain.shape[0]):
-            tape.gain[at, i] = gain[i]
+            tape.gain[k, i] = gain[i]
         for i in range(h.shape[0]):
-            tape.h[at, i] = h[i]
-        tape.epoch[at], tape.channel[at] = epoch, channel
-        tape.used[0] = at + 1
+            tape.h[k, i] = h[i]
+        tape.epoch[k] = epoch
+        tape.channel[k] = channel
+        tape.used[0] = k + 1
 
 
 @jit
@@ -71,16 +72,17 @@ def _enter_component(state, scratch, true, c, a):
     the contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
     """
     source = true.source[c]
-    k = true.slot[c]
-    b = scratch.shift
-    gain = scratch.gain
+    slot = true.slot[c]
     g = true.group[source]
     lane = true.lane[source]
-    variance = state.variance[g, k, 0, lane]
+    gain = scratch.gain
+    shift = scratch.shift
+    variance = state.variance[g, slot, 0, lane]
     for i in range(gain.shape[0]):
-        b[i] = -a * gain[i]
-    enter(state.sources[g, ..., lane], state.cross[g, k, ..., lane], variance, b, 0)
-    return 2.0 * a * scratch.seen[g, k, 0, lane] + a * a * variance
+        shift[i] = -a * gain[i]
+    enter(state.sources[g, ..., lane], state.cross[g, slot, ..., lane], variance, shift, 0)
+    covariance = scratch.seen[g, slot, 0, lane]  # Cov(h x, c)
+    return 2.0 * a * covariance + a * a * variance
 
 
 @jit
@@ -96,7 +98,9 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
         return -1, 0.0
     if whitened:
         extra = shared.extra[family]
-        return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
+        if extra < 0:
+            return -1, 0.0
+        return family, -h[N_ENTRY + extra]
     measured = measured_channel(signals, channel)
     block = true.shared_family[family]
     modelled = signals.partial[block, epoch, channel] if block >= 0 else 0.0
@@ -145,21 +149,24 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
 
     noise : variance of the white measurement noise, which belongs to `source`. Returns the true innovation variance.
     """
-    total, gain = noise, scratch.gain
+    total = noise
+    gain = scratch.gain
+    noise_group = true.group[source]
+    noise_lane = true.lane[source]
     if noise > 0.0:
-        scratch.noise[true.group[source], 0, 0, true.lane[source]] = noise
+        scratch.noise[noise_group, 0, 0, noise_lane] = noise
     for g in range(true.n_slot.shape[0]):
         P = group(state.sources, g)
         spread = whole(scratch.spread)
         spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0])
         total += total_of(scratch.spread)
         cross = group(state.cross, g)
-        seen = group(scratch.seen, g)
+        predicted = group(scratch.seen, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                seen[k, 0] = update_vector(cross[k], gain, h, entries, columns)
+                predicted[k, 0] = update_vector(cross[k], gain, h, entries, columns)
     if noise > 0.0:
-        scratch.noise[true.group[source], 0, 0, true.lane[source]] = 0.0
+        scratch.noise[noise_group, 0, 0, noise_lane] = 0.0
     return total
 
 
@@ -177,13 +184,14 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     """
     state, scratch, true = joint.state, joint.scratch, joint.true
     gain = scratch.gain
-    m = true.n_entry[channel]
-    entries = true.entry[place, channel, :m]
-    columns = true.column[place, channel, :m]
+    n_entry = true.n_entry[channel]
+    entries = true.entry[place, channel, :n_entry]
+    columns = true.column[place, channel, :n_entry]
     _record(joint.tape, gain, h, epoch, channel)
-    is_in_states = whitened or true.noise_source[channel] < 0
+    source = true.noise_source[channel]
+    is_in_states = whitened or source < 0
     noise = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
-    total = _update_sources(state, scratch, true, h, entries, columns, true.noise_source[channel], noise)
+    total = _update_sources(state, scratch, true, h, entries, columns, source, noise)
     total += _update_shared(state, scratch, h, signals, true, epoch, channel, whitened)
     total += _update_imus(state, scratch, true, epoch, channel)
     # mean error after the update: (I - k h) m - k z, z the deterministic innovation; h m + z is the mean innovation
@@ -199,8 +207,9 @@ def _correct_clones(gain, clone, late):
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:
+                first = clone + N_CLONE * place
                 for i in range(N_NAV):
-                    gain[clone + N_CLONE * place + i] = gain[i]
+                    gain[first + i] = gain[i]
 
 
 @jit
@@ -245,6 +254,7 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
 
 @jit
 def _clear(x):
+    """Set a vector to zero."""
     for i in range(x.shape[0]):
         x[i] = 0.0
 
@@ -278,12 +288,12 @@ def start_joint(joint, work, case, mode_state, rules, epoch):
         _clear(work.x)
         if rules.from_gnss and mode_state.sample[1] > 0.0:
             gain = joint.scratch.gain
+            whitened = case.model.has_covariance
             for row in range(6):
-                at = POS + row if row < 3 else VEL + row - 3
+                state = POS + row if row < 3 else VEL + row - 3
                 for i in range(gain.shape[0]):
-                    gain[i] = 1.0 if i == at else 0.0
+                    gain[i] = 1.0 if i == state else 0.0
                 place = place_of_channel(case.options.late, row, epoch)
-                whitened = case.model.has_covariance
                 _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, row, whitened)
 
 
@@ -296,12 +306,15 @@ def innovation_of(joint, work, late, epoch, row, channel):
     """
     if joint is None:
         return work.z[row]
-    return work.z[row] + _mean_of(joint, work.H[row], place_of_channel(late, channel, epoch), channel)
+    return work.z[row] + _mean_innovation(joint, work.H[row], place_of_channel(late, channel, epoch), channel)
 
 
 @jit
-def _mean_of(joint, h, place, channel):
-    true, total = joint.true, 0.0
+def _mean_innovation(joint, h, place, channel):
+    """Return the mean of an innovation by the mean of the joint states, h m."""
+    true = joint.true
+    mean = joint.state.mean
+    total = 0.0
     for k in range(true.n_entry[channel]):
-        total += h[true.entry[place, channel, k]] * joint.state.mean[true.column[place, channel, k]]
+        total += h[true.entry[place, channel, k]] * mean[true.column[place, channel, k]]
     return total

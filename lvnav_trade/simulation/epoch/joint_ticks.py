@@ -30,18 +30,20 @@ def unit_input(frames, c, driver, own, other):
     """
     if driver < 0 or driver == CONSTANT:
         return 1.0
-    k, along = 0, own
+    k = 0
+    sensed = own
     if OWN_0 <= driver and driver <= OWN_2:
         k = driver - OWN_0
     elif OTHER_0 <= driver and driver <= OTHER_2:
         k = (driver - OTHER_0 - c) % 3
-        along = other
-    value = frames[c, k, 0] * along[0] + frames[c, k, 1] * along[1] + frames[c, k, 2] * along[2]
+        sensed = other
+    direction = frames[c, k]
+    value = direction[0] * sensed[0] + direction[1] * sensed[1] + direction[2] * sensed[2]
     return value * value if driver == SQUARE else value
 
 
 @jit
-def _fill_partials_of_array(a, true, units, tick, dt):
+def _fill_array_partials(a, true, units, tick, dt):
     """Set the partial derivatives of a sample of the combined triad with respect to the components of all IMUs."""
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
@@ -49,12 +51,14 @@ def _fill_partials_of_array(a, true, units, tick, dt):
             triad = true.triad[j]
             component = true.first[j]
             source = true.source[component]
-            k = true.slot[component]
+            g = true.group[source]
+            lane = true.lane[source]
+            slot = true.slot[component]
             for c in range(3):
                 u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
                 for i in range(3):
-                    entering = lasting_share(units, tick, triad, sensor, i, c) * u
-                    a[true.group[source], k + c, 3 * sensor + i, true.lane[source]] = entering
+                    share = lasting_share(units, tick, triad, sensor, i, c)
+                    a[g, slot + c, 3 * sensor + i, lane] = share * u
 
 
 @jit
@@ -77,15 +81,18 @@ def tick_input(units, triad, sensor, c, driver, tick, dt):
 
 
 @jit
-def _add_profiles_of_array(z, true, unit, units, tick, t):
+def _add_array_profiles(z, true, unit, units, tick, t):
     """Add the deterministic errors (profiles) of all IMUs of an array to the deviation (6,) of a sample."""
+    stage = units.stage[tick]
     for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0:
+        profile = true.profile[j]
+        if profile >= 0:
+            sensor = true.sensor[j]
+            triad = true.triad[j]
+            solved = units.solved[stage, triad, sensor]
             for c in range(3):
-                sensor = true.sensor[j]
-                solved = units.solved[units.stage[tick], true.triad[j], true.sensor[j]]
-                u = tick_input(units, true.triad[j], sensor, c, true.driver[j], tick, unit.dt)
-                value = u * profile_value(unit, true.profile[j], c, t)
+                u = tick_input(units, triad, sensor, c, true.driver[j], tick, unit.dt)
+                value = u * profile_value(unit, profile, c, t)
                 for i in range(3):
                     z[3 * sensor + i] += solved[i, c] * value
 
@@ -105,29 +112,36 @@ def fill_partials(a, true, units, vehicle, tick, dt):
     if units is None:
         _fill_partials(a, true, vehicle, tick)
     else:
-        _fill_partials_of_array(a, true, units, tick, dt)
+        _fill_array_partials(a, true, units, tick, dt)
 
 
 @jit
 def _fill_partials(a, true, vehicle, tick):
+    """Set the partial derivatives as `fill_partials` does, for one IMU."""
+    rate = vehicle.rate[tick]
+    force = vehicle.force[tick]
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
-            u = sensed_driver(true.sensor[j], true.driver[j], vehicle.rate[tick], vehicle.force[tick])
-            source = true.source[true.first[j]]
-            k = true.slot[true.first[j]]
+            sensor = true.sensor[j]
+            component = true.first[j]
+            source = true.source[component]
+            slot = true.slot[component]
+            u = sensed_driver(sensor, true.driver[j], rate, force)
             for axis in range(3):
-                a[true.group[source], k + axis, 3 * true.sensor[j] + axis, true.lane[source]] = u[axis]
+                a[true.group[source], slot + axis, 3 * sensor + axis, true.lane[source]] = u[axis]
 
 
 @jit
 def _add_profiles(z, true, unit, reference, tick, t):
+    """Add the deterministic errors (profiles) of one IMU to the deviation (6,) of a sample."""
     for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0 and true.sampled[j]:
-            first = 3 * true.sensor[j]
-            increment = reference.dtheta[tick] if true.sensor[j] == GYRO else reference.dvel[tick]
+        profile = true.profile[j]
+        if profile >= 0 and true.sampled[j]:
+            sensor = true.sensor[j]
+            increment = reference.dtheta[tick] if sensor == GYRO else reference.dvel[tick]
             for axis in range(3):
                 u = 1.0 if true.driver[j] == CONSTANT else increment[axis] / unit.dt
-                z[first + axis] += u * profile_value(unit, true.profile[j], axis, t)
+                z[3 * sensor + axis] += u * profile_value(unit, profile, axis, t)
 
 
 @jit
@@ -149,25 +163,28 @@ def deviations(z, true, unit, units, reference, tick):
     if units is None:
         _add_profiles(z, true, unit, reference, tick, t)
     else:
-        _add_profiles_of_array(z, true, unit, units, tick, t)
+        _add_array_profiles(z, true, unit, units, tick, t)
 
 
 @jit
 def nominal_tick(sums, reference, tick, dt):
     """Set the integrals over a tick of the nominal flight: C_b_i (9) by the trapezoidal rule, velocity gained (3)."""
     q = reference.q_b_i[tick]
-    p = reference.q_b_i[tick + 1]
+    q_end = reference.q_b_i[tick + 1]
     a = reference.dtheta[tick]
     f = reference.dvel[tick]
     c = matrix(q[0], q[1], q[2], q[3])
-    d = matrix(p[0], p[1], p[2], p[3])
-    receiver, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
+    c_end = matrix(q_end[0], q_end[1], q_end[2], q_end[3])
+    # velocity gained in the axes at the start of the tick: f + a x f / 2
+    rx, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
+    gx = f[0] + 0.5 * rx
+    gy = f[1] + 0.5 * ry
+    gz = f[2] + 0.5 * rz
     for i in range(3):
+        row = 3 * i
         for j in range(3):
-            sums[3 * i + j] = 0.5 * dt * (c[3 * i + j] + d[3 * i + j])
-        sums[9 + i] = (
-            c[3 * i] * (f[0] + 0.5 * receiver) + c[3 * i + 1] * (f[1] + 0.5 * ry) + c[3 * i + 2] * (f[2] + 0.5 * rz)
-        )
+            sums[row + j] = 0.5 * dt * (c[row + j] + c_end[row + j])
+        sums[9 + i] = c[row] * gx + c[row + 1] * gy + c[row + 2] * gz
 
 
 @jit
@@ -177,17 +194,19 @@ def begin_tick(joint, motion, vehicle, tick):
     The filter predicts the motion of the tick before, so the change of motion since then enters the mean error.
     """
     if joint is not None:
-        first = vehicle.motion
+        rate = vehicle.rate
+        force = vehicle.force
         mean = joint.state.mean
-        for i in range(3):
-            if tick > 0:
-                mean[first + i] += vehicle.rate[tick, i] - vehicle.rate[tick - 1, i]
-                mean[first + 3 + i] += vehicle.force[tick, i] - vehicle.force[tick - 1, i]
-        fill_samples(motion.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+        first = vehicle.motion
+        if tick > 0:
+            for i in range(3):
+                mean[first + i] += rate[tick, i] - rate[tick - 1, i]
+                mean[first + 3 + i] += force[tick, i] - force[tick - 1, i]
+        fill_samples(motion.h, vehicle.blocks, rate[tick], force[tick])
 
 
 @jit
-def _enter_by_samples(P, y, through, seen, S, a, variance, gain):
+def _enter_component(P, y, through, seen, S, a, variance, gain):
     """Add the effect of components c, one per lane, on the update by the samples of a tick.
 
     Parameters
@@ -228,17 +247,19 @@ def _update_sources(state, ticks, true, h, columns):
         update_together(P, whole(ticks.Y), S, gain, h, columns, group(ticks.noise, g))
         cross_g = group(state.cross, g)
         variance = group(state.variance, g)
+        partials = group(ticks.a, g)
         seen = whole(ticks.seen_source)
+        through = whole(ticks.through)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
                 update_vector_together(cross_g[k], seen, gain, h, columns)
                 if true.samples[g, k]:
-                    a = group(ticks.a, g)[k]
-                    _enter_by_samples(P, cross_g[k], whole(ticks.through), seen, S, a, variance[k, 0], gain)
+                    _enter_component(P, cross_g[k], through, seen, S, partials[k], variance[k, 0], gain)
 
 
 @jit
 def _record(tape, gain, tick):
+    """Record the gain of a tick on the tape, if a backward pass is requested."""
     if tape.sample_gain.shape[0] > 0:
         for r in range(N_SAMPLE):
             for i in range(gain.shape[1]):
@@ -257,18 +278,22 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
     units : ImuArray; None for one IMU
     tick : index
     """
-    state, ticks, true, unit, h = joint.state, flight.ticks, joint.true, flight.unit, motion.h
-    mean, gain = state.mean, ticks.gain
-    deviations(ticks.deviation, true, unit, units, flight.reference, tick)
-    joint_gain(gain, motion.K, motion.weight, h, vehicle.columns, model.n_estimated)
+    state, ticks, true = joint.state, flight.ticks, joint.true
+    h = motion.h
+    columns = vehicle.columns
+    mean = state.mean
+    gain = ticks.gain
+    deviation = ticks.deviation
+    deviations(deviation, true, flight.unit, units, flight.reference, tick)
+    joint_gain(gain, motion.K, motion.weight, h, columns, model.n_estimated)
     _record(joint.tape, gain, tick)
-    fill_partials(ticks.a, true, units, vehicle, tick, unit.dt)
-    _update_sources(state, ticks, true, h, vehicle.columns)
-    update_vector_together(mean, ticks.seen, gain, h, vehicle.columns)
+    fill_partials(ticks.a, true, units, vehicle, tick, flight.unit.dt)
+    _update_sources(state, ticks, true, h, columns)
+    update_vector_together(mean, ticks.seen, gain, h, columns)
     for r in range(N_SAMPLE):
-        ticks.seen[r] += ticks.deviation[r]
+        ticks.seen[r] += deviation[r]
         for i in range(model.n_state):
-            mean[i] -= gain[r, i] * ticks.deviation[r]
+            mean[i] -= gain[r, i] * deviation[r]
 
 
 @jit

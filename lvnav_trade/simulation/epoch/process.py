@@ -59,29 +59,31 @@ from lvnav_trade.simulation.epoch.joint_ticks import (
 
 
 @inlined
-def _update_by_row(work, sigma_points, case, joint, epoch, row, channel, gate):
+def _update_scalar(work, sigma_points, case, joint, epoch, row, channel, gate):
     """Update by one scalar measurement, in the filter and in the joint covariance."""
     weight = update_and_count(work, sigma_points, case, epoch, row, channel, gate)
     follow_update(joint, work, case, weight, epoch, row, channel)
 
 
 @jit
-def _predicted(work, case, epoch, row):
-    """Return the innovation that the error state predicts for a row, h x."""
-    channel = channel_of(case.model, case.signals, epoch, row)
+def _predicted_innovation(work, case, epoch, row):
+    """Return the innovation that the error state predicts for a scalar measurement, h x."""
+    model = case.model
+    channel = channel_of(model, case.signals, epoch, row)
+    h = work.H[row]
     total = like(work.x[0], 0.0)
-    for c in range(case.model.n_entry[channel]):
-        total = total + work.H[row, case.model.entry[channel, c]] * work.x[case.model.column[channel, c]]
+    for c in range(model.n_entry[channel]):
+        total = total + h[model.entry[channel, c]] * work.x[model.column[channel, c]]
     return total
 
 
 @jit
-def _expect_rows(work, case, joint, mode_state, epoch):
+def _predict_innovations(work, case, joint, mode_state, epoch):
     """Set the inputs of the mode logic: measured minus predicted, and its prediction by the error state."""
     for row in range(n_measured(case.model, case.signals, epoch)):
         channel = channel_of(case.model, case.signals, epoch, row)
         mode_state.z[row] = innovation_of(joint, work, case.options.late, epoch, row, channel)
-        mode_state.predicted[row] = _predicted(work, case, epoch, row)
+        mode_state.predicted[row] = _predicted_innovation(work, case, epoch, row)
 
 
 @jit
@@ -93,7 +95,7 @@ def _assess(work, sigma_points, case, joint, monitor, gate, epoch):
         for row in range(n_measured(case.model, case.signals, epoch)):
             channel = channel_of(case.model, case.signals, epoch, row)
             innovation = innovation_of(joint, work, case.options.late, epoch, row, channel)
-            monitor.z[row] = innovation - _predicted(work, case, epoch, row)
+            monitor.z[row] = innovation - _predicted_innovation(work, case, epoch, row)
             monitor.variance[row] = noise_variance(work, sigma_points, case, epoch, row, channel)
         assess(monitor, work, case, where(like(work.x[0], 0.0) + gate >= 0.0, 1.0, 0.0), epoch)
 
@@ -175,7 +177,7 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
         if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
             leave_out(work.z, starts, delayed, model, row)
             gate = permitted(parts.monitor, channel, gate_squared)
-            _update_by_row(work, parts.sigma_points, case, joint, epoch, row, channel, gate)
+            _update_scalar(work, parts.sigma_points, case, joint, epoch, row, channel, gate)
             if direct is not None:
                 _relinearise(work, parts, case, epoch)
     if direct is not None:
@@ -208,7 +210,7 @@ def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
     first = ekf.row_of(case.model, work, case.sensors.channel[k])
     sensors = case.sensors
     for i in range(sensors.scalars[k]):
-        _update_by_row(work, parts.sigma_points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
+        _update_scalar(work, parts.sigma_points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
         if direct is not None:
             correct(work, parts.state_history, case.options.late, case.model)
             fill_sensor_rows(work, parts, case, parts.sigma_points, case.options.late, k, epoch)
@@ -271,7 +273,7 @@ def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
         fill_receiver_rows(work, parts, case, parts.sigma_points, case.options.late, epoch)
         if open_loop is not None:
             compare_receiver(work, parts.state_history, case, case.options.late, epoch)
-        _expect_rows(work, case, joint, mode_state, epoch)
+        _predict_innovations(work, case, joint, mode_state, epoch)
     check_measurements(mode_state, rules, case.options.delayed, model, signals, epoch, mode_state.z, n_row)
     if rules.good[epoch]:
         _start(work, parts, case, joint, rules, epoch)

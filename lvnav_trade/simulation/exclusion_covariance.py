@@ -1,0 +1,118 @@
+"""Covariance of the filter after an IMU is excluded: additional noise and biases of the mean of the remaining IMUs."""
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, VEL
+
+
+@jit
+def inform(P, work, units, model, seconds):
+    """Inflate the covariance of the filter for excluded IMUs over a window (ImuArrayWork and ImuArray, or None).
+
+    The mean of the remaining IMUs has more noise than that of all, which the filter model assumes. seconds : s, of the
+    window
+    """
+    if units is not None:
+        _inform(P, work.redundant, units, units.redundant, model, seconds)
+
+
+@jit
+def _inform(P, work, units, redundancy, model, seconds):
+    """Inflate the covariance as `inform` does, and store the weights it is informed of (RedundancyWork, or None)."""
+    if work is not None:
+        grow(P, work.solved, work.informed, work.reduced[0], units.n_axis, redundancy, model, seconds)
+        is_reduced = work.reduced[0] > 0.0
+        for k in range(work.solved.shape[0]):
+            for sensor in range(2):
+                for i in range(3):
+                    for c in range(3):
+                        last = work.informed[k, sensor, i, c]
+                        work.informed[k, sensor, i, c] = where(is_reduced, work.solved[k, sensor, i, c], last)
+
+
+@jit
+def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
+    """Inflate a covariance over a window for the additional errors of the mean of some IMUs.
+
+    White noise and random walk of the biases exceed those of the mean of all IMUs. When the weights change, the
+    combined bias changes once.
+
+    Parameters
+    ----------
+    P : (n, n) covariance, updated in place
+    solved, before : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
+    wanted : 1 in the runs with excluded IMUs
+    n_axis, redundancy, model : number of axes of each triad, ImuRedundancy, FilterModel
+    seconds : s, length of the window
+    """
+    for sensor in range(2):
+        first = ATT if sensor == GYRO else VEL
+        total = like(P[0, 0], 0.0)
+        for k in range(n_axis.shape[0]):
+            for c in range(n_axis[k]):
+                noise = redundancy.noise[sensor, k, c]
+                for i in range(3):
+                    now = solved[k, sensor, i, c]
+                    all_units = redundancy.mean[0, k, sensor, i, c]
+                    excess = now * now - all_units * all_units
+                    total = total + excess * noise
+        total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)  # mean over the three axes
+        for i in range(3):
+            P[first + i, first + i] = P[first + i, first + i] + total
+    weights = (solved, before)
+    for b in range(model.par_offset.shape[0]):
+        if model.par_driver[b] == CONSTANT:
+            sensor = model.par_sensor[b]
+            first = model.par_offset[b]
+            if redundancy.prime:
+                _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first)
+            _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, first, seconds)
+
+
+@jit
+def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first):
+    """Renew the filter's bias states after a hand-over: uncorrelated, with the variance -P. `_grow_bias` adds
+    s1^2 + s2^2.
+
+    The estimate stays, and its error is b2 - b1 + e with e = b1 less the estimate. The estimate of a filter that models
+    all errors is uncorrelated with e, so Cov(b1, e) = P and, of any other error x, Cov(x, b1) = Cov(x, e). The new
+    variance is s1^2 + s2^2 - P, at least s2^2, and the covariances with other errors are zero.
+    """
+    solved, before = weights
+    for i in range(3):
+        state = first + i
+        change = like(P[0, 0], 0.0)
+        fresh = like(P[0, 0], 0.0)
+        for k in range(n_axis.shape[0]):
+            for c in range(n_axis[k]):
+                now = solved[k, sensor, i, c]
+                step = now - before[k, sensor, i, c]
+                variance = redundancy.spread[sensor, k, c]
+                change = change + step * step * variance
+                fresh = fresh + now * now * variance
+        formal = P[state, state]
+        is_handed_over = (wanted > 0.0) & (change > 0.0)
+        for j in range(P.shape[0]):
+            P[state, j] = where(is_handed_over, 0.0, P[state, j])
+            P[j, state] = where(is_handed_over, 0.0, P[j, state])
+        most = change - fresh  # at least the variance of the new bias remains
+        reduction = where(formal < most, formal, most)
+        P[state, state] = where(is_handed_over, -reduction, formal)
+
+
+@jit
+def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, first, seconds):
+    """Inflate the variances of a bias, three states from `first` on, as `grow` describes; weights : solved, before."""
+    solved, before = weights
+    for i in range(3):
+        total = like(P[0, 0], 0.0)
+        for k in range(n_axis.shape[0]):
+            for c in range(n_axis[k]):
+                now = solved[k, sensor, i, c]
+                all_units = redundancy.mean[0, k, sensor, i, c]
+                step = now - before[k, sensor, i, c]
+                excess = now * now - all_units * all_units
+                total = total + step * step * redundancy.spread[sensor, k, c]
+                total = total + excess * redundancy.walk[sensor, k, c] * seconds
+        state = first + i
+        P[state, state] = P[state, state] + where((wanted > 0.0) & (total > 0.0), total, 0.0)
