@@ -119,11 +119,11 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
 
     # unknowns: logarithms of the sigmas (relative to B), then of the time constants (s)
     edges = np.geomspace(shortest, longest, count + 1)
-    peaks = np.sqrt(edges[1:] * edges[:-1])
-    guess = np.concatenate([np.full(count, math.log(0.8)), np.log(peaks / 1.89)])
+    time_constants = np.sqrt(edges[1:] * edges[:-1]) / 1.89
+    guess = np.concatenate([np.full(count, math.log(0.8)), np.log(time_constants)])
     low = np.full(2 * count, -8.0)
-    high = np.full(2 * count, 3.0)
     low[count:] = math.log(0.1 * shortest)
+    high = np.full(2 * count, 3.0)
     high[count:] = math.log(10.0 * longest)
     solution = least_squares(log_misfit, guess, bounds=(low, high))
     by_time_constant = sorted(processes(solution.x), key=lambda process: process.time_constant)

@@ -248,15 +248,18 @@ def _covariance_form(a: int, b: int, n: int, dt: float) -> Floats:
     lags, weights = _summation_lags(kinks, n_a, n_b)
     smooth = _second_covariances(lags, a, b, dt)
     smooth[0] = 0.0
-    total = np.einsum("l,kl,jl->kj", weights * _n_pair(lags, n_a, n_b), smooth, smooth)
+    lag_weights = weights * _n_pair(lags, n_a, n_b)
+    total = np.einsum("l,kl,jl->kj", lag_weights, smooth, smooth)
     # quantisation is white noise of the angle: its covariances are zero except at single lags
     single_lags = kinks[(kinks > -n_b) & (kinks < n_a)]
     single = _second_covariances(single_lags, a, b, dt)
-    discrete = np.einsum("l,l,kl->k", _n_pair(single_lags, n_a, n_b), single[0], single)
+    n_single = _n_pair(single_lags, n_a, n_b)
+    discrete = np.einsum("l,l,kl->k", n_single, single[0], single)
     total[0, 1:] = discrete[1:]
     total[1:, 0] = discrete[1:]
     total[0, 0] = discrete[0] + 0.5 * _UNIFORM * 36.0 / 144.0 * min(n_a, n_b)
-    return np.asarray(2.0 * total / (4.0 * a * a * b * b * dt**4 * n_a * n_b))
+    scale = 4.0 * a * a * b * b * dt**4 * n_a * n_b
+    return np.asarray(2.0 * total / scale)
 
 
 def _n_pair(lags: Floats, n_a: int, n_b: int) -> Floats:

@@ -76,9 +76,9 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
         D = columns[sensor]
         A = triad.gyro if sensor == GYRO else triad.accel
         card = unit.gyro if sensor == GYRO else unit.accel
-        flicker = np.array(squares(card.instability_axes(card.instability_sigma)))
-        lasting = np.array(squares(card.bias_repeatability)) + flicker
-        drift = np.array(squares(card.rate_random_walk)) + flicker * 2.0 / card.instability.time_constant
+        instability = np.array(squares(card.instability_axes(card.instability_sigma)))
+        lasting = np.array(squares(card.bias_repeatability)) + instability
+        drift = np.array(squares(card.rate_random_walk)) + instability * 2.0 / card.instability.time_constant
         bias += D**2 @ lasting
         walk += D**2 @ drift
         covariance += (D * A) @ lasting
@@ -93,12 +93,16 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
         for variance in (bias, walk, covariance, fused_bias):
             variance[:] = np.mean(variance)
     random_walk = np.sqrt(noise).tolist()
+    mean_random_walk = random_walk[0]
+    if len(set(random_walk)) > 1:
+        mean_random_walk = math.sqrt(float(np.mean(noise)))
+    correlation = _correlation(covariance, bias, fused_bias)
     return RelativeErrors(
-        random_walk=random_walk[0] if len(set(random_walk)) == 1 else math.sqrt(float(np.mean(noise))),
+        random_walk=mean_random_walk,
         by_axis=tuple(random_walk),
         bias=_per_axis(np.sqrt(bias)),
         walk=_per_axis(np.sqrt(walk)),
-        correlation=_per_axis(_correlation(covariance, bias, fused_bias)),
+        correlation=_per_axis(correlation),
     )
 
 

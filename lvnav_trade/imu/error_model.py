@@ -231,7 +231,12 @@ def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[Er
     """Return the error parameters that gyro and accelerometer triads have in common, also those of size zero."""
 
     def term(
-        label: str, part: int, driver: int, sigma: PerAxis, walk: PerAxis = 0.0, time_constant: float = math.inf
+        label: str,
+        part: int,
+        driver: int,
+        sigma: PerAxis,
+        walk: PerAxis = 0.0,
+        time_constant: float = math.inf,
     ) -> ErrorTerm:
         return ErrorTerm(f"{name} {label}", part, sensor, driver, sigma, walk, time_constant)
 

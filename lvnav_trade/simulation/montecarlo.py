@@ -54,7 +54,11 @@ def fly_lanes(work: Any, parts: Any, case: Any, truth: Any, key: Any) -> None:
 
 
 def _simulate(
-    prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = False
+    prepared: Prepared,
+    seed: int,
+    first: int,
+    lanes: bool,
+    taped: bool = False,
 ) -> tuple[Work, OptionalState]:
     """Simulate run `first`, or eight runs from it on; taped: one run, with a tape."""
     work, parts = new_work(prepared, lanes)

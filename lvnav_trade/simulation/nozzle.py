@@ -166,11 +166,15 @@ def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, F
     n_tick = n_bin * per_bin
     ticks = run.history[0, :n_tick].reshape(n_bin, per_bin, 2, -1)
     shown = np.empty((n_bin, 2, 4))
-    columns = ((autopilot.TURNING, autopilot.TURNING_BOUND), (autopilot.JERK, autopilot.JERK_BOUND))
-    for pair, (value, bound) in enumerate(columns):
-        furthest = np.argmax(np.abs(ticks[..., value]) / ticks[..., bound], axis=1)
-        for axis in range(2):
-            selected = ticks[np.arange(n_bin), furthest[:, axis], axis]
-            shown[:, axis, 2 * pair] = selected[:, value]
-            shown[:, axis, 2 * pair + 1] = selected[:, bound]
+    for axis in range(2):
+        motion = ticks[:, :, axis]
+        shown[:, axis, :2] = _furthest(motion[..., autopilot.TURNING], motion[..., autopilot.TURNING_BOUND])
+        shown[:, axis, 2:] = _furthest(motion[..., autopilot.JERK], motion[..., autopilot.JERK_BOUND])
     return run.t[:n_tick:per_bin], shown
+
+
+def _furthest(values: Floats, bounds: Floats) -> Floats:
+    """Return value and bound (n_bin, 2) of the tick of each bin that is furthest out; arguments (n_bin, n_tick)."""
+    bins = np.arange(len(values))
+    tick = np.argmax(np.abs(values) / bounds, axis=1)
+    return np.stack([values[bins, tick], bounds[bins, tick]], axis=1)

@@ -95,7 +95,12 @@ def _labels(kind: str, channels: Channels) -> tuple[str, ...]:
 
 
 def _error(
-    source: str, kind: str, sigma: float, channels: Channels, time_constant: float = math.inf, state: str | None = None
+    source: str,
+    kind: str,
+    sigma: float,
+    channels: Channels,
+    time_constant: float = math.inf,
+    state: str | None = None,
 ) -> CorrelatedError:
     """Return an error with all components of its kind; the filter state that models it has the name of the kind."""
     state = kind if state is None else state
@@ -247,30 +252,36 @@ def shared_of(
     first = np.cumsum(counts) - counts
     member = np.empty((len(errors), shape[1]), dtype=np.int64)
     partials = np.empty((len(errors), *shape))
+    sigma = np.empty(len(errors))
+    decay = np.zeros(len(errors))
     for family, item in enumerate(entering):
         member[family] = np.where(item.member >= 0, first[family] + item.member, -1)
         partials[family] = item.partial
-    sigma = np.array([error.sigma for error in errors], dtype=float)
-    decay = np.zeros(len(errors))
-    for family, error in enumerate(errors):
-        if error.time_constant > 0.0:
-            decay[family] = math.exp(-interval / error.time_constant)
-    components = [(error, label) for error in errors for label in error.labels]
-    state_numbers = []
-    for error, label in components:
-        modelling = states_modelling(layout.extras, error.state, label)
-        state_numbers.append([number for _, number in modelling])
-    pairs = [(component, number) for component, numbers in enumerate(state_numbers) for number in numbers]
+        sigma[family] = item.error.sigma
+        if item.error.time_constant > 0.0:
+            decay[family] = math.exp(-interval / item.error.time_constant)
+    sources: list[np.uint64] = []
+    satellites: list[int | np.uint64] = []
+    extra: list[int] = []
+    pairs: list[tuple[int, int]] = []  # component, extra state that models it
+    for error in errors:
+        for label in error.labels:
+            states = [number for _, number in states_modelling(layout.extras, error.state, label)]
+            pairs += [(len(sources), number) for number in states]
+            extra.append(states[0] if states else -1)
+            sources.append(source_word(f"{error.source} {error.kind}"))
+            satellites.append(source_word(label) if label else 0)
+    is_recorded = [error.kind == RECORDED for error in errors]
     return CorrelatedErrors(
         member=member,
         partial=partials,
         start=np.repeat(sigma, counts),
         decay=np.repeat(decay, counts),
         walk=np.repeat(sigma * np.sqrt(1.0 - decay * decay), counts),
-        sources=np.array([source_word(f"{error.source} {error.kind}") for error, _ in components], dtype=np.uint64),
-        satellites=np.array([source_word(label) if label else 0 for _, label in components], dtype=np.uint64),
-        extra=np.array([numbers[0] if numbers else -1 for numbers in state_numbers], dtype=np.int64),
+        sources=np.array(sources, dtype=np.uint64),
+        satellites=np.array(satellites, dtype=np.uint64),
+        extra=np.array(extra, dtype=np.int64),
         error_of=np.array([component for component, _ in pairs], dtype=np.int64),
         state_of=np.array([number for _, number in pairs], dtype=np.int64),
-        given=np.array([error.kind == RECORDED for error, _ in components], dtype=np.bool_),
+        given=np.repeat(np.array(is_recorded, dtype=np.bool_), counts),
     )

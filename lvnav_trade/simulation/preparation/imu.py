@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -103,7 +103,11 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Flig
 
 
 def unit_of(
-    scenario: Scenario, ref: Reference, terms: Sequence[ErrorTerm], course: FlightProfile, units: ImuArray | None = None
+    scenario: Scenario,
+    ref: Reference,
+    terms: Sequence[ErrorTerm],
+    course: FlightProfile,
+    units: ImuArray | None = None,
 ) -> ImuTruth:
     """Return the true IMU as arrays for the kernels.
 
@@ -123,17 +127,18 @@ def unit_of(
     process_ticks = max(1, round(card.rate / card.process_rate))
     step = process_ticks * dt
     walk = np.array([_step_noise(term, step) for term in terms]).reshape(-1, 3)
-    profiles = profiles_of(card, scenario.faults, course)
-    drivers = [term.driver for term in inertial] + [driver for _, driver, _, _, _ in profiles]
     if units is None:
         sensed = arriving(ref, equivalent_card, scenario.faults, course)
         dtheta, dvel = elements(sensed, equivalent_card, np.eye(3), 0, scenario.faults, course, ref.t[1:])
     else:
         dtheta, dvel = fused(units, dt)
+    profiles = profiles_of(card, scenario.faults, course)
+    profile_sensor, profile_driver, profile_start, profile_end, amplitudes = _columns(profiles, 5)
+    has_biases_only = all(driver == CONSTANT for driver in [*(term.driver for term in inertial), *profile_driver])
     return ImuTruth(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
-        biases_only=all(driver == CONSTANT for driver in drivers),
+        biases_only=has_biases_only,
         dtheta=dtheta,
         dvel=dvel,
         white=white_of(equivalent_card, dt),
@@ -145,14 +150,19 @@ def unit_of(
         sources=np.array([source_word(f"{term.name} {term.part}") for term in terms], dtype=np.uint64),
         sensors=np.array([term.sensor for term in inertial], dtype=np.int64),
         drivers=np.array([term.driver for term in inertial], dtype=np.int64),
-        profile_sensor=np.array([sensor for sensor, _, _, _, _ in profiles], dtype=np.int64),
-        profile_driver=np.array([driver for _, driver, _, _, _ in profiles], dtype=np.int64),
-        profile_start=np.array([start for _, _, start, _, _ in profiles], dtype=float),
-        profile_end=np.array([end for _, _, _, end, _ in profiles], dtype=float),
-        profile=np.array([amplitude for _, _, _, _, amplitude in profiles], dtype=float).reshape(len(profiles), 3),
+        profile_sensor=np.array(profile_sensor, dtype=np.int64),
+        profile_driver=np.array(profile_driver, dtype=np.int64),
+        profile_start=np.array(profile_start, dtype=float),
+        profile_end=np.array(profile_end, dtype=float),
+        profile=np.array(amplitudes, dtype=float).reshape(len(profiles), 3),
         gravity=len(inertial) if len(terms) > len(inertial) else -1,
         start=float(ref.t[0]),
     )
+
+
+def _columns(rows: Sequence[tuple[Any, ...]], n_column: int) -> list[list[Any]]:
+    """Return the columns of a table; empty ones without rows."""
+    return [[row[column] for row in rows] for column in range(n_column)]
 
 
 def _step_noise(term: ErrorTerm, step: float) -> list[float]:

@@ -142,7 +142,11 @@ def swing(ref: Reference, lever: Floats) -> Floats:
 
 
 def units_of(
-    scenario: Scenario, ref: Reference, course: FlightProfile, devices: tuple[Sensor, ...], layout: StateLayout
+    scenario: Scenario,
+    ref: Reference,
+    course: FlightProfile,
+    devices: tuple[Sensor, ...],
+    layout: StateLayout,
 ) -> ImuArray | None:
     """Return the IMUs of an array as arrays for the kernels; None for one IMU.
 

@@ -21,7 +21,11 @@ _UNGUARDED = LogicCard(check_flags=())
 
 
 def failing(
-    card: FilterCard, failed: Failures, n_used: Ints, channels: Channels, dilution: Callable[[], Floats]
+    card: FilterCard,
+    failed: Failures,
+    n_used: Ints,
+    channels: Channels,
+    dilution: Callable[[], Floats],
 ) -> Ints:
     """Return the first input check that the receiver's sample fails at each epoch, (n_epoch,).
 

@@ -76,7 +76,11 @@ def every(scenario: Scenario) -> int:
 
 
 def gains_of(
-    scenario: Scenario, layout: StateLayout, channels: Channels, t_epoch: Floats, events: Mapping[str, float]
+    scenario: Scenario,
+    layout: StateLayout,
+    channels: Channels,
+    t_epoch: Floats,
+    events: Mapping[str, float],
 ) -> StoredGains | None:
     """Return the stored gains of a filter at the epochs; None without a schedule.
 
@@ -266,7 +270,11 @@ def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
 
 
 def clone_times(
-    scenario: Scenario, t_epoch: Floats, delays: Sequence[CompensatedDelay], t: Floats, group: int
+    scenario: Scenario,
+    t_epoch: Floats,
+    delays: Sequence[CompensatedDelay],
+    t: Floats,
+    group: int,
 ) -> tuple[CloneTimes, ...]:
     """Return the times at which states are stored for each delay.
 

@@ -50,7 +50,11 @@ class ParityTest(NamedTuple):
 
 
 def redundant_of(
-    card: ImuCard | ImuSet, units: ImuArray | None, ref: Reference, profiles: Sequence[Profile], hand_over: int = -1
+    card: ImuCard | ImuSet,
+    units: ImuArray | None,
+    ref: Reference,
+    profiles: Sequence[Profile],
+    hand_over: int = -1,
 ) -> ImuArray | None:
     """Return the IMU array with its parity test and selection; unchanged if it has neither.
 
@@ -195,7 +199,11 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
 
 
 def _least_residual_ratio(
-    y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int]
+    y: Floats,
+    directions: Floats,
+    weight: Floats,
+    tests: ParityTest,
+    out: set[int],
 ) -> tuple[float, int]:
     """Return the smallest residual ratio of a fit without one more IMU, and that IMU.
 
@@ -213,7 +221,12 @@ def _least_residual_ratio(
 
 
 def _residual_ratio(
-    y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int], alone: bool = False
+    y: Floats,
+    directions: Floats,
+    weight: Floats,
+    tests: ParityTest,
+    out: set[int],
+    alone: bool = False,
 ) -> float:
     """Return the weighted sum of squared residuals of a fit without the IMUs in `out`, divided by its limit.
 

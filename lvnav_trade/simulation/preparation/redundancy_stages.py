@@ -93,7 +93,13 @@ class MedianStatistics:
     """Statistics of the middle value along a flight."""
 
     def __init__(
-        self, card: ImuSet, units: ImuArray, axes: RedundantAxes, ref: Reference, along: Floats, errors: Floats
+        self,
+        card: ImuSet,
+        units: ImuArray,
+        axes: RedundantAxes,
+        ref: Reference,
+        along: Floats,
+        errors: Floats,
     ) -> None:
         dt = 1.0 / card.rate
         n_tick = units.dtheta.shape[1]

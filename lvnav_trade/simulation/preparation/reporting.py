@@ -39,7 +39,11 @@ class Reporting(NamedTuple):
 
 
 def reporting_of(
-    scenario: Scenario, flight: TrueFlight, times: Times, layout: StateLayout, solution: ReportedSolution | None
+    scenario: Scenario,
+    flight: TrueFlight,
+    times: Times,
+    layout: StateLayout,
+    solution: ReportedSolution | None,
 ) -> Reporting:
     """Return the reported quantities of a case; solution: of `solution_of`."""
     frame, trajectory = scenario.frame, flight.trajectory
@@ -59,7 +63,11 @@ def reporting_of(
 
 
 def solution_of(
-    scenario: Scenario, chain: SolutionErrorModel | None, channels: Channels, layout: StateLayout, solver: Solver | None
+    scenario: Scenario,
+    chain: SolutionErrorModel | None,
+    channels: Channels,
+    layout: StateLayout,
+    solver: Solver | None,
 ) -> ReportedSolution | None:
     """Return the inputs of the reported errors of the receiver's solution; None if they are not reported."""
     if chain is None or not reported(scenario):

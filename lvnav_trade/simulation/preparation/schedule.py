@@ -67,8 +67,12 @@ def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stor
     is_needed = (end > 0) | (hist >= 0)
     windows = np.stack([first, end - first, epoch, hist], axis=1)[is_needed]
     repeated_tick = hist_tick[is_repeated]
-    none = np.zeros(repeated_tick.size, dtype=np.int64)
-    empty_windows = np.stack([repeated_tick, none, none - 1, np.flatnonzero(is_repeated)], axis=1)
+    n_repeated = repeated_tick.size
+    empty_windows = np.empty((n_repeated, 4), dtype=np.int64)
+    empty_windows[:, 0] = repeated_tick
+    empty_windows[:, 1] = 0  # ticks
+    empty_windows[:, 2] = -1  # epoch
+    empty_windows[:, 3] = np.flatnonzero(is_repeated)
     order = np.argsort(np.concatenate([end[is_needed], repeated_tick]), kind="stable")
     columns = np.concatenate([windows, empty_windows])[order].T
     return _Windows(*np.ascontiguousarray(columns))
@@ -104,7 +108,11 @@ class Times(NamedTuple):
 
 
 def times_of(
-    scenario: Scenario, flight: TrueFlight, layout: StateLayout, history: float, every_step_beside: Floats | None = None
+    scenario: Scenario,
+    flight: TrueFlight,
+    layout: StateLayout,
+    history: float,
+    every_step_beside: Floats | None = None,
 ) -> Times:
     """Return the schedule of a flight.
 

@@ -193,7 +193,12 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
 
 
 def _white_noise(
-    scenario: Scenario, card: SensorCard, model: SensorModel, view: FlightView, assumed: FlightView, since: Floats
+    scenario: Scenario,
+    card: SensorCard,
+    model: SensorModel,
+    view: FlightView,
+    assumed: FlightView,
+    since: Floats,
 ) -> tuple[Floats, Floats]:
     """Return true sigma and assumed variance of the white noise of a sensor, (n_epoch, n_scalar) each.
 

@@ -130,7 +130,12 @@ def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
 
 
 def envelopes(
-    card: EnvelopeCard, t: Floats, burning: Bools, changes: Floats, commanded_rate: Floats, nozzle_command: Floats
+    card: EnvelopeCard,
+    t: Floats,
+    burning: Bools,
+    changes: Floats,
+    commanded_rate: Floats,
+    nozzle_command: Floats,
 ) -> tuple[Floats, Floats]:
     """Return the motion envelope at equidistant times: standard deviations of angular acceleration and jerk.
 
@@ -161,19 +166,17 @@ def envelopes(
     is_change = changing(card, t, changes)
     unknown = np.asarray(np.where(burning | is_change, card.burn, card.coast))
     # pitch and yaw: response to commanded rates, and motion without a command
-    commanded_turning = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)
+    commanded = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)
+    response = np.abs(_lagged(commanded, card.turn_time, dt))
     turning = np.empty((t.size, 3))
     turning[:, 0] = card.roll
-    turning[:, 1:] = np.abs(_lagged(commanded_turning, card.turn_time, dt)) + unknown[:, np.newaxis]
+    turning[:, 1:] = response + unknown[:, np.newaxis]
     # a nozzle angle in pitch pushes along the axis of yaw, and vice versa
     nozzle_jerk = card.nozzle_gain * _slope(nozzle_command, np.zeros((1, 2)), dt)
     lateral = np.abs(_lagged(nozzle_jerk, card.nozzle_time, dt)) + card.lateral
-    jerk = np.empty((t.size, 3))
-    jerk[:, 0] = np.where(burning, card.axial_burn, card.axial_coast)
-    jerk[is_change, 0] = card.axial_change
-    jerk[:, 1] = lateral[:, 1]
-    jerk[:, 2] = lateral[:, 0]
-    return turning, jerk
+    axial = np.where(burning, card.axial_burn, card.axial_coast)
+    axial = np.where(is_change, card.axial_change, axial)
+    return turning, np.column_stack([axial, lateral[:, 1], lateral[:, 0]])
 
 
 def _slope(value: Floats, before: Floats, dt: float) -> Floats:

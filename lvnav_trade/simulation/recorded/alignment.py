@@ -100,7 +100,11 @@ def _levelled(down: Floats) -> Floats:
 
 
 def _motion_heading(
-    log: NavigationData, card: NavigationLog, level: Floats, rate: Floats, weight: float
+    log: NavigationData,
+    card: NavigationLog,
+    level: Floats,
+    rate: Floats,
+    weight: float,
 ) -> tuple[float, float]:
     """Return the heading that best fits the horizontal velocity of the IMU to that of the receiver, and its sigma, rad.
 

@@ -206,26 +206,40 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
         none = np.zeros((0, 3))
         return _Intervals(first, last, gained=none, pushed=none, turn=np.zeros((0, 3, 3)))
     dt = log.t_fix[last] - log.t_fix[first]
-    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
-    count = max(2, int(np.ceil(float(dt.max()) * min(log_rate, _FINEST))))
-    grid = log.t_fix[first][:, None] + dt[:, None] * np.arange(count + 1) / count
-    angle_sums = increments_to(log, grid.ravel(), log.turned).reshape(*grid.shape, 3)
-    velocity_sums = increments_to(log, grid.ravel(), log.pushed).reshape(*grid.shape, 3)
-    dtheta = np.diff(angle_sums, axis=1) - bias * (dt / count)[:, None, None]
-    dvel = np.diff(velocity_sums, axis=1)
+    dtheta, dvel = _interval_increments(log, log.t_fix[first], dt)
+    n_part = dtheta.shape[1]
+    dtheta = dtheta - bias * (dt / n_part)[:, None, None]
     C = np.tile(np.eye(3), (dt.size, 1, 1))
     pushed = np.zeros((dt.size, 3))
-    for k in range(count):
-        in_middle = dvel[:, k] + 0.5 * np.cross(dtheta[:, k], dvel[:, k])  # rotation during the step
+    for k in range(n_part):
+        angle = dtheta[:, k]
+        in_middle = dvel[:, k] + 0.5 * np.cross(angle, dvel[:, k])  # rotation during the step
         pushed += np.einsum("nij,nj->ni", C, in_middle)
-        C = C @ Rotation.from_rotvec(dtheta[:, k]).as_matrix()
+        C = C @ Rotation.from_rotvec(angle).as_matrix()
     # the velocity of the antenna includes that by the lever arm, w x r
-    lever_at_start = np.cross(dtheta[:, 0] * (count / dt)[:, None], lever)
-    lever_at_end = np.cross(dtheta[:, -1] * (count / dt)[:, None], lever)
+    per_second = (n_part / dt)[:, None]
+    lever_at_start = np.cross(dtheta[:, 0] * per_second, lever)
+    lever_at_end = np.cross(dtheta[:, -1] * per_second, lever)
     pushed += np.einsum("nij,nj->ni", C, lever_at_end) - lever_at_start
     _, r_i, v_i = inertial_fixes(log, 0.0, gmst(log.epoch))
-    by_gravitation = gravity_along(0.5 * (r_i[first] + r_i[last])) * dt[:, None]
-    return _Intervals(first, last, gained=v_i[last] - v_i[first] - by_gravitation, pushed=pushed, turn=C)
+    middle_r_i = 0.5 * (r_i[first] + r_i[last])
+    by_gravitation = gravity_along(middle_r_i) * dt[:, None]
+    gained = v_i[last] - v_i[first] - by_gravitation
+    return _Intervals(first, last, gained=gained, pushed=pushed, turn=C)
+
+
+def _interval_increments(log: NavigationData, start: Floats, dt: Floats) -> tuple[Floats, Floats]:
+    """Return angle and velocity increments (n, n_part, 3) of parts of the intervals, each of n_part equal parts.
+
+    start, dt : (n,) s. Start and length of each interval.
+    """
+    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
+    n_part = max(2, int(np.ceil(float(dt.max()) * min(log_rate, _FINEST))))
+    grid = start[:, None] + dt[:, None] * np.arange(n_part + 1) / n_part
+    shape = (*grid.shape, 3)
+    angle_sums = increments_to(log, grid.ravel(), log.turned).reshape(shape)
+    velocity_sums = increments_to(log, grid.ravel(), log.pushed).reshape(shape)
+    return np.diff(angle_sums, axis=1), np.diff(velocity_sums, axis=1)
 
 
 def _interval_ends(log: NavigationData, step: float) -> tuple[Ints, Ints]:

@@ -322,25 +322,37 @@ def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
         moves = path >= _PATH
         if np.count_nonzero(moves) < _FEWEST_WINDOWS:
             continue
+        start = place[first[moves]]
+        C_e_n = rotation_e_n(start[:, 0], start[:, 1])
         miss = moved_r[moves] - moved_v[moves]
-        C_e_n = rotation_e_n(place[first[moves], 0], place[first[moves], 1])
-        v_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_v[moves]))
-        r_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_r[moves]))
-        miss_n = np.abs(np.einsum("kij,kj->ki", C_e_n, miss))
-        along = np.maximum(v_n, r_n)
-        ratios = np.median(miss_n / np.maximum(along, 1e-9), axis=0)
-        by_axis = np.where(np.median(along, axis=0) >= _PATH, ratios, 0.0)
-        whole = np.median(np.linalg.norm(miss, axis=1) / path[moves])
-        return np.append(whole, by_axis)
+        by_vector = np.median(np.linalg.norm(miss, axis=1) / path[moves])
+        return np.append(by_vector, _axis_misses(C_e_n, moved_v[moves], moved_r[moves], miss))
     return np.zeros(0)
+
+
+def _axis_misses(C_e_n: Floats, moved_v: Floats, moved_r: Floats, miss: Floats) -> Floats:
+    """Return the median over windows of the miss over the path along north, east, down (3,), 0 without motion.
+
+    C_e_n : (n, 3, 3). Rotation of each window.
+    moved_v, moved_r : (n, 3) m. Displacements by velocities and by positions, Earth axes.
+    miss : (n, 3) m. Their difference.
+    """
+    v_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_v))
+    r_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_r))
+    miss_n = np.abs(np.einsum("kij,kj->ki", C_e_n, miss))
+    path_n = np.maximum(v_n, r_n)
+    ratio = np.median(miss_n / np.maximum(path_n, 1e-9), axis=0)
+    return np.where(np.median(path_n, axis=0) >= _PATH, ratio, 0.0)
 
 
 def _windows(t: Floats, span: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return first and last rows of windows of about `span` s, half a window apart, without gaps in them."""
-    starts = np.searchsorted(t, np.arange(t[0], t[-1] - span, 0.5 * span))
-    ends = np.minimum(np.searchsorted(t, t[starts] + span), t.size - 1)
     dt = np.diff(t)
     is_gap = dt > max(2.0, 3.0 * float(np.median(dt)))
     n_gap = np.concatenate([[0], np.cumsum(is_gap)])
+    grid = np.arange(t[0], t[-1] - span, 0.5 * span)
+    starts = np.searchsorted(t, grid)
+    ends = np.searchsorted(t, t[starts] + span)
+    ends = np.minimum(ends, t.size - 1)
     gapless = (ends > starts) & (n_gap[ends] == n_gap[starts])
     return starts[gapless], ends[gapless]

@@ -130,7 +130,11 @@ def _corrections(prepared: Prepared, pseudorange: Floats) -> Floats:
 
 
 def _clock(
-    prepared: Prepared, corrected: Floats, tracked: Bools, epoch: int, fixes: tuple[Floats, Floats, Floats]
+    prepared: Prepared,
+    corrected: Floats,
+    tracked: Bools,
+    epoch: int,
+    fixes: tuple[Floats, Floats, Floats],
 ) -> Floats:
     """Return bias (m) and drift (m/s) of the receiver clock at an epoch: medians over the satellites."""
     t_fix, r_i, v_i = fixes
@@ -275,7 +279,12 @@ def _attitudes(C: Floats, dtheta: Floats) -> Floats:
 
 
 def _imu_path(
-    fixes: tuple[Floats, Floats, Floats], t: Floats, rate: float, C_b_i: Floats, w_b: Floats, lever: Floats
+    fixes: tuple[Floats, Floats, Floats],
+    t: Floats,
+    rate: float,
+    C_b_i: Floats,
+    w_b: Floats,
+    lever: Floats,
 ) -> Any:
     """Return the path of the IMU (a spline of position, frame i) through the solutions within the times t (n,) s.
 

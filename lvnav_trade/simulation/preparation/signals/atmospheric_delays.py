@@ -75,7 +75,11 @@ def _start_of_day(trajectory: Trajectory) -> tuple[float, float]:
 
 
 def delays(
-    trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, atmosphere: AtmosphereCard, corrections: CorrectionsCard
+    trajectory: Trajectory,
+    receiver: ReceiverCard,
+    seen: Sky,
+    atmosphere: AtmosphereCard,
+    corrections: CorrectionsCard,
 ) -> Delays:
     """Return true and modelled atmospheric delays along the nominal flight.
 

@@ -21,7 +21,11 @@ from lvnav_trade.trajectory.flight import Trajectory
 
 
 def by_channel(
-    channels: Channels, n_epoch: int, own: tuple[Any, ...], devices: tuple[Sensor, ...], field: str
+    channels: Channels,
+    n_epoch: int,
+    own: tuple[Any, ...],
+    devices: tuple[Sensor, ...],
+    field: str,
 ) -> Floats:
     """Return a table (n_epoch, n_channel) of values by channel.
 
@@ -90,7 +94,12 @@ def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
 
 
 def assumed_variance(
-    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Lines, devices: tuple[Sensor, ...]
+    scenario: Scenario,
+    model: ReceiverModel,
+    channels: Channels,
+    seen: Sky,
+    line: Lines,
+    devices: tuple[Sensor, ...],
 ) -> Floats:
     """Return the noise variance of the measurements in the filter model, (n_epoch, n_channel) SI squared.
 

@@ -173,7 +173,11 @@ def _extra_partial(
 
 
 def received_of(
-    scenario: Scenario, flight: TrueFlight, shared: CorrelatedErrors, left: Floats, tabled: Floats
+    scenario: Scenario,
+    flight: TrueFlight,
+    shared: CorrelatedErrors,
+    left: Floats,
+    tabled: Floats,
 ) -> TrueSignals:
     """Return the true side of satellites and receiver at the epochs.
 
@@ -239,7 +243,11 @@ def assumed_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) ->
 
 
 def signals_of(
-    flight: TrueFlight, received: TrueSignals, assumed: AssumedNoise, in_use: UsedSatellites, reference: Ints
+    flight: TrueFlight,
+    received: TrueSignals,
+    assumed: AssumedNoise,
+    in_use: UsedSatellites,
+    reference: Ints,
 ) -> Signals:
     """Return satellites and receiver as arrays for the kernels: true side and filter side.
 

@@ -42,7 +42,12 @@ def table_of(scenario: Scenario) -> ErrorTable | None:
 
 
 def recorded(
-    scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels: Channels, frozen: Bools
+    scenario: Scenario,
+    theta0: float,
+    line: Lines,
+    seen: Sky,
+    channels: Channels,
+    frozen: Bools,
 ) -> RecordedErrors:
     """Return the recorded errors of the receiver's solution at the epochs of a flight; zero without a recording.
 

@@ -27,7 +27,11 @@ def smoothing_gains(scenario: Scenario, seen: Sky) -> Floats | None:
 
 
 def smoothing_numbers(
-    scenario: Scenario, gain: Floats | None, seen: Sky, line: Lines, errors: Sequence[EnteringError]
+    scenario: Scenario,
+    gain: Floats | None,
+    seen: Sky,
+    line: Lines,
+    errors: Sequence[EnteringError],
 ) -> Smoothing | None:
     """Return the carrier smoothing as arrays for the kernels; None without. errors: correlated errors of the ranges."""
     if gain is None:
@@ -57,7 +61,11 @@ def _in_code(error: CorrelatedError) -> float:
 
 
 def smoothing_offsets(
-    scenario: Scenario, gain: Floats | None, ionosphere: Floats, slip: Floats, line: Lines
+    scenario: Scenario,
+    gain: Floats | None,
+    ionosphere: Floats,
+    slip: Floats,
+    line: Lines,
 ) -> Floats | float:
     """Return the error of ranges and rates by carrier smoothing on the nominal flight, (n_epoch, n_sat, 2) m, m/s.
 

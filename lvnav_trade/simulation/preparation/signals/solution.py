@@ -139,7 +139,12 @@ def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
 
 
 def _gains(
-    solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool
+    solver: Solver,
+    before: Floats,
+    rows: Floats,
+    acceleration: Floats,
+    since: int,
+    fixed: bool,
 ) -> ErrorPropagation:
     """Return the receiver's gains at an epoch, `since` epochs after its first fix, from the previous covariance."""
     model: ReceiverFilter | None = solver.filter
@@ -162,7 +167,11 @@ def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: in
 
 
 def chain_of(
-    solver: Solver | None, has_covariance: bool, received: TrueSignals, assumed: AssumedNoise, line: Lines
+    solver: Solver | None,
+    has_covariance: bool,
+    received: TrueSignals,
+    assumed: AssumedNoise,
+    line: Lines,
 ) -> SolutionErrorModel | None:
     """Return the error propagation of solutions with a reported covariance; None otherwise.
 
@@ -180,7 +189,11 @@ def chain_of(
 
 
 def solved(
-    solver: Solver, received: TrueSignals, point: Floats, acceleration: Floats, scale: Floats
+    solver: Solver,
+    received: TrueSignals,
+    point: Floats,
+    acceleration: Floats,
+    scale: Floats,
 ) -> SolutionErrorModel:
     """Return the error propagation of a receiver that computes its position and velocity.
 
@@ -258,20 +271,23 @@ def _add_output(chain: SolutionErrorModel, frozen: Bools) -> SolutionErrorModel:
     It is the error of the estimate. While the output is frozen, it is the previous error plus the true motion since.
     """
     n_epoch, m = chain.push.shape
-    move = np.zeros((n_epoch, m + 6, m + 6))
-    move[:, :m, :m] = chain.move
-    white = np.pad(chain.white, ((0, 0), (0, 6), (0, 0)))
-    shared = np.pad(chain.shared, ((0, 0), (0, 6), (0, 0)))
-    push = np.pad(chain.push, ((0, 0), (0, 6)))
+    states = (0, 6)
+    move = np.pad(chain.move, ((0, 0), states, states))
+    white = np.pad(chain.white, ((0, 0), states, (0, 0)))
+    shared = np.pad(chain.shared, ((0, 0), states, (0, 0)))
+    push = np.pad(chain.push, ((0, 0), states))
+    pick = chain.pick
     for k in range(n_epoch):
+        A = move[k]
+        d = push[k]
         if frozen[k] and k:
-            move[k, m:, m:] = np.eye(6)
-            push[k, m:] = chain.point[k] - chain.point[k - 1]
+            A[m:, m:] = np.eye(6)
+            d[m:] = chain.point[k] - chain.point[k - 1]
         else:
-            move[k, m:, :m] = chain.move[k, chain.pick]
-            white[k, m:] = chain.white[k, chain.pick]
-            shared[k, m:] = chain.shared[k, chain.pick]
-            push[k, m:] = chain.push[k, chain.pick]
+            A[m:, :m] = chain.move[k, pick]
+            white[k, m:] = chain.white[k, pick]
+            shared[k, m:] = chain.shared[k, pick]
+            d[m:] = chain.push[k, pick]
     return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
 
 
@@ -301,25 +317,36 @@ def _add_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: Tr
     move[:, average_states, average_states] = 1.0
     state_of = dict(zip(smoothed.tolist(), average_states.tolist(), strict=True))
     for k in range(len(push)):
-        for slot, satellite in enumerate(received.used[k, : received.n_used[k]].tolist()):
+        A = move[k]
+        W = white[k]
+        B = shared[k]
+        satellites = received.used[k, : received.n_used[k]]
+        for slot, satellite in enumerate(satellites.tolist()):
             state = state_of[satellite]
             code = 2 * slot
             phase = n_in + slot
             a = smoothing.gain[k, satellite]
             gain = chain.white[k, :, code]  # minus the solver's gain
             d = _code_minus_carrier(received, smoothing, k, satellite)
-            move[k, :m, state] = (1.0 - a) * gain
-            move[k, state, state] = 1.0 - a
-            white[k, :m, code] = a * gain
-            white[k, state, code] = a
-            white[k, :m, phase] = (1.0 - a) * gain
-            white[k, state, phase] = -a
+            A[:m, state] = (1.0 - a) * gain
+            A[state, state] = 1.0 - a
+            W[:m, code] = a * gain
+            W[state, code] = a
+            W[:m, phase] = (1.0 - a) * gain
+            W[state, phase] = -a
+            B[:m] -= (1.0 - a) * np.outer(gain, d)
+            B[state] = a * d
             variance[k, code] = received.sigma[k, 2 * satellite] ** 2
             variance[k, phase] = smoothing.sigma[k, satellite] ** 2
-            shared[k, :m] -= (1.0 - a) * np.outer(gain, d)
-            shared[k, state] = a * d
     kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
-    return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
+    return chain._replace(
+        move=move,
+        white=white,
+        variance=variance,
+        kind=kind,
+        shared=shared,
+        push=push,
+    )
 
 
 def _code_minus_carrier(received: TrueSignals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
