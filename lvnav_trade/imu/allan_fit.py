@@ -272,7 +272,7 @@ def _n_pair(lags: Floats, n_a: int, n_b: int) -> Floats:
 def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
     """Return the covariances (4, n_lag) of second differences of the angle over a and b samples, by lag.
 
-    The lag is that of their starts. Each process has a coefficient of one.
+    The lag is that of their starts. Each process has a unit coefficient.
     """
     covariances = np.zeros((len(NAMES), len(lags)))
     for k, name in enumerate(NAMES):

@@ -126,13 +126,13 @@ def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[TransitionE
         yield TransitionErrors(error, missed)
 
 
-def end_of_run(prepared: Prepared, at: int) -> tuple[Floats, Floats, bool]:
+def end_of_run(prepared: Prepared, hist: int) -> tuple[Floats, Floats, bool]:
     """Return errors and covariance of run 0.
 
     Returns
     -------
     err
-        (n_out,) SI. Errors at history time number `at`.
+        (n_out,) SI. Errors at history time number `hist`.
     P
         (n_state, n_state). Covariance of the filter at the end.
     failed
@@ -143,7 +143,7 @@ def end_of_run(prepared: Prepared, at: int) -> tuple[Floats, Floats, bool]:
     err = _by_run(work.err, lanes)[0]
     P = _by_run(work.P, lanes)[0]
     failed = _by_run(work.failed, lanes)[0]
-    return err[at], P, bool(failed[0])
+    return err[hist], P, bool(failed[0])
 
 
 _OUTPUT = {

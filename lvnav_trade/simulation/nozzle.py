@@ -1,4 +1,4 @@
-"""A scenario's launcher under control: nozzle movement by what feeds the controller, motion in its envelopes."""
+"""Launch vehicle under control: nozzle movement by the rate that is fed back, and motion in its envelopes."""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -18,24 +18,29 @@ from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
 from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 
-# Rates that the controller is fed, a mission each.
+# Rates that are fed to the controller, one mission for each.
 FEEDS = ("raw", "filtered", "true")
 PHASES = ("burn", "coast", "change")
 AXES = ("pitch", "yaw")
-# Seconds from lift-off of which one run's motion is kept beside its envelopes.
+# Seconds from lift-off in which the motion of one run is compared with its envelopes.
 SHOWN = 100.0
 _BIN = 0.05
 
 
 class NozzleStatistics(NamedTuple):
-    """Missions of a case; axes are pitch and yaw.
+    """Statistics of the missions of a case; axes are pitch and yaw.
 
-    t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
-    in each burn, rad; mean, low, high (n_feed, n, 2) of the runs so far; turning (n_feed, 2, N_PHASE, 8): ticks of all
-    runs, part of them with angular acceleration and with jerk in the envelope, furthest of both over it, root mean
-    square of attitude error (rad) and of the fed rate's error, formal sigma of that (rad/s); shown_t (k,) s and shown
-    (k, 2, 4) angular acceleration, its bound, jerk and its bound of the first run with the filtered rate, of every
-    twentieth of a second the tick that is furthest out.
+    t : (n,) s.
+    total : (n_feed, n_run, n_burn + 1, 2) rad. Movement of the nozzle over the flight, and in each burn.
+    mean : (n_feed, n, 2) rad. Movement so far, mean of the runs.
+    low : (n_feed, n, 2) rad. Smallest movement of a run so far.
+    high : (n_feed, n, 2) rad. Largest movement of a run so far.
+    turning : (n_feed, 2, N_PHASE, 8). Number of ticks of all runs; fractions of them with angular acceleration and with
+        jerk in the envelope; largest ratios of both to it; root mean square of the attitude error (rad) and of the
+        error of the fed rate (rad/s); formal sigma of that rate (rad/s).
+    shown_t : (k,) s. Start of bins of a twentieth of a second.
+    shown : (k, 2, 4). Angular acceleration, its bound, jerk and its bound in the first run with the filtered rate, at
+        the tick of each bin that is furthest out.
     """
 
     t: Floats
@@ -54,7 +59,7 @@ def _ascended(text: str) -> SolvedAscent:
 
 
 def launch_of(scenario: Scenario) -> Launch:
-    """Return the launch of a scenario that has one; InputError where cards do not fit the vehicle."""
+    """Return the launch of a scenario with a vehicle under control; InputError if cards do not fit the vehicle."""
     card = scenario.control
     assert card is not None  # the scenario is checked for it, and for its trajectory
     assert isinstance(scenario.trajectory, VehicleAscent)
@@ -70,7 +75,7 @@ def launch_of(scenario: Scenario) -> Launch:
 
 
 def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | None:
-    """Return the missions of a case on the campaign's draws; None where it has no vehicle under control."""
+    """Return the missions of a case with the draws of the campaign; None without a vehicle under control."""
     if scenario.control is None:
         return None
     launch = launch_of(scenario)
@@ -95,7 +100,7 @@ def _burns_of(scenario: Scenario) -> list[tuple[float, float]]:
 
 
 def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
-    """Return what feeds the controller: one of FEEDS, and attitude of the scenario's own reference."""
+    """Return the feedback of the controller: a rate of FEEDS, and the attitude of the scenario's reference."""
     (sensor,) = sensors_measuring(scenario, "attitude")  # the scenario is checked for it
     assert isinstance(sensor, AttitudeReferenceCard)
     return FeedbackCard.model_construct(

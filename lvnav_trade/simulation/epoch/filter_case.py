@@ -1,4 +1,4 @@
-"""What an epoch reads of a case, the arrays of its optional features, and the receiver's last solution."""
+"""Filter inputs of a case, arrays of its optional features, and storage of the receiver's last solution."""
 
 from collections import namedtuple
 from typing import Any, NamedTuple
@@ -62,9 +62,8 @@ OptionalState = namedtuple(
 """Arrays of the optional features of a case; None without the feature, so that other kernels are compiled once.
 
 run : (1,). Number of the run; None in linear covariance.
-receiver : filter.receivers.receiver.Receiver. Receiver that computes its solution; in linear covariance the covariance
-    that
-it reports.
+receiver : filter.receivers.receiver.Receiver. Receiver that computes its solution; in linear covariance the
+    covariance that it reports.
 open_loop : filter.policies.open_loop.OpenLoop. Open-loop correction.
 mode_state : filter.policies.mode_logic.ModeState. Mode logic.
 state_history : (n_place + 1, N_PAST). Stored states of delay compensation, see filter.policies.delay.

@@ -45,7 +45,7 @@ def arriving(
     faults: Sequence[AnyFault],
     course: FlightProfile,
     unit: int = 0,
-    beside: Floats | None = None,
+    lever_arm_dvel: Floats | None = None,
 ) -> list[Floats]:
     """Return angle and velocity increments sensed by an ideal IMU of a given bandwidth, (n_imu, 3) each, body axes.
 
@@ -59,11 +59,11 @@ def arriving(
         Faults, of which dropped samples act here; conditions of the trajectory.
     unit
         Number of the IMU in an array.
-    beside
+    lever_arm_dvel
         (n_imu, 3) m/s. Velocity increments by the lever arm of the IMU.
     """
     dt = 1.0 / card.rate
-    dvel = ref.dvel if beside is None else ref.dvel + beside
+    dvel = ref.dvel if lever_arm_dvel is None else ref.dvel + lever_arm_dvel
     dtheta_out = _lagged(ref.dtheta, card.gyro.bandwidth, dt)
     dvel_out = _lagged(dvel, card.accel.bandwidth, dt)
     dropped = []
@@ -171,8 +171,8 @@ def units_of(
     triads = triads_of(card)
     sensed = []
     for number, unit in enumerate(card.units):
-        lever_arm_increments = swing(ref, np.array(unit.lever_arm))
-        sensed.append(arriving(ref, unit, scenario.faults, course, number, lever_arm_increments))
+        lever_arm_dvel = swing(ref, np.array(unit.lever_arm))
+        sensed.append(arriving(ref, unit, scenario.faults, course, number, lever_arm_dvel))
     owners = [triad.unit for triad in triads]
     out = []
     keys = []

@@ -72,4 +72,6 @@ def _fill(values: NDArray[np.float64], words: NDArray[np.uint64], k0: np.uint64,
     for run in range(values.shape[0]):
         for k in range(words.shape[0]):
             n0, n1, n2, _ = normals(k0, k1, words[k], np.uint64(run), _ZERO, _ZERO)
-            values[run, k, 0], values[run, k, 1], values[run, k, 2] = n0, n1, n2
+            values[run, k, 0] = n0
+            values[run, k, 1] = n1
+            values[run, k, 2] = n2

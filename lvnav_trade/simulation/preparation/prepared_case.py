@@ -55,14 +55,16 @@ class Prepared(NamedTuple):
     @property
     def hist_tick(self) -> Ints:
         """Return the ticks (n_hist,) at which errors are recorded for the history times."""
-        at = self.schedule.hist >= 0
+        schedule = self.schedule
+        has_history = schedule.hist >= 0
+        end = schedule.first_tick + schedule.n_tick
         ticks = np.zeros(self.t_hist.size, dtype=np.int64)
-        ticks[self.schedule.hist[at]] = (self.schedule.first_tick + self.schedule.n_tick)[at]
+        ticks[schedule.hist[has_history]] = end[has_history]
         return ticks
 
     @property
     def n_row(self) -> int:
         """Return the largest number of Jacobian rows at an epoch: those of the receiver, then those of the sensors."""
-        return (
-            max(6, self.model.n_kind * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
-        )
+        n_slot = self.signals.used.shape[1]
+        n_receiver_row = max(6, self.model.n_kind * n_slot)
+        return n_receiver_row + self.channels.n_channel - self.channels.n_receiver

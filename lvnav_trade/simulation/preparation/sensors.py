@@ -226,8 +226,9 @@ def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -
     if not sensors:
         return None
     n = len(sensors)
+    codes = [_KINDS.index(kind_of(type(sensor.card))) for sensor in sensors]
     return Sensors(
-        code=np.array([_KINDS.index(kind_of(type(sensor.card))) for sensor in sensors], dtype=np.int64),
+        code=np.array(codes, dtype=np.int64),
         channel=np.array(channels.first, dtype=np.int64),
         scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
         on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),
