@@ -192,17 +192,8 @@ def summarise(
     t_event = np.array([event_times[name] for name in names], dtype=float)
     at_event = _history_index(block.t, names, t_event)
     n_run = len(block.err)
-    is_finite = np.isfinite(block.err).all(axis=(1, 2))
-    failed = np.where(is_finite | (block.failed != 0), block.failed, NOT_FINITE)
-    sound_until = _sound_until(block, failed)
-    if sound_until is None:
-        until = np.full(n_run, np.inf)
-        alive = None
-        alive_epoch = None
-    else:
-        until = sound_until
-        alive = block.t < until[:, None]
-        alive_epoch = block.t_epoch < until[:, None]
+    failed = _failure_codes(block)
+    until, alive, alive_epoch = _counted_times(block, failed)
     unit = add_norms(scale, outputs)
     unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # errors of zero sigma are binned in SI units
     groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
@@ -236,6 +227,20 @@ def summarise(
         injections=block.injections,
         lost=block.lost,
     )
+
+
+def _failure_codes(block: RunBlock) -> NDArray[np.int8]:
+    """Return the failure codes of the runs; a run with an error that is not finite has failed."""
+    is_finite = np.isfinite(block.err).all(axis=(1, 2))
+    return np.where(is_finite | (block.failed != 0), block.failed, NOT_FINITE)
+
+
+def _counted_times(block: RunBlock, failed: NDArray[np.int8]) -> tuple[Floats, Bools | None, Bools | None]:
+    """Return until when (s) each run counts, and whether it counts at history times and epochs; None if none fails."""
+    until = _sound_until(block, failed)
+    if until is None:
+        return np.full(len(failed), np.inf), None, None
+    return until, block.t < until[:, None], block.t_epoch < until[:, None]
 
 
 def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:

@@ -85,10 +85,6 @@ def redundant_of(
         lost = failed(along + errors, units.frames[:, :, 0], test)
     elif hand_over >= 0:
         lost = [(hand_over, 0)]
-    means = []
-    for n_lost in range(len(lost) + 1):
-        excluded = {unit for _, unit in lost[:n_lost]}
-        means.append(mean_stage(units, axes, excluded).solved)
     spread, walk = _bias_variances(card)
     redundant = ImuRedundancy(
         middle=card.selection == "mid_value",
@@ -106,10 +102,18 @@ def redundant_of(
         spread=spread,
         walk=walk,
         lost=np.array([tick for tick, _ in lost], dtype=np.int64),
-        mean=np.array(means),
+        mean=_means(units, axes, [unit for _, unit in lost]),
     )
     statistics = MedianStatistics(card, units, axes, ref, along, errors) if redundant.middle else None
     return _add_stages(units, axes, statistics, lost, redundant)
+
+
+def _means(units: ImuArray, axes: RedundantAxes, excluded: list[int]) -> Floats:
+    """Return the weights of the mean of all IMUs, then after each exclusion, (n_excluded + 1, n_triad, 2, 3, 3)."""
+    means = []
+    for n in range(len(excluded) + 1):
+        means.append(mean_stage(units, axes, set(excluded[:n])).solved)
+    return np.array(means)
 
 
 def _parity_test(card: ImuSet, units: ImuArray, owner: Ints, dt: float) -> ParityTest:

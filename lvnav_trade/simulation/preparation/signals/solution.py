@@ -213,7 +213,6 @@ def solved(
     model: ReceiverFilter | None = solver.filter
     fixed = received.n_used >= 4
     n_epoch = len(point)
-    n_in = 2 * received.used.shape[1] + 2
     begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
     if model is None:
         moved = np.zeros((n_epoch, N_STATE))
@@ -226,42 +225,45 @@ def solved(
     slope = nominal_acceleration(point[:, 3:], fixed, received.interval)
     step = received.clock_step
     clock_noise = np.array([[step[0], 0.0], [step[1], step[2]]])  # Cholesky factor, see `sensing.step_clock`
-    move = np.zeros((n_epoch, N_STATE, N_STATE))
-    white = np.zeros((n_epoch, N_STATE, n_in))
-    variance = np.zeros((n_epoch, n_in))
-    shared = np.zeros((n_epoch, N_STATE, received.shared.start.size))
-    push = np.zeros((n_epoch, N_STATE))
-    formal = np.zeros_like(move)
-    reported = np.tile(np.eye(6), (n_epoch, 1, 1))
+    chain = _new_chain(received, point, has_solution)
     gains = _NOTHING
     for k in range(n_epoch):
         rows, innovation, channels = _epoch(point, received, k)
         gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
         n_row = gains.gain.shape[1]  # zero if the receiver processes nothing
         channels = channels[:n_row]
-        move[k] = gains.keep @ gains.phi
-        formal[k] = gains.P
-        white[k, :, :n_row] = -gains.gain
-        variance[k, :n_row] = received.sigma[k, channels] ** 2
-        white[k, :, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock_noise
-        variance[k, -2:] = 1.0
-        shared[k] = -gains.gain @ _shared(received, k, channels)
-        push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
+        chain.move[k] = gains.keep @ gains.phi
+        chain.own[k] = gains.P
+        chain.white[k, :, :n_row] = -gains.gain
+        chain.variance[k, :n_row] = received.sigma[k, channels] ** 2
+        chain.white[k, :, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock_noise
+        chain.variance[k, -2:] = 1.0
+        chain.shared[k] = -gains.gain @ _shared(received, k, channels)
+        chain.push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
         if has_solution[k]:
-            reported[k] = reported_covariance(reported_model, gains.P)
-    sources = [*np.tile([RANGE, RATE], received.used.shape[1]), CLOCK, CLOCK]
+            chain.reported[k] = reported_covariance(reported_model, gains.P)
+    scaled = chain.reported * scale[:, :, None] * scale[:, None, :]
+    return chain._replace(reported=scaled)
+
+
+def _new_chain(received: TrueSignals, point: Floats, has_solution: Bools) -> SolutionErrorModel:
+    """Return the error propagation of a computed solution before its epochs are filled: zeros, reported unit matrix."""
+    n_epoch = len(point)
+    n_slot = received.used.shape[1]
+    n_in = 2 * n_slot + 2
+    sources = [*np.tile([RANGE, RATE], n_slot), CLOCK, CLOCK]
     return SolutionErrorModel(
-        move=move,
-        white=white,
-        variance=variance,
+        move=np.zeros((n_epoch, N_STATE, N_STATE)),
+        white=np.zeros((n_epoch, N_STATE, n_in)),
+        variance=np.zeros((n_epoch, n_in)),
         kind=np.array(sources, dtype=np.int64),
-        shared=shared,
-        push=push,
+        shared=np.zeros((n_epoch, N_STATE, received.shared.start.size)),
+        push=np.zeros((n_epoch, N_STATE)),
         pick=SOLUTION.astype(np.int64),
-        reported=reported * scale[:, :, None] * scale[:, None, :],
+        reported=np.tile(np.eye(6), (n_epoch, 1, 1)),
         solved=has_solution,
         point=point,
-        own=formal,
+        own=np.zeros((n_epoch, N_STATE, N_STATE)),
     )
 
 
