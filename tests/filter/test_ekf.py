@@ -8,7 +8,7 @@ from lvnav_trade.filter.ekf import clear_epoch, correct, place_antenna, predict_
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.simulation.montecarlo import new_work
+from lvnav_trade.simulation.run_arrays import new_work
 from tests.building import case, loaded, prepare_hop, with_fields
 
 

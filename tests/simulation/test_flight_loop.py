@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.scenario.filter_models import filter_models
-from lvnav_trade.simulation.montecarlo import new_work, run_block
+from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import prepare
+from lvnav_trade.simulation.run_arrays import new_work
 from tests.building import INERTIAL, LOOSE, ascent, assumed_receiver, case, hop, loaded, prepare_hop, with_fields
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,9 +12,10 @@ from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.strapdown import R, V
 from lvnav_trade.kernels.transition import ACCEL, GYRO, OTHER_0, OWN_0, POS, SQUARE, VEL
 from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
-from lvnav_trade.simulation.montecarlo import new_work, run_block
+from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.recording import N_SAMPLE_OUTPUT, record, true_parameter
+from lvnav_trade.simulation.run_arrays import new_work
 from lvnav_trade.simulation.sensing import from_errors
 from tests.both_engines.modelled import BASELINE, modelled
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields

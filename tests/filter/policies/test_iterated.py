@@ -13,7 +13,8 @@ from lvnav_trade.covariance.history import covariance
 from lvnav_trade.filter import ekf
 from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
 from lvnav_trade.simulation.epoch.process import process_receiver
-from lvnav_trade.simulation.montecarlo import new_work, run_block
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.run_arrays import new_work
 from tests.building import loaded, prepare_hop, with_fields
 
 RUNS, SEED = 24, 7

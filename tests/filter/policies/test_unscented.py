@@ -15,7 +15,8 @@ from lvnav_trade.filter.policies.unscented import factorise, hold_window, rotati
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
-from lvnav_trade.simulation.montecarlo import new_work, run_block
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.run_arrays import new_work
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
 RUNS, SEED = 24, 7
