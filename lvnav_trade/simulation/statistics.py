@@ -178,8 +178,7 @@ def summarise(
     event_times
         s since lift-off, by name of the event; each must be a history time.
     scale
-        (n_hist, n_out) SI. True sigma by linear covariance, the unit of the histograms; the same for all blocks of a
-        case.
+        (n_hist, n_out) SI. True sigma by linear covariance, the unit of the histograms; the same for all blocks.
     outputs
         Error components (Prepared.outputs); three-axis quantities get a norm.
 
