@@ -41,10 +41,10 @@ class Watched(GuidedPilot):
         """Fly a piece of the last burn; see `GuidedPilot`."""
         why = WHOLE
         while self.t < end - 1e-9 and why == WHOLE:
-            begin, before = self.t, np.array(commanded(self.t, self.around))
-            until = min(begin + self.around.law.cycle, end)
-            self.t, self.y, why = fly_last(begin, until, self.longest, self.y, push, self.around, cutoff)
-            after = np.array(commanded(begin, self.around))
+            begin, before = self.t, np.array(commanded(self.t, self.inputs))
+            until = min(begin + self.inputs.law.cycle, end)
+            self.t, self.y, why = fly_last(begin, until, self.longest, self.y, push, self.inputs, cutoff)
+            after = np.array(commanded(begin, self.inputs))
             self.steps.append((begin, float(np.linalg.norm(np.cross(before, after)))))
         return why
 

@@ -18,7 +18,7 @@ from lvnav_trade.trajectory.guided.pilots import ADRIFT, INJECTED, GuidedPilot, 
 
 
 class Injection(NamedTuple):
-    """How a run ends.
+    """The end of a run.
 
     outcome : One of `records.OUTCOMES`.
     t : s since lift-off. Time of the cut-off, or of an earlier end of the flight.
@@ -34,15 +34,16 @@ class Injection(NamedTuple):
     error: Floats
 
 
-def empty_mass(flown: VehicleAscent) -> float:
+def empty_mass(vehicle: VehicleAscent) -> float:
     """Return the mass (kg) of the last stage without propellant, with its payload."""
-    return flown.vehicle.stages[-1].dry + mass_above(flown, len(flown.vehicle.stages))
+    stages = vehicle.vehicle.stages
+    return stages[-1].dry + mass_above(vehicle, len(stages))
 
 
 def inject(
     plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors = PERFECT, draws: DrawKeys | None = None
 ) -> Injection:
-    """Fly one run.
+    """Simulate one run.
 
     Parameters
     ----------
@@ -52,31 +53,46 @@ def inject(
     draws : Keys of the noises, gusts and misalignments of a vehicle under attitude control; keys of zero if absent.
     """
     if not np.all(np.isfinite(navigation.error)):
-        return Injection(ADRIFT, np.nan, np.full(7, np.nan), np.nan, np.full(9, np.nan))
-    flown = vehicle_of(plan.card, sigmas)
-    pilot = _pilot(plan, flown, sigmas, navigation, draws)
+        return Injection(
+            outcome=ADRIFT,
+            t=np.nan,
+            y=np.full(7, np.nan),
+            left=np.nan,
+            error=np.full(9, np.nan),
+        )
+    vehicle = vehicle_of(plan.card, sigmas)
+    pilot = _make_pilot(plan, vehicle, sigmas, navigation, draws)
     outcome = pilot.fly()
-    left = float(pilot.y[6]) - empty_mass(flown)
+    propellant = float(pilot.y[6]) - empty_mass(vehicle)
     if outcome == INJECTED:
-        pilot.push(pilot.differs.tail_off)
-    return Injection(outcome, pilot.t, pilot.y[:7], max(0.0, left), error_at(pilot.t, navigation))
+        pilot.push(pilot.deviations.tail_off)
+    return Injection(
+        outcome=outcome,
+        t=pilot.t,
+        y=pilot.y[:7],
+        left=max(0.0, propellant),
+        error=error_at(pilot.t, navigation),
+    )
 
 
-def _pilot(
-    plan: GuidancePlan, flown: VehicleAscent, sigmas: Sigmas, navigation: NavigationErrors, draws: DrawKeys | None
+def _make_pilot(
+    plan: GuidancePlan, vehicle: VehicleAscent, sigmas: Sigmas, navigation: NavigationErrors, draws: DrawKeys | None
 ) -> GuidedPilot:
     """Return the pilot for the attitude response of a vehicle."""
-    differs, control = deviations(plan.card, sigmas), plan.card.control
+    run_deviations = deviations(plan.card, sigmas)
+    control = plan.card.control
     if control is None:
-        return GuidedPilot(plan, flown, differs, navigation)
-    launch = _launched(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
+        return GuidedPilot(plan, vehicle, run_deviations, navigation)
+    # These settings change runs, and not the launch that they have in common.
+    launch = _cached_launch(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
     draws = draws or DrawKeys(np.uint64(0), np.uint64(0), np.uint64(0))
-    turning = turning_of(launch, control.feedback, draws, by_run=True, density=density_of(plan.card, sigmas))
-    blown = differs._replace(wind=wind_of_launch(launch, draws, differs.wind))
-    return TurningPilot(plan, flown, blown, navigation, turning)
+    density = density_of(plan.card, sigmas)
+    turning = turning_of(launch, control.feedback, draws, by_run=True, density=density)
+    wind = wind_of_launch(launch, draws, run_deviations.wind)
+    return TurningPilot(plan, vehicle, run_deviations._replace(wind=wind), navigation, turning)
 
 
 @remembered(4)
-def _launched(key: str, card: VehicleAscent) -> Launch:
+def _cached_launch(key: str, card: VehicleAscent) -> Launch:
     assert card.control is not None
     return launch_along(ascend(card), card.control)

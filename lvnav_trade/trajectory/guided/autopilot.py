@@ -10,13 +10,13 @@ TRUE, RAW, FILTERED = 0, 1, 2
 BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
 IDEAL, MODELLED, OF_THE_RUN = 0, 1, 2
 """Attitude that the controller sees: the true one, that of a navigation of its own, that of the run's navigation."""
-NEXT, MOTOR, FRESH, STACK, N_COUNT = range(5)
+NEXT, MOTOR, JUST_IGNITED, STACK, N_COUNT = range(5)
 """Counters of a run: next tick, burning stage (0: none, -1: not known yet), whether it just changed, lowest stage."""
 
 # Record of an axis at a tick.
 (
     NOZZLE,
-    ASKED,
+    NOZZLE_COMMAND,
     MOVED,
     ERROR,
     RATE_ERROR,

@@ -19,14 +19,14 @@ def nozzle_step(angle, command, time_constant, rate_limit, h):
     A command far away is approached at the limit until the lag asks for less. The way there is monotone, so the
     movement of a step is the difference of its ends.
     """
-    left = command - angle
-    knee = rate_limit * time_constant
-    if abs(left) > knee:
-        fast = (abs(left) - knee) / rate_limit
-        if h <= fast:
-            return angle + math.copysign(rate_limit * h, left)
-        return command - math.copysign(knee, left) * math.exp(-(h - fast) / time_constant)
-    return command - left * math.exp(-h / time_constant)
+    distance = command - angle
+    knee = rate_limit * time_constant  # distance at which the lag asks for the rate limit
+    if abs(distance) > knee:
+        limited_time = (abs(distance) - knee) / rate_limit
+        if h <= limited_time:
+            return angle + math.copysign(rate_limit * h, distance)
+        return command - math.copysign(knee, distance) * math.exp(-(h - limited_time) / time_constant)
+    return command - distance * math.exp(-h / time_constant)
 
 
 @jit
@@ -35,7 +35,9 @@ def command_step(value, slope, target, time_constant, h):
     x = value - target
     rise = slope + x / time_constant
     decay = math.exp(-h / time_constant)
-    return target + (x + rise * h) * decay, (slope - rise * h / time_constant) * decay
+    next_value = target + (x + rise * h) * decay
+    next_slope = (slope - rise * h / time_constant) * decay
+    return next_value, next_slope
 
 
 @jit
@@ -54,13 +56,16 @@ def gust_step(first, second, x, n0, n1):
     """
     decay = math.exp(-x)
     square = decay * decay
+    # Covariance of the process noise over the step, and its Cholesky factor
     q11 = 1.0 - square
     q12 = 1.0 / _ROOT_2 - square * (_ROOT_2 * x + 1.0 / _ROOT_2)
     q22 = 1.0 - square * (1.0 + 2.0 * x + 2.0 * x * x)
     l11 = math.sqrt(q11)
     l21 = q12 / l11 if l11 > 0.0 else 0.0
     l22 = math.sqrt(max(0.0, q22 - l21 * l21))
-    return decay * first + l11 * n0, decay * (second + _ROOT_2 * x * first) + l21 * n0 + l22 * n1
+    next_first = decay * first + l11 * n0
+    next_second = decay * (second + _ROOT_2 * x * first) + l21 * n0 + l22 * n1
+    return next_first, next_second
 
 
 @jit
@@ -90,24 +95,28 @@ def body_step(angle, rate, drift, push, mid, end, coefficients, h):
     a3, b3 = _rates(angle + 0.5 * h * r2, drift + 0.5 * h * b2, mid, coefficients)
     r4 = rate + h * a3
     a4, b4 = _rates(angle + h * r3, drift + h * b3, end, coefficients)
+    next_angle = angle + h / 6.0 * (rate + 2.0 * (r2 + r3) + r4)
+    next_rate = rate + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+    next_drift = drift + h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
+    return next_angle, next_rate, next_drift
+
+
+@jit
+def _rates(angle, drift, nozzle, coefficients):
+    """Return angular acceleration and the derivative of the lateral speed; arguments as of `body_step`."""
+    effectiveness, thrust_load, moment, force, airspeed, wind, acceleration = coefficients
+    crosswind = airspeed * angle - drift + wind
     return (
-        angle + h / 6.0 * (rate + 2.0 * (r2 + r3) + r4),
-        rate + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4),
-        drift + h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4),
+        acceleration - effectiveness * nozzle + moment * crosswind,
+        thrust_load * (nozzle + angle) + force * crosswind,
     )
 
 
 @jit
-def _rates(angle, drift, push, c):
-    """Return angular acceleration and the derivative of the lateral speed."""
-    air = c[4] * angle - drift + c[5]
-    return c[6] - c[0] * push + c[2] * air, c[1] * (push + angle) + c[3] * air
-
-
-@jit
-def lateral_force(angle, drift, push, c):
-    """Return the lateral specific force (m/s^2) that the body feels."""
-    return c[1] * push + c[3] * (c[4] * angle - drift + c[5])
+def lateral_force(angle, drift, nozzle, coefficients):
+    """Return the lateral specific force (m/s^2) that the body feels; arguments as of `body_step`."""
+    _, thrust_load, _, force, airspeed, wind, _ = coefficients
+    return thrust_load * nozzle + force * (airspeed * angle - drift + wind)
 
 
 @jit

@@ -32,71 +32,80 @@ _LOAD_STEP = 0.05  # s between the times at which the largest load is looked for
 
 
 @remembered(2)
-def _solved(key: str, card: VehicleAscent) -> SolvedAscent:
+def _cached_ascent(key: str, card: VehicleAscent) -> SolvedAscent:
     return ascend(card)
 
 
 def flown_ascent(card: VehicleAscent) -> Trajectory:
-    """Return the true flight of a vehicle card, under wind and control where it says so.
+    """Return the true flight of a vehicle card, under wind and control if the card has them.
 
     Under guidance that is the nominal flight: there, every run has a launch of its own.
     """
     if card.control is None or card.guidance != "nominal":
         return build_ascent(card)
-    ascent = _solved(card.model_dump_json(exclude={"control", "named_times", "oscillation"}), card)
+    ascent = _cached_ascent(card.model_dump_json(exclude={"control", "named_times", "oscillation"}), card)
     return fly_launch(ascent, launch_along(ascent, card.control), card.control)
 
 
 def fly_launch(ascent: SolvedAscent, launch: Launch, card: SteeredCard) -> Trajectory:
     """Return the trajectory of one launch, whose motors burn as long as on the nominal ascent.
 
-    The body points as the controlled loop has it; roll is that of the ascent. Knots lie a tick apart.
+    The attitude is that of the controlled loop; roll is that of the ascent. Knots lie a tick apart.
     """
     nominal = ascent.trajectory
     draws = autopilot.DrawKeys(*seed_words(_SEED), np.uint64(card.realisation))
     pilot = fly_mission(launch, card.feedback, draws, 1, path=True)
     control = pilot.turning.control
-    t, rows = control.course.t[: len(control.history)], control.history
+    history = control.history
     pad = tuple(phase for phase in nominal.phases if phase.end <= 0.0)
-    built = Trajectory(
-        (*pad, *_phases(nominal, pilot)),
-        pilot.events | {"max_q": nominal.events["max_q"]},
-        nominal.theta0,
-        nominal.epoch,
-        commands=Commands(t, np.cumsum(rows[:, :, autopilot.STEPPED], axis=0), rows[:, :, autopilot.ASKED]),
+    commands = Commands(
+        t=control.course.t[: len(history)],
+        rate=np.cumsum(history[:, :, autopilot.STEPPED], axis=0),
+        nozzle=history[:, :, autopilot.NOZZLE_COMMAND],
     )
-    return replace(built, facts=nominal.facts | _facts(built))
+    flight = Trajectory(
+        phases=(*pad, *_phases(nominal, pilot)),
+        events=pilot.events | {"max_q": nominal.events["max_q"]},
+        theta0=nominal.theta0,
+        epoch=nominal.epoch,
+        commands=commands,
+    )
+    return replace(flight, facts=nominal.facts | _facts(flight))
 
 
 def _phases(nominal: Trajectory, pilot: TurningPilot) -> Iterator[Phase]:
+    """Yield the phases of a launch: its path, and the nominal attitude turned by the angles of both axes."""
     control, path = pilot.turning.control, pilot.turning.path
     ticks = control.course.t[: len(path)]
-    angle, rate = control.history[:, :, autopilot.ANGLE], control.history[:, :, autopilot.RATE]
-    turned = CubicHermiteSpline(ticks, angle, rate)
-    for stretch in pilot.stretches:
-        inside = _inside(stretch, ticks)
-        t = np.concatenate([stretch.t[:1], ticks[inside], stretch.t[1:]])
-        r = np.concatenate([stretch.y[:1, :3], path[inside, :3], stretch.y[1:, :3]])
-        at = np.clip(t, 0.0, nominal.end)
-        by_nose = np.concatenate([np.zeros((t.size, 1)), turned(t)], axis=1)  # pitching up is about y, yawing right z
-        q = product(motion(nominal, at).q_b_i, rotation_quaternions(by_nose))
-        position = position_spline(t, r, stretch.y[:, 3:6], stretch.a)
-        yield Phase(stretch.name, float(t[0]), float(t[-1]), position, attitude_spline(t, q))
+    angle = control.history[:, :, autopilot.ANGLE]
+    rate = control.history[:, :, autopilot.RATE]
+    angle_spline = CubicHermiteSpline(ticks, angle, rate)
+    for segment in pilot.stretches:
+        inside = _inner_ticks(segment, ticks)
+        t = np.concatenate([segment.t[:1], ticks[inside], segment.t[1:]])
+        r = np.concatenate([segment.y[:1, :3], path[inside, :3], segment.y[1:, :3]])
+        # rotation vectors: pitching up is about the y axis, yawing right about z
+        turns = np.concatenate([np.zeros((t.size, 1)), angle_spline(t)], axis=1)
+        nominal_q = motion(nominal, np.clip(t, 0.0, nominal.end)).q_b_i
+        q = product(nominal_q, rotation_quaternions(turns))
+        position = position_spline(t, r, segment.y[:, 3:6], segment.a)
+        yield Phase(segment.name, float(t[0]), float(t[-1]), position, attitude_spline(t, q))
 
 
-def _inside(stretch: PathSegment, ticks: Floats) -> Floats:
-    """Return which ticks lie between the ends of a stretch, no nearer to them than half a tick."""
+def _inner_ticks(segment: PathSegment, ticks: Floats) -> Floats:
+    """Return which ticks lie between the ends of a segment, no nearer to them than half a tick."""
     half = 0.5 * (ticks[1] - ticks[0])
-    return (ticks > stretch.t[0] + half) & (ticks < stretch.t[1] - half)
+    return (ticks > segment.t[0] + half) & (ticks < segment.t[1] - half)
 
 
 def _facts(flight: Trajectory) -> dict[str, float | str]:
-    """Return what the launch reached: its orbit at the end of the last burn, and its largest load."""
-    top = motion(flight, [flight.events["injection"]])
+    """Return the facts of a launch: its orbit at the end of the last burn, and its largest load."""
+    injection = motion(flight, [flight.events["injection"]])
     t = np.linspace(0.0, flight.end, int(flight.end / _LOAD_STEP) + 1)
-    load = float(np.max(np.linalg.norm(motion(flight, t).f_b, axis=1)))
+    load = np.linalg.norm(motion(flight, t).f_b, axis=1)
+    max_q = flight.course.sampled(np.array([flight.events["max_q"]]))[2, 0]
     return {
-        **achieved(np.concatenate([top.r_i[0], top.v_i[0]])),
-        "max_load_g": load / STANDARD_GRAVITY,
-        "max_dynamic_pressure_pa": float(flight.course.sampled(np.array([flight.events["max_q"]]))[2, 0]),
+        **achieved(np.concatenate([injection.r_i[0], injection.v_i[0]])),
+        "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
+        "max_dynamic_pressure_pa": float(max_q),
     }

@@ -80,15 +80,20 @@ def course_along(
 
 def _burning(legs: list[AscentLeg], t: Floats) -> Floats:
     """Return whether a motor burns at times t (n,)."""
-    index = np.maximum(np.searchsorted([leg.t[0] for leg in legs], t, side="right") - 1, 0)
-    return np.array([_BURN.match(leg.name) is not None for leg in legs])[index]
+    starts = [leg.t[0] for leg in legs]
+    index = np.maximum(np.searchsorted(starts, t, side="right") - 1, 0)
+    is_burn = np.array([_BURN.match(leg.name) is not None for leg in legs])
+    return is_burn[index]
 
 
 def _turns(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
+    """Return angle (rad) and rate (rad/s) of the turn manoeuvres at times t (n,), (n, 2) each."""
     angle, rate = np.zeros((t.size, 2)), np.zeros((t.size, 2))
     for turn in controller.turns:
         axis = PITCH if turn.axis == "pitch" else YAW
-        x = np.clip((t - resolve(turn.start, trajectory.events)) / turn.duration, 0.0, 1.0)
+        start = resolve(turn.start, trajectory.events)
+        x = np.clip((t - start) / turn.duration, 0.0, 1.0)
         angle[:, axis] += turn.angle * smoothsteps(x)
+        # The derivative of the quintic 10 x^3 - 15 x^4 + 6 x^5 is 30 (x (1 - x))^2.
         rate[:, axis] += turn.angle / turn.duration * 30.0 * (x * (1.0 - x)) ** 2
     return angle, rate

@@ -22,7 +22,7 @@ Sigmas = Mapping[str, Floats]
 
 
 class Deviations(NamedTuple):
-    """What differs in a run, apart from the numbers of the vehicle.
+    """Deviations of a run, apart from the numbers of the vehicle.
 
     wind : Wind over height.
     misalignment : (n_stage, 2) rad. Of the thrust of each stage, down and to the right.
@@ -39,11 +39,21 @@ class Deviations(NamedTuple):
 def numbers(card: VehicleAscent) -> dict[str, int]:
     """Return how many independent draws each source has."""
     n_stage = len(card.vehicle.stages)
-    n_motor, n_height = n_stage + len(card.vehicle.boosters), round(WIND_TOP / WIND_STEP) + 1
-    once = dict.fromkeys(("drag", "density", "tail_off"), 1)
-    each = dict.fromkeys(("thrust", "specific_impulse", "propellant", "dry_mass"), n_motor)
-    between = {"separation_impulse": n_stage - 1, "ignition_delay": n_stage - 1}
-    return {**each, **once, **between, "wind": 2 * n_height, "thrust_misalignment": 2 * n_stage}
+    n_motor = n_stage + len(card.vehicle.boosters)
+    n_height = round(WIND_TOP / WIND_STEP) + 1
+    return {
+        "thrust": n_motor,
+        "specific_impulse": n_motor,
+        "propellant": n_motor,
+        "dry_mass": n_motor,
+        "drag": 1,
+        "density": 1,
+        "tail_off": 1,
+        "separation_impulse": n_stage - 1,
+        "ignition_delay": n_stage - 1,
+        "wind": 2 * n_height,
+        "thrust_misalignment": 2 * n_stage,
+    }
 
 
 def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
@@ -51,50 +61,64 @@ def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
 
     Of a negative run the fixed ones alone.
     """
-    how, spreads = card.dispersion, card.vehicle.dispersions
-    if how is None or spreads is None:
+    dispersion, spreads = card.dispersion, card.vehicle.dispersions
+    if dispersion is None or spreads is None:
         return {}
-    k0, k1 = seed_words(seed)
-    found: dict[str, Floats] = {}
+    sigmas: dict[str, Floats] = {}
     for name in SOURCES:
-        n = numbers(card)[name]
-        if run >= 0 and name in how.drawn and getattr(spreads, name) > 0.0:
-            word = source_word(f"vehicle {name}")
-            found[name] = np.array(
-                [normals(k0, k1, word, np.uint64(run), np.uint64(0), np.uint64(k))[0] for k in range(n)]
-            )
-        if name in how.sigmas:
-            found[name] = found.get(name, np.zeros(n)) + how.sigmas[name]
-    return found
+        n_draw = numbers(card)[name]
+        if run >= 0 and name in dispersion.drawn and getattr(spreads, name) > 0.0:
+            sigmas[name] = _standard_normals(name, n_draw, seed, run)
+        if name in dispersion.sigmas:
+            sigmas[name] = sigmas.get(name, np.zeros(n_draw)) + dispersion.sigmas[name]
+    return sigmas
+
+
+def _standard_normals(name: str, n_draw: int, seed: int, run: int) -> Floats:
+    """Return the standard normals (n_draw,) of a source in a run."""
+    k0, k1 = seed_words(seed)
+    word = source_word(f"vehicle {name}")
+    values = []
+    for k in range(n_draw):
+        first, _, _, _ = normals(k0, k1, word, np.uint64(run), np.uint64(0), np.uint64(k))
+        values.append(first)
+    return np.array(values)
 
 
 def vehicle_of(card: VehicleAscent, sigmas: Sigmas) -> VehicleAscent:
-    """Return the card of the vehicle that is flown: fixed factors of the dispersion, then draws."""
+    """Return the card of the vehicle of a run: fixed factors of the dispersion, then draws."""
     if card.dispersion is not None and card.dispersion.is_common:
         card = dispersed(card, card.dispersion)
     spreads, vehicle = card.vehicle.dispersions, card.vehicle
     if spreads is None or not sigmas:
         return card
     n_stage = len(vehicle.stages)
-    late = np.concatenate([[0.0], sigmas.get("ignition_delay", np.zeros(n_stage - 1)) * spreads.ignition_delay])
+    upper_delays = sigmas.get("ignition_delay", np.zeros(n_stage - 1)) * spreads.ignition_delay
+    delays = np.concatenate([[0.0], upper_delays])  # the first stage lights at lift-off
     stages = []
     for k, stage in enumerate(vehicle.stages):
-        motor = _motor(stage, spreads, sigmas, k)
-        stages.append(motor.model_copy(update={"ignition_delay": max(0.0, stage.ignition_delay + float(late[k]))}))
-    groups = [_motor(group, spreads, sigmas, n_stage + k) for k, group in enumerate(vehicle.boosters)]
-    air = _factor(spreads, sigmas, "drag", 0) * _factor(spreads, sigmas, "density", 0)
+        motor = _disperse_motor(stage, spreads, sigmas, k)
+        ignition_delay = max(0.0, stage.ignition_delay + float(delays[k]))
+        stages.append(motor.model_copy(update={"ignition_delay": ignition_delay}))
+    boosters = []
+    for k, group in enumerate(vehicle.boosters):
+        boosters.append(_disperse_motor(group, spreads, sigmas, n_stage + k))
+    # Drag is proportional to the product of coefficient and density.
+    drag_factor = _factor(spreads, sigmas, "drag", 0) * _factor(spreads, sigmas, "density", 0)
     update = {
         "stages": tuple(stages),
-        "boosters": tuple(groups),
-        "drag_coefficient": tuple(one * air for one in vehicle.drag_coefficient),
+        "boosters": tuple(boosters),
+        "drag_coefficient": tuple(coefficient * drag_factor for coefficient in vehicle.drag_coefficient),
     }
     return card.model_copy(update={"vehicle": vehicle.model_copy(update=update)})
 
 
 def _factor(spreads: DispersionsCard, sigmas: Sigmas, name: str, k: int) -> float:
+    """Return the factor of draw k of a source on a number of the vehicle."""
     if name not in sigmas:
         return 1.0
-    return max(_LEAST, 1.0 + float(sigmas[name][k]) * float(getattr(spreads, name)))
+    deviation = float(sigmas[name][k]) * float(getattr(spreads, name))
+    return max(_LEAST, 1.0 + deviation)
 
 
 def density_of(card: VehicleAscent, sigmas: Sigmas) -> float:
@@ -103,34 +127,37 @@ def density_of(card: VehicleAscent, sigmas: Sigmas) -> float:
     return 1.0 if spreads is None else _factor(spreads, sigmas, "density", 0)
 
 
-def _motor(motor: Stage | Boosters, spreads: DispersionsCard, sigmas: Sigmas, k: int) -> Stage | Boosters:
-    thrust, impulse, load, dry = (
-        _factor(spreads, sigmas, name, k) for name in ("thrust", "specific_impulse", "propellant", "dry_mass")
-    )
+def _disperse_motor(motor: Stage | Boosters, spreads: DispersionsCard, sigmas: Sigmas, k: int) -> Stage | Boosters:
+    """Return motor k with its draws: the stages come first, then the groups of boosters."""
+    thrust = _factor(spreads, sigmas, "thrust", k)
+    impulse = _factor(spreads, sigmas, "specific_impulse", k)
+    propellant = _factor(spreads, sigmas, "propellant", k)
+    dry_mass = _factor(spreads, sigmas, "dry_mass", k)
     update = {
         "specific_impulse": motor.specific_impulse * impulse,
-        "propellant": motor.propellant * load,
-        "dry": motor.dry * dry,
+        "propellant": motor.propellant * propellant,
+        "dry": motor.dry * dry_mass,
     }
     if motor.thrust is not None:
         update["thrust"] = motor.thrust * thrust
     if motor.burn_time is not None:
-        update["burn_time"] = motor.burn_time * (load * impulse / thrust)
+        # thrust x burn time = propellant x specific impulse
+        update["burn_time"] = motor.burn_time * (propellant * impulse / thrust)
     return motor.model_copy(update=update)
 
 
 def deviations(card: VehicleAscent, sigmas: Sigmas) -> Deviations:
-    """Return what differs beside the vehicle, by the draws of a run."""
+    """Return the deviations of a run, apart from those of the vehicle's numbers, by its draws."""
     spreads, n_stage = card.vehicle.dispersions, len(card.vehicle.stages)
-
-    def of(name: str) -> Floats:
-        return sigmas.get(name, np.zeros(numbers(card)[name])) * float(getattr(spreads, name, 0.0))
-
+    n_draw = numbers(card)
+    size = {}
+    for name in ("thrust_misalignment", "separation_impulse", "tail_off"):
+        size[name] = sigmas.get(name, np.zeros(n_draw[name])) * float(getattr(spreads, name, 0.0))
     return Deviations(
-        wind_of(sigmas.get("wind"), spreads),
-        of("thrust_misalignment").reshape(n_stage, 2),
-        np.concatenate([of("separation_impulse"), [0.0]]),
-        float(of("tail_off")[0]),
+        wind=wind_of(sigmas.get("wind"), spreads),
+        misalignment=size["thrust_misalignment"].reshape(n_stage, 2),
+        separation=np.concatenate([size["separation_impulse"], [0.0]]),
+        tail_off=float(size["tail_off"][0]),
     )
 
 
@@ -138,9 +165,10 @@ def wind_of(sigmas: Floats | None, spreads: DispersionsCard | None) -> Wind:
     """Return the wind of draws (2 n_height,): a Gauss-Markov process over height, stationary from the ground on."""
     if sigmas is None or spreads is None:
         return Wind(WIND_STEP, np.zeros((1, 2)))
-    white, speed = sigmas.reshape(-1, 2), np.empty((len(sigmas) // 2, 2))
-    keep = np.exp(-WIND_STEP / spreads.wind_length)
+    white = sigmas.reshape(-1, 2)
+    speed = np.empty((len(sigmas) // 2, 2))
+    decay = np.exp(-WIND_STEP / spreads.wind_length)
     speed[0] = white[0]
     for k in range(1, len(speed)):
-        speed[k] = keep * speed[k - 1] + np.sqrt(1.0 - keep * keep) * white[k]
+        speed[k] = decay * speed[k - 1] + np.sqrt(1.0 - decay * decay) * white[k]
     return Wind(WIND_STEP, speed * spreads.wind)

@@ -20,13 +20,16 @@ _COAST_STEP = 20.0  # s, of the prediction of gravity; halving it moves the pred
 _CONVERGED = 0.1  # m/s, change of the velocity to go in one pass, below which the law has converged
 _JUMP = 500.0  # m/s of the same from one pass to the next in flight, beyond which it diverges
 _PASSES = 200  # at the start, where little is known
-# Places in the vector that guidance keeps from pass to pass
+# Indices in the state that guidance keeps from pass to pass
 VGO, RGRAV, RBIAS, RD, LAMBDA, TURN = 0, 3, 6, 9, 12, 15
-TGO, BEFORE, REFERENCE, VELOCITY, TIME, STARTED, N_KEPT = 18, 19, 20, 21, 24, 25, 26
+TGO, BEFORE, REFERENCE, VELOCITY, TIME, STARTED, N_LAW_STATE = 18, 19, 20, 21, 24, 25, 26
 """Velocity to go (m/s), integral of gravity, bias and aim of the position (m), direction and its rate (1/s), time to go
 (s), that of the pass before, time at which the direction is `LAMBDA` (s), velocity (m/s) and time (s) at the last
 pass, and whether there was one.
 """
+
+ThrustIntegrals = tuple[float, float, float, float, float, float]
+"""The integrals L, J, H, S, Q, P, see `integrals`."""
 
 
 class Target(NamedTuple):
@@ -47,19 +50,23 @@ class Target(NamedTuple):
 
 
 @making_arrays
-def _coasted(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
+def _integrate_free_fall(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
     """Return position and velocity (3,) after a span (s) of free fall, by the classical Runge-Kutta method."""
-    n = max(1, math.ceil(span / _COAST_STEP))
-    h = span / n
-    for _ in range(n):
+    n_step = max(1, math.ceil(span / _COAST_STEP))
+    h = span / n_step
+    for _ in range(n_step):
         a1 = np.array(gravity_j4(r[0], r[1], r[2]))
-        r2, v2 = r + 0.5 * h * v, v + 0.5 * h * a1
+        r2 = r + 0.5 * h * v
+        v2 = v + 0.5 * h * a1
         a2 = np.array(gravity_j4(r2[0], r2[1], r2[2]))
-        r3, v3 = r + 0.5 * h * v2, v + 0.5 * h * a2
+        r3 = r + 0.5 * h * v2
+        v3 = v + 0.5 * h * a2
         a3 = np.array(gravity_j4(r3[0], r3[1], r3[2]))
-        r4, v4 = r + h * v3, v + h * a3
+        r4 = r + h * v3
+        v4 = v + h * a3
         a4 = np.array(gravity_j4(r4[0], r4[1], r4[2]))
-        r, v = r + h / 6.0 * (v + 2.0 * (v2 + v3) + v4), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        r = r + h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
+        v = v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
     return r, v
 
 
@@ -72,12 +79,13 @@ def schuler_coast(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
     """
     gravity = np.array(gravity_j4(r[0], r[1], r[2]))
     w = (np.dot(gravity, gravity) / np.dot(r, r)) ** 0.25
-    c, s = math.cos(w * span), math.sin(w * span)
-    return c * r + s / w * v, c * v - w * s * r
+    cosine = math.cos(w * span)
+    sine = math.sin(w * span)
+    return cosine * r + sine / w * v, cosine * v - w * sine * r
 
 
 @jit
-def integrals(acceleration: float, exhaust: float, span: float) -> tuple[float, float, float, float, float, float]:
+def integrals(acceleration: float, exhaust: float, span: float) -> ThrustIntegrals:
     """Return the integrals L, J, H, S, Q, P over a span (s) of constant thrust that begins with an acceleration.
 
     L, J, H are those of a, a t, a t^2; S, Q, P the double integrals of the same; exhaust speed in m/s.
@@ -94,67 +102,128 @@ def integrals(acceleration: float, exhaust: float, span: float) -> tuple[float, 
 
 
 @making_arrays
-def _begin(kept: Floats, r: Floats, v: Floats, target: Target) -> None:
-    """Set what the first pass starts from: the nominal place of cut-off, and the velocity there."""
-    kept[:] = 0.0
-    out = target.place / np.linalg.norm(target.place)
-    along = np.cross(target.normal, out)
-    wanted = target.speed * (math.sin(target.climb) * out + math.cos(target.climb) * along)
-    kept[VGO : VGO + 3] = wanted - v
-    kept[RD : RD + 3] = target.place
-    kept[RGRAV : RGRAV + 3] = 0.5 * np.array(gravity_j4(r[0], r[1], r[2]))  # of a second; scaled below
-    kept[BEFORE] = 1.0
+def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
+    """Set the initial values of the first pass: the nominal place of cut-off, and the velocity there."""
+    law_state[:] = 0.0
+    radial = target.place / np.linalg.norm(target.place)
+    downrange = np.cross(target.normal, radial)
+    target_velocity = target.speed * (math.sin(target.climb) * radial + math.cos(target.climb) * downrange)
+    law_state[VGO : VGO + 3] = target_velocity - v
+    law_state[RD : RD + 3] = target.place
+    # The integral of gravity grows with the square of the time to go: that of one second is scaled in the first pass.
+    law_state[RGRAV : RGRAV + 3] = 0.5 * np.array(gravity_j4(r[0], r[1], r[2]))
+    law_state[BEFORE] = 1.0
 
 
 @making_arrays
-def _pass(
-    kept: Floats, t: float, r: Floats, v: Floats, acceleration: float, exhaust: float, target: Target, schuler: bool
-) -> float:
-    """Refine velocity to go and direction once; return by how much the former has changed (m/s)."""
-    vgo = kept[VGO : VGO + 3].copy()
-    size = np.linalg.norm(vgo)
-    tgo = exhaust / acceleration * -math.expm1(-size / exhaust)
-    L, J, H, S, Q, P = integrals(acceleration, exhaust, tgo)
-    ahead = vgo / size
-    rgrav = kept[RGRAV : RGRAV + 3] * (tgo / kept[BEFORE]) ** 2
-    left = -target.normal  # iy of the literature: against the angular momentum
-    rd = kept[RD : RD + 3]
-    out = rd / np.linalg.norm(rd)
-    along = np.cross(out, left)
-    go = rd - (r + v * tgo + rgrav)
-    across = go - np.dot(along, go) * along
-    go = across + (S - np.dot(ahead, across)) / np.dot(ahead, along) * along + kept[RBIAS : RBIAS + 3]
-    turn = (go - S * ahead) / (Q - S * J / L)
-    start = ahead - turn * (J / L)
+def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal: Floats) -> Floats:
+    """Return the position to go (3,) whose component downrange is that of the thrust.
+
+    The range at cut-off is free: the component of rgo downrange follows from S = rgo lambda_v.
+    """
+    iy = -normal  # against the angular momentum
+    ix = rd / np.linalg.norm(rd)
+    iz = np.cross(ix, iy)
+    rgo_xy = rgo - np.dot(iz, rgo) * iz
+    rgo_z = (S - np.dot(lambda_v, rgo_xy)) / np.dot(lambda_v, iz)
+    return rgo_xy + rgo_z * iz
+
+
+@making_arrays
+def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegrals) -> tuple[Floats, Floats]:
+    """Return the velocity and the position (3,) gained by a thrust that turns from lambda_v at the rate lambda_dot.
+
+    They are of second order in the angle phi + phi_dot t between the thrust and lambda_v.
+    """
+    L, J, H, S, Q, P = thrust
+    start = lambda_v - lambda_dot * (J / L)
     start = start / np.linalg.norm(start)
-    phi = math.acos(min(1.0, max(-1.0, float(np.dot(start, ahead)))))
-    rate = -phi * L / J
-    gained = (L - 0.5 * L * phi * phi - J * phi * rate - 0.5 * H * rate * rate) * ahead
-    moved = (S - 0.5 * S * phi * phi - Q * phi * rate - 0.5 * P * rate * rate) * ahead
-    pace = np.linalg.norm(turn)
-    if pace > 0.0:
-        gained = gained - (L * phi + J * rate) * turn / pace
-        moved = moved - (S * phi + Q * rate) * turn / pace
-    lost = vgo - gained
-    r1, v1 = r - 0.1 * moved - tgo / 30.0 * gained, v + 1.2 * moved / tgo - 0.1 * gained
-    r2, v2 = schuler_coast(r1, v1, tgo) if schuler else _coasted(r1, v1, tgo)
-    vgrav, rgrav = v2 - v1, r2 - r1 - v1 * tgo
-    place = r + v * tgo + rgrav + moved
-    place = place - np.dot(place, left) * left
-    out = place / np.linalg.norm(place)
-    along = np.cross(out, left)
-    wanted = target.speed * (math.sin(target.climb) * out + math.cos(target.climb) * along)
-    new = wanted - v - vgrav + lost
-    kept[VGO : VGO + 3], kept[RGRAV : RGRAV + 3], kept[RBIAS : RBIAS + 3] = new, rgrav, go - moved
-    kept[RD : RD + 3] = target.radius * out
-    kept[LAMBDA : LAMBDA + 3], kept[TURN : TURN + 3] = ahead, turn
-    kept[TGO], kept[BEFORE], kept[REFERENCE] = tgo, tgo, t + J / L
-    return float(np.linalg.norm(new - vgo))
+    phi = math.acos(min(1.0, max(-1.0, float(np.dot(start, lambda_v)))))
+    phi_dot = -phi * L / J
+    vthrust_along = L - 0.5 * L * phi * phi - J * phi * phi_dot - 0.5 * H * phi_dot * phi_dot
+    rthrust_along = S - 0.5 * S * phi * phi - Q * phi * phi_dot - 0.5 * P * phi_dot * phi_dot
+    vthrust = vthrust_along * lambda_v
+    rthrust = rthrust_along * lambda_v
+    turn_norm = np.linalg.norm(lambda_dot)
+    if turn_norm > 0.0:
+        vthrust = vthrust - (L * phi + J * phi_dot) * lambda_dot / turn_norm
+        rthrust = rthrust - (S * phi + Q * phi_dot) * lambda_dot / turn_norm
+    return vthrust, rthrust
+
+
+@making_arrays
+def _gravity_over_burn(
+    r: Floats, v: Floats, tgo: float, vthrust: Floats, rthrust: Floats, schuler: bool
+) -> tuple[Floats, Floats]:
+    """Return the change of velocity and position (3,) by gravity over the burn.
+
+    It is that of a free fall, whose initial state is shifted so that it stays close to the powered path.
+    """
+    r1 = r - 0.1 * rthrust - tgo / 30.0 * vthrust
+    v1 = v + 1.2 * rthrust / tgo - 0.1 * vthrust
+    if schuler:
+        r2, v2 = schuler_coast(r1, v1, tgo)
+    else:
+        r2, v2 = _integrate_free_fall(r1, v1, tgo)
+    return v2 - v1, r2 - r1 - v1 * tgo
+
+
+@making_arrays
+def _refine(
+    law_state: Floats,
+    t: float,
+    r: Floats,
+    v: Floats,
+    acceleration: float,
+    exhaust: float,
+    target: Target,
+    schuler: bool,
+) -> float:
+    """Refine velocity to go and direction by one pass; return the change (m/s) of the velocity to go.
+
+    Symbols are those of McHenry et al.: velocity, time and position to go (vgo, tgo, rgo), effect of gravity (vgrav,
+    rgrav), bias and aim of the position (rbias, rd), predicted position (rp), desired velocity (vd).
+    """
+    vgo = law_state[VGO : VGO + 3].copy()
+    vgo_norm = np.linalg.norm(vgo)
+    # Rocket equation with constant mass flow: tgo = (exhaust / acceleration) (1 - exp(-vgo / exhaust))
+    tgo = exhaust / acceleration * -math.expm1(-vgo_norm / exhaust)
+    thrust = integrals(acceleration, exhaust, tgo)
+    L, J, _, S, Q, _ = thrust
+    lambda_v = vgo / vgo_norm
+    rgrav = law_state[RGRAV : RGRAV + 3] * (tgo / law_state[BEFORE]) ** 2
+    rd = law_state[RD : RD + 3]
+    rgo = rd - (r + v * tgo + rgrav)
+    rgo = _position_to_go(lambda_v, S, rgo, rd, target.normal) + law_state[RBIAS : RBIAS + 3]
+    # Direction of the thrust: lambda_v + lambda_dot (time - reference), with the reference time t + J / L
+    lambda_dot = (rgo - S * lambda_v) / (Q - S * J / L)
+    vthrust, rthrust = _turning_thrust(lambda_v, lambda_dot, thrust)
+    vbias = vgo - vthrust
+    vgrav, rgrav = _gravity_over_burn(r, v, tgo, vthrust, rthrust, schuler)
+    # Velocity at the predicted cut-off, in the plane of the target
+    iy = -target.normal
+    rp = r + v * tgo + rgrav + rthrust
+    rp = rp - np.dot(rp, iy) * iy
+    ix = rp / np.linalg.norm(rp)
+    iz = np.cross(ix, iy)
+    vd = target.speed * (math.sin(target.climb) * ix + math.cos(target.climb) * iz)
+    new_vgo = vd - v - vgrav + vbias
+
+    law_state[VGO : VGO + 3] = new_vgo
+    law_state[RGRAV : RGRAV + 3] = rgrav
+    law_state[RBIAS : RBIAS + 3] = rgo - rthrust
+    law_state[RD : RD + 3] = target.radius * ix
+    law_state[LAMBDA : LAMBDA + 3] = lambda_v
+    law_state[TURN : TURN + 3] = lambda_dot
+    law_state[TGO] = tgo
+    law_state[BEFORE] = tgo
+    law_state[REFERENCE] = t + J / L
+    return float(np.linalg.norm(new_vgo - vgo))
 
 
 @making_arrays
 def steer(
-    kept: Floats,
+    law_state: Floats,
     t: float,
     r: Floats,
     v: Floats,
@@ -167,7 +236,7 @@ def steer(
 
     Parameters
     ----------
-    kept : (N_KEPT,). What guidance keeps from pass to pass; zero before the first one.
+    law_state : (N_LAW_STATE,). State of guidance from pass to pass; zero before the first pass; updated.
     t : s since lift-off.
     r, v : (3,) m, m/s. Navigated position and velocity, frame i.
     acceleration : m/s^2. Specific force along the thrust, as sensed.
@@ -175,18 +244,22 @@ def steer(
     target : Target
     schuler : Whether gravity over the rest of the burn is that of the Schuler approximation; else it is integrated.
     """
-    if kept[STARTED] == 0.0:
-        _begin(kept, r, v, target)
+    if law_state[STARTED] == 0.0:
+        _begin(law_state, r, v, target)
         change = 1e9
         for _ in range(_PASSES):
-            change = _pass(kept, t, r, v, acceleration, exhaust, target, schuler)
+            change = _refine(law_state, t, r, v, acceleration, exhaust, target, schuler)
             if not change > _CONVERGED:
                 break
-        kept[STARTED], limit = 1.0, _CONVERGED
+        law_state[STARTED] = 1.0
+        limit = _CONVERGED
     else:
-        # the thrust since the last pass is what is no gravity
-        g = np.array(gravity_j4(r[0], r[1], r[2]))
-        kept[VGO : VGO + 3] -= v - kept[VELOCITY : VELOCITY + 3] - (t - kept[TIME]) * g
-        change, limit = _pass(kept, t, r, v, acceleration, exhaust, target, schuler), _JUMP
-    kept[VELOCITY : VELOCITY + 3], kept[TIME] = v, t
+        # The velocity gained by thrust since the last pass is the change of velocity without that by gravity.
+        gravity = np.array(gravity_j4(r[0], r[1], r[2]))
+        span = t - law_state[TIME]
+        law_state[VGO : VGO + 3] -= v - law_state[VELOCITY : VELOCITY + 3] - span * gravity
+        change = _refine(law_state, t, r, v, acceleration, exhaust, target, schuler)
+        limit = _JUMP
+    law_state[VELOCITY : VELOCITY + 3] = v
+    law_state[TIME] = t
     return bool(change <= limit)

@@ -27,10 +27,10 @@ class GuidancePlan(NamedTuple):
     card : The ascent.
     aim : Its solved steering.
     programme : Direction of the thrust over time, to the end of the flight.
-    target : Where explicit guidance ends the last burn.
+    target : Target of explicit guidance at the end of the last burn.
     energy : J/kg. Specific energy (two-body) of the nominal flight at its cut-off.
-    cutoff : s since lift-off. Nominal time of that.
-    nominal : (7,). State of the nominal flight there.
+    cutoff : s since lift-off. Nominal time of the cut-off.
+    nominal : (7,). State of the nominal flight at its cut-off.
     explicit : Whether the last stage steers by the navigated state.
     by_energy : Whether it is cut off at the energy, and not at the time.
     spreads : Sigma of each source that is dispersed, by its name.
@@ -63,35 +63,58 @@ def steering_times(plan: GuidancePlan, t: Floats) -> slice:
 
 def plan_of(card: VehicleAscent) -> GuidancePlan:
     """Return the guidance data of an ascent; InputError if its vehicle does not reach the target."""
-    how, spreads = card.dispersion, card.vehicle.dispersions
-    named = () if how is None or spreads is None else (*how.drawn, *how.sigmas)
     # Fields that do not change the solved nominal ascent
     unused = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
-    solved = _planned(card.model_dump_json(exclude=unused), card)
-    return solved._replace(
+    nominal_plan = _cached_plan(card.model_dump_json(exclude=unused), card)
+    return nominal_plan._replace(
         card=card,
         explicit=card.guidance in ("explicit", "schuler"),
         schuler=card.guidance == "schuler",
         by_energy=card.cutoff == "energy",
-        spreads=tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in named),
+        spreads=_spreads(card),
         lag=card.attitude_lag or 0.0,
     )
 
 
+def _spreads(card: VehicleAscent) -> tuple[tuple[str, float], ...]:
+    """Return name and sigma of each source that is dispersed."""
+    dispersion, spreads = card.dispersion, card.vehicle.dispersions
+    if dispersion is None or spreads is None:
+        return ()
+    dispersed = (*dispersion.drawn, *dispersion.sigmas)
+    return tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in dispersed)
+
+
 @remembered(4)
-def _planned(key: str, card: VehicleAscent) -> GuidancePlan:
+def _cached_plan(key: str, card: VehicleAscent) -> GuidancePlan:
     _, aim, flight = dispersed_ascent(card)
     return plan_along(card, aim, flight)
 
 
 def plan_along(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> GuidancePlan:
     """Return the guidance data of a solved ascent."""
-    last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= flight.events["injection"] + 1e-9)
-    y = last.y[-1]
+    injection = flight.events["injection"]
+    last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= injection + 1e-9)
+    cutoff_state = last.y[-1]
+    r, v = cutoff_state[:3], cutoff_state[3:6]
     entry = entry_of(card)
-    target = Target(entry.radius, entry.speed, entry.climb, unit(np.cross(y[:3], y[3:6])), y[:3].copy())
-    energy = 0.5 * float(y[3:6] @ y[3:6]) - GM / float(np.linalg.norm(y[:3]))
-    return GuidancePlan(card, aim, _programme(flight), target, energy, float(last.t[-1]), y.copy())
+    target = Target(
+        radius=entry.radius,
+        speed=entry.speed,
+        climb=entry.climb,
+        normal=unit(np.cross(r, v)),
+        place=r.copy(),
+    )
+    energy = 0.5 * float(v @ v) - GM / float(np.linalg.norm(r))
+    return GuidancePlan(
+        card=card,
+        aim=aim,
+        programme=_programme(flight),
+        target=target,
+        energy=energy,
+        cutoff=float(last.t[-1]),
+        nominal=cutoff_state.copy(),
+    )
 
 
 def _programme(flight: SimulatedAscent) -> AttitudeProgramme:
@@ -100,6 +123,9 @@ def _programme(flight: SimulatedAscent) -> AttitudeProgramme:
     y = np.empty((t.size, 6))
     for leg in flight.legs:
         inside = (t >= leg.t[0]) & (t <= leg.t[-1])
-        y[inside, :3] = CubicHermiteSpline(leg.t, leg.y[:, :3], leg.y[:, 3:6])(t[inside])
-        y[inside, 3:] = CubicSpline(leg.t, leg.y[:, 3:6])(t[inside])
+        r, v = leg.y[:, :3], leg.y[:, 3:6]
+        position = CubicHermiteSpline(leg.t, r, v)
+        velocity = CubicSpline(leg.t, v)
+        y[inside, :3] = position(t[inside])
+        y[inside, 3:] = velocity(t[inside])
     return AttitudeProgramme(_STEP, directions(t, y, flight.steering))

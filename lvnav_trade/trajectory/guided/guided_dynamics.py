@@ -85,8 +85,8 @@ class GuidanceLaw(NamedTuple):
     cycle : s. Interval of its passes.
     freeze : s. Time to go below which its law is no longer updated.
     exhaust : m/s. Exhaust speed as it is known before lift-off.
-    target : Where it ends the burn.
-    kept : (N_KEPT,). What it keeps from pass to pass, see `steer`; updated.
+    target : Orbit at the end of the burn.
+    state : (N_LAW_STATE,). State of the law from pass to pass, see `steer`; updated.
     schuler : Whether it predicts gravity by the Schuler approximation.
     """
 
@@ -96,12 +96,12 @@ class GuidanceLaw(NamedTuple):
     freeze: float
     exhaust: float
     target: Target
-    kept: Floats
+    state: Floats
     schuler: bool = False
 
 
 class AscentInputs(NamedTuple):
-    """What a piece of the ascent is flown with.
+    """Inputs of the simulation of a piece of an ascent, apart from its propulsion.
 
     programme : Attitude programme.
     navigation : Navigation errors.
@@ -123,22 +123,22 @@ class AscentInputs(NamedTuple):
 
 
 @jit
-def _entry_at(t: float, navigation: NavigationErrors) -> int:
-    """Return the number of the entry whose errors hold at a time (s)."""
+def _entry_index(t: float, navigation: NavigationErrors) -> int:
+    """Return the index of the entry whose errors apply at a time (s)."""
     return max(0, int(np.searchsorted(navigation.t, t, side="right")) - 1)
 
 
 @jit
 def attitude_error_at(t: float, navigation: NavigationErrors) -> Vector:
     """Return the attitude error (rad, frame i) at a time (s)."""
-    error = navigation.error[_entry_at(t, navigation)]
+    error = navigation.error[_entry_index(t, navigation)]
     return error[0], error[1], error[2]
 
 
 @making_arrays
 def error_at(t: float, navigation: NavigationErrors) -> Floats:
     """Return the navigation errors (9,) at a time (s)."""
-    k = _entry_at(t, navigation)
+    k = _entry_index(t, navigation)
     out = navigation.error[k].copy()
     for i in range(3):
         out[6 + i] += max(0.0, t - navigation.t[k]) * out[3 + i]
@@ -147,41 +147,61 @@ def error_at(t: float, navigation: NavigationErrors) -> Floats:
 
 @jit
 def _unit(x: float, y: float, z: float) -> Vector:
-    n = math.sqrt(x * x + y * y + z * z)
-    return x / n, y / n, z / n
+    """Return the unit vector along (x, y, z)."""
+    norm = math.sqrt(x * x + y * y + z * z)
+    return x / norm, y / norm, z / norm
 
 
 @jit
-def commanded(t: float, around: AscentInputs) -> Vector:
+def _blend(weight: float, a: Vector, b: Vector) -> Vector:
+    """Return the unit vector along a + weight (b - a)."""
+    x = a[0] + weight * (b[0] - a[0])
+    y = a[1] + weight * (b[1] - a[1])
+    z = a[2] + weight * (b[2] - a[2])
+    return _unit(x, y, z)
+
+
+@jit
+def commanded(t: float, inputs: AscentInputs) -> Vector:
     """Return the direction (frame i) in which guidance wants the thrust at a time (s)."""
-    programme, law = around.programme, around.law
+    programme, law = inputs.programme, inputs.law
     last = programme.u.shape[0] - 1
     x = min(max(t / programme.step, 0.0), last - 1e-9)
     k = int(x)
-    w, a, b = x - k, programme.u[k], programme.u[k + 1]
-    p = _unit(a[0] + w * (b[0] - a[0]), a[1] + w * (b[1] - a[1]), a[2] + w * (b[2] - a[2]))
-    if law.kept[STARTED] == 0.0:
-        return p
-    s, kept = t - law.kept[REFERENCE], law.kept
-    q = _unit(
-        kept[LAMBDA] + s * kept[TURN], kept[LAMBDA + 1] + s * kept[TURN + 1], kept[LAMBDA + 2] + s * kept[TURN + 2]
+    before, after = programme.u[k], programme.u[k + 1]
+    programmed = _blend(x - k, (before[0], before[1], before[2]), (after[0], after[1], after[2]))
+    if law.state[STARTED] == 0.0:
+        return programmed
+    state = law.state
+    span = t - state[REFERENCE]
+    # Linear-tangent law: lambda + lambda_dot (t - t_reference)
+    explicit = _unit(
+        state[LAMBDA] + span * state[TURN],
+        state[LAMBDA + 1] + span * state[TURN + 1],
+        state[LAMBDA + 2] + span * state[TURN + 2],
     )
-    weight = smoothstep((t - law.start) / law.slew)
-    return _unit(p[0] + weight * (q[0] - p[0]), p[1] + weight * (q[1] - p[1]), p[2] + weight * (q[2] - p[2]))
+    return _blend(smoothstep((t - law.start) / law.slew), programmed, explicit)
 
 
 @jit
-def held_direction(t: float, around: AscentInputs) -> Vector:
+def held_direction(t: float, inputs: AscentInputs) -> Vector:
     """Return the true direction of a body that has the commanded attitude by its navigation.
 
     C_true = (1 + [error x]) C_estimated.
     """
-    u, e = commanded(t, around), attitude_error_at(t, around.navigation)
+    u = commanded(t, inputs)
+    error = attitude_error_at(t, inputs.navigation)
     return _unit(
-        u[0] + e[1] * u[2] - e[2] * u[1],
-        u[1] + e[2] * u[0] - e[0] * u[2],
-        u[2] + e[0] * u[1] - e[1] * u[0],
+        u[0] + error[1] * u[2] - error[2] * u[1],
+        u[1] + error[2] * u[0] - error[0] * u[2],
+        u[2] + error[0] * u[1] - error[1] * u[0],
     )
+
+
+@jit
+def _cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @jit
@@ -190,17 +210,20 @@ def misaligned(u: Vector, r: Vector, misalignment: Floats) -> Vector:
     down, right = misalignment[0], misalignment[1]
     if down == 0.0 and right == 0.0:
         return u
-    # right = u x up, upright = right x u
-    a = _unit(u[1] * r[2] - u[2] * r[1], u[2] * r[0] - u[0] * r[2], u[0] * r[1] - u[1] * r[0])
-    b = (a[1] * u[2] - a[2] * u[1], a[2] * u[0] - a[0] * u[2], a[0] * u[1] - a[1] * u[0])
-    x, y, z = u
-    return _unit(x + right * a[0] - down * b[0], y + right * a[1] - down * b[1], z + right * a[2] - down * b[2])
+    across = _cross(u, r)
+    right_axis = _unit(across[0], across[1], across[2])
+    up_axis = _cross(right_axis, u)
+    return _unit(
+        u[0] + right * right_axis[0] - down * up_axis[0],
+        u[1] + right * right_axis[1] - down * up_axis[1],
+        u[2] + right * right_axis[2] - down * up_axis[2],
+    )
 
 
 @jit
-def thrust_direction(t: float, r: Vector, around: AscentInputs) -> Vector:
-    """Return the true direction of the thrust of a body that holds its command, with its misalignment."""
-    return misaligned(held_direction(t, around), r, around.misalignment)
+def thrust_direction(t: float, r: Vector, inputs: AscentInputs) -> Vector:
+    """Return the true direction of the thrust of a body in its commanded attitude, with its misalignment."""
+    return misaligned(held_direction(t, inputs), r, inputs.misalignment)
 
 
 @jit
@@ -214,133 +237,159 @@ def velocity_of_air(r: Vector, wind: Wind) -> Vector:
     k = int(x)
     east = wind.speed[k, 0] + (x - k) * (wind.speed[k + 1, 0] - wind.speed[k, 0])
     north = wind.speed[k, 1] + (x - k) * (wind.speed[k + 1, 1] - wind.speed[k, 1])
-    p = math.sqrt(r[0] * r[0] + r[1] * r[1])
-    n = math.sqrt(p * p + r[2] * r[2])
-    ex, ey = -r[1] / p, r[0] / p
-    return east * ex - north * r[2] / n * r[0] / p, east * ey - north * r[2] / n * r[1] / p, north * p / n
+    # Unit vectors on a sphere: east (-y, x, 0) / axial, north (-z x / axial, -z y / axial, axial) / radius
+    axial = math.sqrt(r[0] * r[0] + r[1] * r[1])
+    radius = math.sqrt(axial * axial + r[2] * r[2])
+    east_x = -r[1] / axial
+    east_y = r[0] / axial
+    inward = north * r[2] / radius
+    return (
+        east * east_x - inward * r[0] / axial,
+        east * east_y - inward * r[1] / axial,
+        north * axial / radius,
+    )
 
 
 @making_arrays
-def rates(t: float, y: Floats, engine: Propulsion, around: AscentInputs) -> Floats:
+def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
     """Return the time derivative of y (7 or 10,): inertial position (m), velocity (m/s), mass (kg), and with a lag the
     direction of the body.
     """
     r = (y[0], y[1], y[2])
-    air = velocity_of_air(r, around.wind)
-    w = (y[3] + OMEGA * r[1] - air[0], y[4] - OMEGA * r[0] - air[1], y[5] - air[2])
-    push, pressure = drag_factor(r, w, around.drag)
-    other, flow = thrust_beside(t, pressure, engine.beside)
-    thrust, throttle = thrust_of(y[6], pressure, engine, other)
-    thrust += other
-    g = gravity_j4(r[0], r[1], r[2])
+    wind = velocity_of_air(r, inputs.wind)
+    airspeed = (
+        y[3] + OMEGA * r[1] - wind[0],
+        y[4] - OMEGA * r[0] - wind[1],
+        y[5] - wind[2],
+    )
+    drag_per_speed, pressure = drag_factor(r, airspeed, inputs.drag)
+    motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
+    thrust, throttle = thrust_of(y[6], pressure, engine, motor_thrust)
+    thrust += motor_thrust
+    gravity = gravity_j4(r[0], r[1], r[2])
     out = np.empty(y.size)
-    u = (0.0, 0.0, 0.0)
-    if around.lag > 0.0:
-        wanted, body = held_direction(t, around), (y[7], y[8], y[9])
+    direction = (0.0, 0.0, 0.0)
+    if inputs.lag > 0.0:
+        command = held_direction(t, inputs)
+        body = (y[7], y[8], y[9])
         for i in range(3):
-            out[7 + i] = (wanted[i] - body[i]) / around.lag
-        u = misaligned(_unit(body[0], body[1], body[2]), r, around.misalignment)
+            out[7 + i] = (command[i] - body[i]) / inputs.lag
+        direction = misaligned(_unit(body[0], body[1], body[2]), r, inputs.misalignment)
     elif thrust > 0.0:
-        u = thrust_direction(t, r, around)
+        direction = thrust_direction(t, r, inputs)
     for i in range(3):
         out[i] = y[3 + i]
-        out[3 + i] = g[i] + (thrust * u[i] - push * w[i]) / y[6]
-    out[6] = -engine.mass_flow * throttle - flow
+        out[3 + i] = gravity[i] + (thrust * direction[i] - drag_per_speed * airspeed[i]) / y[6]
+    out[6] = -engine.mass_flow * throttle - motor_flow
     return out
 
 
 @making_arrays
-def step(t: float, h: float, y: Floats, engine: Propulsion, around: AscentInputs) -> Floats:
+def step(t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
     """Return y (7 or 10,) advanced by h with the classical Runge-Kutta step of fourth order."""
-    k1 = rates(t, y, engine, around)
-    k2 = rates(t + 0.5 * h, y + 0.5 * h * k1, engine, around)
-    k3 = rates(t + 0.5 * h, y + 0.5 * h * k2, engine, around)
-    k4 = rates(t + h, y + h * k3, engine, around)
+    k1 = rates(t, y, engine, inputs)
+    k2 = rates(t + 0.5 * h, y + 0.5 * h * k1, engine, inputs)
+    k3 = rates(t + 0.5 * h, y + 0.5 * h * k2, engine, inputs)
+    k4 = rates(t + h, y + h * k3, engine, inputs)
     return y + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
 
 
 @making_arrays
 def navigated_energy(t: float, y: Floats, navigation: NavigationErrors) -> float:
     """Return the specific energy (J/kg) of the navigated state, two-body."""
-    e = error_at(t, navigation)
-    v, r = y[3:6] - e[3:6], y[:3] - e[6:9]
+    error = error_at(t, navigation)
+    v = y[3:6] - error[3:6]
+    r = y[:3] - error[6:9]
     return 0.5 * np.dot(v, v) - GM / math.sqrt(np.dot(r, r))
 
 
 @making_arrays
-def fly_piece(t: float, end: float, most: float, y: Floats, engine: Propulsion, around: AscentInputs) -> Floats:
+def fly_piece(t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
     """Return the state (7,) after a piece of flight without cut-off; most: s, the longest step."""
-    n = max(8, math.ceil((end - t) / most))
-    h = (end - t) / n
-    for k in range(n):
-        y = step(t + k * h, h, y, engine, around)
+    n_step = max(8, math.ceil((end - t) / most))
+    h = (end - t) / n_step
+    for k in range(n_step):
+        y = step(t + k * h, h, y, engine, inputs)
     return y
 
 
 @making_arrays
-def guide(t: float, y: Floats, engine: Propulsion, around: AscentInputs) -> bool:
+def guide(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> bool:
     """Update explicit guidance at a true state y (7,); return whether it converges."""
-    e, law = error_at(t, around.navigation), around.law
-    if t < law.start or (law.kept[STARTED] > 0.0 and law.kept[TGO] < law.freeze):
+    law = inputs.law
+    error = error_at(t, inputs.navigation)
+    is_frozen = law.state[STARTED] > 0.0 and law.state[TGO] < law.freeze
+    if t < law.start or is_frozen:
         return True
-    slope = rates(t, y, engine, around)
-    g = gravity_j4(y[0], y[1], y[2])
-    felt = math.sqrt((slope[3] - g[0]) ** 2 + (slope[4] - g[1]) ** 2 + (slope[5] - g[2]) ** 2)
-    return steer(law.kept, t, y[:3] - e[6:9], y[3:6] - e[3:6], felt, law.exhaust, law.target, law.schuler)
+    slope = rates(t, y, engine, inputs)
+    gravity = gravity_j4(y[0], y[1], y[2])
+    specific_force = math.sqrt(
+        (slope[3] - gravity[0]) ** 2 + (slope[4] - gravity[1]) ** 2 + (slope[5] - gravity[2]) ** 2
+    )
+    navigated_r = y[:3] - error[6:9]
+    navigated_v = y[3:6] - error[3:6]
+    return steer(law.state, t, navigated_r, navigated_v, specific_force, law.exhaust, law.target, law.schuler)
 
 
 @making_arrays
-def _stopped(
-    t: float, h: float, y: Floats, engine: Propulsion, around: AscentInputs, cutoff: Cutoff
+def _distance_to_end(t: float, h: float, y: Floats, inputs: AscentInputs, cutoff: Cutoff, end: int) -> float:
+    """Return the distance of a state y (7,), h seconds after t, to the end of the burn; negative after it.
+
+    end : CUT_OFF (distance in energy, J/kg, or time, s) or EMPTY (mass, kg).
+    """
+    if end == EMPTY:
+        return y[6] - cutoff.empty
+    if cutoff.by_energy:
+        return cutoff.energy - navigated_energy(t + h, y, inputs.navigation)
+    return cutoff.time - t - h
+
+
+@making_arrays
+def _step_to_end(
+    t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
-    """Return how far a step of h (s) from y goes, the state there, and how it ends: the first of cut-off and depletion.
+    """Return length (s) and final state of a step of at most h (s), and how it ends: at cut-off, depletion or neither.
 
     Within the step both are found by secants on integrations of a part of it.
     """
-    best, state, why = h, step(t, h, y, engine, around), WHOLE
-    for kind in (CUT_OFF, EMPTY):
-        if kind == EMPTY:
-            before, after = y[6] - cutoff.empty, state[6] - cutoff.empty
-        elif cutoff.by_energy:
-            before = cutoff.energy - navigated_energy(t, y, around.navigation)
-            after = cutoff.energy - navigated_energy(t + best, state, around.navigation)
-        else:
-            before, after = cutoff.time - t, cutoff.time - t - best
+    length = h
+    state = step(t, h, y, engine, inputs)
+    outcome = WHOLE
+    for end in (CUT_OFF, EMPTY):
+        before = _distance_to_end(t, 0.0, y, inputs, cutoff, end)
+        after = _distance_to_end(t, length, state, inputs, cutoff, end)
         if after > 0.0:
             continue
-        part, found = best * before / (before - after), state
+        part = length * before / (before - after)
         for _ in range(_REFINED):
-            found = step(t, part, y, engine, around)
-            if kind == EMPTY:
-                there = found[6] - cutoff.empty
-            elif cutoff.by_energy:
-                there = cutoff.energy - navigated_energy(t + part, found, around.navigation)
-            else:
-                there = cutoff.time - t - part
-            if before == there:
+            trial = step(t, part, y, engine, inputs)
+            after = _distance_to_end(t, part, trial, inputs, cutoff, end)
+            if before == after:
                 break
-            part = min(best, max(0.0, part * before / (before - there)))
-        best, state, why = part, step(t, part, y, engine, around), kind
-    return best, state, why
+            part = min(length, max(0.0, part * before / (before - after)))
+        length = part
+        state = step(t, part, y, engine, inputs)
+        outcome = end
+    return length, state, outcome
 
 
 @making_arrays
 def fly_last(
-    t: float, end: float, most: float, y: Floats, engine: Propulsion, around: AscentInputs, cutoff: Cutoff
+    t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7,) and how it ends, of a piece of the last burn that ends at `end` at the latest.
 
     most : s. The longest step.
     """
-    law = around.law
-    due = t
+    law = inputs.law
+    next_pass = t
     while t < end - 1e-9:
-        if law.start < math.inf and t >= due - 1e-9:
-            if not guide(t, y, engine, around):
+        if law.start < math.inf and t >= next_pass - 1e-9:
+            if not guide(t, y, engine, inputs):
                 return t, y, DIVERGED
-            due = t + law.cycle
-        h, y, why = _stopped(t, min(most, end - t), y, engine, around, cutoff)
+            next_pass = t + law.cycle
+        h, y, outcome = _step_to_end(t, min(most, end - t), y, engine, inputs, cutoff)
         t += h
-        if why != WHOLE:
-            return t, y, why
+        if outcome != WHOLE:
+            return t, y, outcome
     return t, y, WHOLE

@@ -12,30 +12,29 @@ from lvnav_trade.kernels.random import normals, source_word
 from lvnav_trade.trajectory.guided.autopilot import (
     AIR,
     ANGLE,
-    ASKED,
     COAST,
     ERROR,
     FORCE,
     FORMAL,
-    FRESH,
     IDEAL,
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
     JERK_BOUND,
     JERK_RATIO,
+    JUST_IGNITED,
     MODELLED,
     MOTOR,
     MOVED,
     NEXT,
     NOZZLE,
+    NOZZLE_COMMAND,
     OF_THE_RUN,
     RATE,
     RATE_ERROR,
     RAW,
     SQUARE_ERROR,
     SQUARE_RATE,
-    STACK,
     STEPPED,
     TICKS,
     TRUE,
@@ -55,226 +54,202 @@ from lvnav_trade.trajectory.guided.axis import (
     nozzle_step,
     thruster_of,
 )
-
-# What an axis remembers from tick to tick.
-(
+from lvnav_trade.trajectory.guided.axis_state import (
     ANGLE_NOW,
-    RATE_NOW,
-    PUSH_NOW,
-    MISALIGNED,
+    BIAS,
+    COMMAND_NOW,
+    COMMANDED_RATE,
+    ERROR_NOW,
+    FED_RATE,
+    GUST_1,
+    GUST_2,
     GUST_NOW,
+    GUSTS,
+    INTEGRAL,
+    JERK_BOUND_NOW,
+    JERK_LAG,
+    JERK_NOW,
+    MISALIGNMENT_NOW,
+    NAVIGATED_ANGLE,
+    NOZZLE_NOW,
+    NOZZLE_TRAVEL,
+    OFFSET,
+    OFFSET_RATE,
+    PREVIOUS_ANGLE,
+    PREVIOUS_FORCE,
+    PREVIOUS_RATE,
+    RATE_ERROR_NOW,
+    RATE_ESTIMATE,
+    RATE_NOW,
+    RATE_VARIANCE,
     TARGET,
-    _INTEGRAL,
-    _GUST_1,
-    _GUST_2,
-    _OFFSET,
-    _OFFSET_RATE,
-    _SENSE,
-    _ESTIMATE,
-    _VARIANCE,
-    _ATTITUDE,
-    _BIAS,
-    _COMMAND,
-    _TURN_LAG,
-    _JERK_LAG,
-    _COMMANDED,
-    _ANGLE_BEFORE,
-    _FORCE_BEFORE,
-    _MOVEMENT,
-    _FED,
-    _TURNING_BOUND,
-    _JERK,
-    _JERK_BOUND,
-    _ERROR,
-    _RATE_ERROR,
-    _RATE_BEFORE,
-    N_MEMORY,
-) = range(31)
+    THRUSTER_SENSE,
+    TURN_LAG,
+    TURNING_BOUND_NOW,
+    draw_pair,
+)
 
-_GYRO, _BIASES = source_word("rotation gyro noise"), source_word("rotation gyro bias")
-_GUSTS, _PROFILE = source_word("rotation gust"), source_word("rotation wind profile")
-_REFERENCE, _START = source_word("rotation attitude reference"), source_word("rotation attitude start")
-_SPEED, _MISALIGNMENT = source_word("rotation guidance speed"), source_word("rotation thrust misalignment")
-_STEPS = source_word("rotation guidance command")
+# Sources of the random numbers
+_GYRO_NOISE = source_word("rotation gyro noise")
+_REFERENCE_NOISE = source_word("rotation attitude reference")
+_GUIDANCE_SPEED = source_word("rotation guidance speed")
+_GUIDANCE_COMMAND = source_word("rotation guidance command")
 _ZERO = np.uint64(0)
 
 
-@jit
-def begin(control):
-    """Draw the initial state of a run; memory and counters of `control` are set."""
-    memory, course, feed = control.memory, control.course, control.settings.feed
-    k0, k1, run = control.draws
-    memory[:] = 0.0
-    g0, g1, g2, g3 = normals(k0, k1, _GUSTS, run, _ZERO, _ZERO)
-    half = np.sqrt(0.5)
-    memory[0, _GUST_1], memory[0, _GUST_2] = g0, half * (g0 + g1)
-    memory[1, _GUST_1], memory[1, _GUST_2] = g2, half * (g2 + g3)
-    b0, b1, _, _ = normals(k0, k1, _BIASES, run, _ZERO, _ZERO)
-    memory[0, _BIAS], memory[1, _BIAS] = feed.bias * b0, feed.bias * b1
-    a0, a1, _, _ = normals(k0, k1, _START, run, _ZERO, _ZERO)
-    memory[0, _ATTITUDE], memory[1, _ATTITUDE] = feed.start * a0, feed.start * a1
-    for axis in range(2):
-        memory[axis, _COMMANDED] = course.rate[0, axis] + course.turn_rate[0, axis]
-        memory[axis, _VARIANCE] = feed.gyro**2
-        memory[axis, _ESTIMATE] = course.rate[0, axis]
-    control.counts[NEXT], control.counts[MOTOR], control.counts[FRESH], control.counts[STACK] = 0, -1, 0, 1
-
-
-@jit
-def profile_draws(draws):
-    """Return a run's two draws of the steady wind: along its profile, and across."""
-    w0, w1, _, _ = normals(draws.k0, draws.k1, _PROFILE, draws.run, _ZERO, _ZERO)
-    return w0, w1
-
-
-@jit
-def ignite(control, motor, up, right):
-    """Activate the nozzle of another stage, centred, with its own misalignment.
-
-    up, right : rad. Additional misalignment.
-    """
-    memory, plant = control.memory, control.settings.plant
-    k0, k1, run = control.draws
-    m0, m1, _, _ = normals(k0, k1, _MISALIGNMENT, run, np.uint64(motor), _ZERO)
-    for axis in range(2):
-        memory[axis, PUSH_NOW], memory[axis, _INTEGRAL], memory[axis, _COMMAND] = 0.0, 0.0, 0.0
-        memory[axis, MISALIGNED] = 0.0
-    if motor > 0:
-        memory[0, MISALIGNED] = plant.misalignment * m0 + up
-        memory[1, MISALIGNED] = plant.misalignment * m1 + right
-    control.counts[MOTOR], control.counts[FRESH] = motor, 1
+@inlined
+def _controller_angle(state, feed):
+    """Return the attitude that the controller uses."""
+    return state[ANGLE_NOW] if feed.attitude == IDEAL else state[NAVIGATED_ANGLE]
 
 
 @inlined
-def _seen(x, feed):
-    """Return the attitude that the controller sees."""
-    return x[ANGLE_NOW] if feed.attitude == IDEAL else x[_ATTITUDE]
-
-
-@inlined
-def _capture(x, course, k, axis, feed):
-    """Start the command at the vehicle's attitude and rate when a motor ignites; x updated.
+def _capture(state, course, k, axis, feed):
+    """Start the command at the vehicle's attitude and rate when a motor ignites; the state of the axis is updated.
 
     In a coast the nominal attitude moves on without the vehicle. A jump of the command would drive the nozzle to its
     limit.
     """
-    x[_OFFSET] = _seen(x, feed) - course.turn[k, axis]
-    x[_OFFSET_RATE] = x[_FED] - course.rate[k, axis] - course.turn_rate[k, axis]
-    x[_COMMANDED] = x[_FED]
+    state[OFFSET] = _controller_angle(state, feed) - course.turn[k, axis]
+    state[OFFSET_RATE] = state[FED_RATE] - course.rate[k, axis] - course.turn_rate[k, axis]
+    state[COMMANDED_RATE] = state[FED_RATE]
 
 
 @inlined
-def _sense(x, course, k, axis, feed, noise, bound, first):
-    """Return the rate fed to the controller; navigated attitude, rate estimate and its variance are updated in x."""
+def _sense(state, course, k, axis, feed, noise, bound, first):
+    """Return the rate fed to the controller; navigated attitude, rate estimate and its variance are updated.
+
+    bound : rad/s^2. Largest angular acceleration that the rate filter expects.
+    """
     dt = course.t[1] - course.t[0]
+    # A gyro measures the mean rate since the last tick.
     if first:
-        mean = course.rate[0, axis] + x[RATE_NOW]
+        mean_rate = course.rate[0, axis] + state[RATE_NOW]
         turned = 0.0
     else:
-        turned = x[ANGLE_NOW] - x[_ANGLE_BEFORE]
-        mean = 0.5 * (course.rate[k - 1, axis] + course.rate[k, axis]) + turned / dt
-    error = x[_BIAS] + noise
-    x[_VARIANCE], gain = filter_gain(x[_VARIANCE], (dt * bound) ** 2, feed.gyro**2)
-    x[_ESTIMATE] += gain * (mean + error - x[_ESTIMATE])
+        turned = state[ANGLE_NOW] - state[PREVIOUS_ANGLE]
+        nominal_rate = 0.5 * (course.rate[k - 1, axis] + course.rate[k, axis])
+        mean_rate = nominal_rate + turned / dt
+    error = state[BIAS] + noise
+    # The filter models the rate as a random walk, with the bound as its standard deviation per second.
+    state[RATE_VARIANCE], gain = filter_gain(state[RATE_VARIANCE], (dt * bound) ** 2, feed.gyro**2)
+    state[RATE_ESTIMATE] += gain * (mean_rate + error - state[RATE_ESTIMATE])
     if not first:
-        x[_ATTITUDE] += turned + dt * error
-    x[_ANGLE_BEFORE] = x[ANGLE_NOW]
+        state[NAVIGATED_ANGLE] += turned + dt * error
+    state[PREVIOUS_ANGLE] = state[ANGLE_NOW]
     if feed.rate == TRUE:
-        x[_FED] = course.rate[k, axis] + x[RATE_NOW]
+        state[FED_RATE] = course.rate[k, axis] + state[RATE_NOW]
     elif feed.rate == RAW:
-        x[_FED] = mean + error
+        state[FED_RATE] = mean_rate + error
     else:
-        x[_FED] = x[_ESTIMATE]
-    return x[_FED]
+        state[FED_RATE] = state[RATE_ESTIMATE]
+    return state[FED_RATE]
 
 
 @inlined
-def _command(x, course, k, axis, settings, rate, dt, motor):
-    """Return the thrusters' sense; the nozzle's command and the integral are updated in x."""
+def _command(state, course, k, axis, settings, rate, dt, motor):
+    """Return the thrusters' sense; the nozzle's command and the integral are updated in the state of the axis."""
     plant, law, feed = settings.plant, settings.law, settings.feed
-    error = _seen(x, feed) - course.turn[k, axis] - x[_OFFSET]
-    rate_error = rate - x[_COMMANDED]
+    error = _controller_angle(state, feed) - course.turn[k, axis] - state[OFFSET]
+    rate_error = rate - state[COMMANDED_RATE]
     if motor == 0:
-        x[_COMMAND] = 0.0
-        return thruster_of(x[_SENSE], error + plant.lead * rate_error, plant.dead_band, plant.release)
+        state[COMMAND_NOW] = 0.0
+        switching_error = error + plant.lead * rate_error
+        return thruster_of(state[THRUSTER_SENSE], switching_error, plant.dead_band, plant.release)
     gains = law.gains[motor - 1]
-    asked = gains[0] * error + gains[1] * rate_error + gains[2] * x[_INTEGRAL]
-    x[_COMMAND] = min(max(asked, -plant.limit), plant.limit)
-    if x[_COMMAND] == asked:  # no integration at the limit (anti-windup)
-        x[_INTEGRAL] += dt * error
+    demand = gains[0] * error + gains[1] * rate_error + gains[2] * state[INTEGRAL]
+    state[COMMAND_NOW] = min(max(demand, -plant.limit), plant.limit)
+    if state[COMMAND_NOW] == demand:  # no integration at the limit (anti-windup)
+        state[INTEGRAL] += dt * error
     return 0.0
 
 
 @inlined
-def move(control, met, h):
+def move(control, forces, h):
     """Step nozzle and body of both axes over h seconds, a tick or a part of it."""
     course, plant, motor = control.course, control.settings.plant, control.counts[MOTOR]
     k = min(max(control.counts[NEXT] - 1, 0), course.t.size - 2)
-    dt, quarter = course.t[1] - course.t[0], 0.25 * h
+    dt = course.t[1] - course.t[0]
+    quarter = 0.25 * h
     for axis in range(2):
-        x = control.memory[axis]
-        alpha = (course.rate[k + 1, axis] - course.rate[k, axis]) / dt
-        c = (
-            met.effectiveness,
-            met.thrust_load,
-            met.moment,
-            met.force,
-            met.airspeed,
-            met.wind[axis] + x[GUST_NOW] - met.slip[axis],
-            met.thruster * x[_SENSE] - alpha,
+        state = control.memory[axis]
+        # Angles are deviations from the nominal attitude, whose own acceleration acts in the other sense.
+        nominal_acceleration = (course.rate[k + 1, axis] - course.rate[k, axis]) / dt
+        coefficients = (
+            forces.effectiveness,
+            forces.thrust_load,
+            forces.moment,
+            forces.force,
+            forces.airspeed,
+            forces.wind[axis] + state[GUST_NOW] - forces.slip[axis],
+            forces.thruster * state[THRUSTER_SENSE] - nominal_acceleration,
         )
-        before, drift = x[PUSH_NOW], 0.0
+        nozzle_before = state[NOZZLE_NOW]
+        misalignment = state[MISALIGNMENT_NOW]
+        drift = 0.0
         for _ in range(2):
             if motor > 0:
-                mid = nozzle_step(x[PUSH_NOW], x[_COMMAND], plant.time_constant, plant.rate_limit, quarter)
-                end = nozzle_step(mid, x[_COMMAND], plant.time_constant, plant.rate_limit, quarter)
+                nozzle_mid = nozzle_step(
+                    state[NOZZLE_NOW], state[COMMAND_NOW], plant.time_constant, plant.rate_limit, quarter
+                )
+                nozzle_end = nozzle_step(nozzle_mid, state[COMMAND_NOW], plant.time_constant, plant.rate_limit, quarter)
             else:
-                mid, end = 0.0, 0.0
-            off = x[MISALIGNED]
-            x[ANGLE_NOW], x[RATE_NOW], drift = body_step(
-                x[ANGLE_NOW], x[RATE_NOW], drift, x[PUSH_NOW] + off, mid + off, end + off, c, 2.0 * quarter
+                nozzle_mid = 0.0
+                nozzle_end = 0.0
+            state[ANGLE_NOW], state[RATE_NOW], drift = body_step(
+                state[ANGLE_NOW],
+                state[RATE_NOW],
+                drift,
+                state[NOZZLE_NOW] + misalignment,
+                nozzle_mid + misalignment,
+                nozzle_end + misalignment,
+                coefficients,
+                2.0 * quarter,
             )
-            x[PUSH_NOW] = end
-        x[_MOVEMENT] += abs(x[PUSH_NOW] - before)
+            state[NOZZLE_NOW] = nozzle_end
+        state[NOZZLE_TRAVEL] += abs(state[NOZZLE_NOW] - nozzle_before)
 
 
 @inlined
-def _force(x, axis, met):
-    """Return the lateral specific force at a tick."""
-    air = met.wind[axis] + x[GUST_NOW] - met.slip[axis]
-    c = (0.0, met.thrust_load, 0.0, met.force, met.airspeed, air, 0.0)
-    return lateral_force(x[ANGLE_NOW], 0.0, x[PUSH_NOW] + x[MISALIGNED], c)
+def _lateral_specific_force(state, axis, forces):
+    """Return the lateral specific force (m/s^2) at a tick."""
+    crosswind = forces.wind[axis] + state[GUST_NOW] - forces.slip[axis]
+    coefficients = (0.0, forces.thrust_load, 0.0, forces.force, forces.airspeed, crosswind, 0.0)
+    return lateral_force(state[ANGLE_NOW], 0.0, state[NOZZLE_NOW] + state[MISALIGNMENT_NOW], coefficients)
 
 
 @inlined
-def _steer(control, met, k, dt):
+def _steer(control, forces, k, dt):
     """Set the targets of guidance, and step the commanded offsets and rates over the tick before."""
     law, motor, memory = control.settings.law, control.counts[MOTOR], control.memory
-    k0, k1, run = control.draws
     if law.guided_from > 0 and k % law.guidance_ticks == 0 and motor >= law.guided_from:
-        s0, s1, _, _ = normals(k0, k1, _SPEED, run, np.uint64(k), _ZERO)
-        c0, c1, _, _ = normals(k0, k1, _STEPS, run, np.uint64(k), _ZERO)
-        scale = 1.0 / (met.thrust_load * law.guidance_time)
+        speed_pitch, speed_yaw = draw_pair(control, _GUIDANCE_SPEED, np.uint64(k))
+        command_pitch, command_yaw = draw_pair(control, _GUIDANCE_COMMAND, np.uint64(k))
+        # A turn by speed / (thrust acceleration x time) removes a lateral speed within that time.
+        scale = 1.0 / (forces.thrust_load * law.guidance_time)
         for axis in range(2):
-            speed = met.drift[axis] + law.velocity_sigma * (s0 if axis == 0 else s1)
-            asked = law.command_sigma * (c0 if axis == 0 else c1) - speed * scale
-            memory[axis, TARGET] = min(max(asked, -law.guidance_limit), law.guidance_limit)
+            speed = forces.drift[axis] + law.velocity_sigma * (speed_pitch if axis == 0 else speed_yaw)
+            noise = law.command_sigma * (command_pitch if axis == 0 else command_yaw)
+            target = noise - speed * scale
+            memory[axis, TARGET] = min(max(target, -law.guidance_limit), law.guidance_limit)
     for axis in range(2):
-        x = memory[axis]
+        state = memory[axis]
         if k > 0:
-            x[_OFFSET], x[_OFFSET_RATE] = command_step(x[_OFFSET], x[_OFFSET_RATE], x[TARGET], law.command_time, dt)
+            state[OFFSET], state[OFFSET_RATE] = command_step(
+                state[OFFSET], state[OFFSET_RATE], state[TARGET], law.command_time, dt
+            )
 
 
 @inlined
-def _account(row, found):
-    """Add the reaction of a tick to the sums (N_SUM,) of an axis in a phase; row updated."""
-    row[TICKS] += 1.0
-    row[INSIDE_TURNING] += 1.0 if abs(found.turning) <= found.turning_bound else 0.0
-    row[INSIDE_JERK] += 1.0 if abs(found.jerk) <= found.jerk_bound else 0.0
-    row[TURNING_RATIO] = max(row[TURNING_RATIO], abs(found.turning) / found.turning_bound)
-    row[JERK_RATIO] = max(row[JERK_RATIO], abs(found.jerk) / found.jerk_bound)
-    row[SQUARE_ERROR] += found.error * found.error
-    row[SQUARE_RATE] += found.rate_error * found.rate_error
+def _accumulate(sums, motion):
+    """Add the motion of a tick to the sums (N_SUM,) of an axis in a phase."""
+    sums[TICKS] += 1.0
+    sums[INSIDE_TURNING] += 1.0 if abs(motion.turning) <= motion.turning_bound else 0.0
+    sums[INSIDE_JERK] += 1.0 if abs(motion.jerk) <= motion.jerk_bound else 0.0
+    sums[TURNING_RATIO] = max(sums[TURNING_RATIO], abs(motion.turning) / motion.turning_bound)
+    sums[JERK_RATIO] = max(sums[JERK_RATIO], abs(motion.jerk) / motion.jerk_bound)
+    sums[SQUARE_ERROR] += motion.error * motion.error
+    sums[SQUARE_RATE] += motion.rate_error * motion.rate_error
 
 
 @inlined
@@ -284,18 +259,56 @@ def close(control):
     last = course.t.size - 1
     if before < 0 or before >= last:
         return
-    dt, number = course.t[1] - course.t[0], before // control.every
+    dt = course.t[1] - course.t[0]
+    number = before // control.every
     for axis in range(2):
-        x = control.memory[axis]
-        turning = (course.rate[before + 1, axis] + x[RATE_NOW] - x[_RATE_BEFORE]) / dt
-        found = AxisMotion(turning, x[_TURNING_BOUND], x[_JERK], x[_JERK_BOUND], x[_ERROR], x[_RATE_ERROR])
-        _account(control.sums[axis, course.phase[before]], found)
+        state = control.memory[axis]
+        turning = (course.rate[before + 1, axis] + state[RATE_NOW] - state[PREVIOUS_RATE]) / dt
+        motion = AxisMotion(
+            turning,
+            state[TURNING_BOUND_NOW],
+            state[JERK_NOW],
+            state[JERK_BOUND_NOW],
+            state[ERROR_NOW],
+            state[RATE_ERROR_NOW],
+        )
+        _accumulate(control.sums[axis, course.phase[before]], motion)
         if before % control.every == 0 and number < control.history.shape[0]:
             control.history[number, axis, TURNING] = turning
 
 
 @inlined
-def tick(control, met, tilt):
+def _update_reference(state, feed, draw):
+    """Correct the navigated attitude by a measurement of the attitude reference."""
+    measured = state[ANGLE_NOW] + feed.reference * draw
+    state[NAVIGATED_ANGLE] += feed.reference_gain * (measured - state[NAVIGATED_ANGLE])
+
+
+@inlined
+def _record(control, due, axis, rate_step, force, wind):
+    """Write the record of an axis at a tick, if it is one of those recorded."""
+    if due % control.every != 0 or due // control.every >= control.history.shape[0]:
+        return
+    state = control.memory[axis]
+    row = control.history[due // control.every, axis]
+    row[NOZZLE] = state[NOZZLE_NOW]
+    row[NOZZLE_COMMAND] = state[COMMAND_NOW]
+    row[MOVED] = state[NOZZLE_TRAVEL]
+    row[ERROR] = state[ERROR_NOW]
+    row[RATE_ERROR] = state[RATE_ERROR_NOW]
+    row[TURNING_BOUND] = state[TURNING_BOUND_NOW]
+    row[JERK] = state[JERK_NOW]
+    row[JERK_BOUND] = state[JERK_BOUND_NOW]
+    row[AIR] = wind + state[GUST_NOW]
+    row[FORMAL] = np.sqrt(state[RATE_VARIANCE])
+    row[ANGLE] = state[ANGLE_NOW]
+    row[RATE] = state[RATE_NOW]
+    row[FORCE] = force
+    row[STEPPED] = rate_step
+
+
+@inlined
+def tick(control, forces, tilt):
     """Sense, steer and command both axes at the next tick.
 
     tilt : rad. Attitude error of the run's navigation, truth less estimate, of pitch and yaw.
@@ -303,63 +316,61 @@ def tick(control, met, tilt):
     Long because a tick is one sequence of steps, in the order in which they happen on board.
     """
     course, settings, memory, count = control.course, control.settings, control.memory, control.counts
-    feed, model = settings.feed, settings.model
-    k0, k1, run = control.draws
+    feed, envelope = settings.feed, settings.model
     due, motor = count[NEXT], count[MOTOR]
     k = min(due, course.t.size - 1)  # a flight longer than the nominal flight keeps the last commanded attitude
-    dt, epoch, changed = course.t[1] - course.t[0], np.uint64(due + 1), count[FRESH] == 1
+    dt = course.t[1] - course.t[0]
+    epoch = np.uint64(due + 1)  # epoch 0 has the initial draws
+    just_ignited = count[JUST_IGNITED] == 1
     close(control)
-    count[FRESH], count[NEXT] = 0, due + 1
-    n0, n1, _, _ = normals(k0, k1, _GYRO, run, epoch, _ZERO)
-    g0, g1, g2, g3 = normals(k0, k1, _GUSTS, run, epoch, _ZERO)
-    _steer(control, met, due, dt)
-    r0, r1 = 0.0, 0.0
-    fixed = feed.attitude == MODELLED and feed.reference_gain > 0.0 and due > 0 and due % feed.reference_ticks == 0
-    if fixed:
-        r0, r1, _, _ = normals(k0, k1, _REFERENCE, run, epoch, _ZERO)
+    count[JUST_IGNITED] = 0
+    count[NEXT] = due + 1
+    k0, k1, run = control.draws
+    noise_pitch, noise_yaw = draw_pair(control, _GYRO_NOISE, epoch)
+    g0, g1, g2, g3 = normals(k0, k1, GUSTS, run, epoch, _ZERO)
+    _steer(control, forces, due, dt)
+    reference_pitch, reference_yaw = 0.0, 0.0
+    has_reference = feed.attitude == MODELLED and feed.reference_gain > 0.0
+    has_reference = has_reference and due > 0 and due % feed.reference_ticks == 0
+    if has_reference:
+        reference_pitch, reference_yaw = draw_pair(control, _REFERENCE_NOISE, epoch)
     for axis in range(2):
-        x = memory[axis]
+        state = memory[axis]
         h0, h1 = (g0, g1) if axis == 0 else (g2, g3)
         if due > 0:
-            x[_GUST_1], x[_GUST_2] = gust_step(x[_GUST_1], x[_GUST_2], dt * met.gust_rate, h0, h1)
-        x[GUST_NOW] = met.gust * gust_of(x[_GUST_1], x[_GUST_2])
-        if changed and motor > 0 and due > 0:
-            _capture(x, course, k, axis, feed)
-        commanded = course.rate[k, axis] + course.turn_rate[k, axis] + x[_OFFSET_RATE]
-        turning_bound = abs(x[_TURN_LAG]) + (model.coast if course.phase[k] == COAST else model.burn)
-        jerk_bound = abs(x[_JERK_LAG]) + model.lateral
-        stepped = commanded - x[_COMMANDED]
-        drive = model.turn_gain * stepped / dt
-        x[_TURN_LAG] = lag_step(x[_TURN_LAG], drive, model.turn_time, dt)
-        x[_COMMANDED] = commanded
-        noise = feed.gyro * (n0 if axis == 0 else n1)
-        rate = _sense(x, course, k, axis, feed, noise, turning_bound, due == 0)
-        if fixed:
-            seen = x[ANGLE_NOW] + feed.reference * (r0 if axis == 0 else r1)
-            x[_ATTITUDE] += feed.reference_gain * (seen - x[_ATTITUDE])
+            state[GUST_1], state[GUST_2] = gust_step(state[GUST_1], state[GUST_2], dt * forces.gust_rate, h0, h1)
+        state[GUST_NOW] = forces.gust * gust_of(state[GUST_1], state[GUST_2])
+        if just_ignited and motor > 0 and due > 0:
+            _capture(state, course, k, axis, feed)
+        # Envelope of commanded motion: what the last commands cause, and what is unknown in the phase.
+        turning_bound = abs(state[TURN_LAG]) + (envelope.coast if course.phase[k] == COAST else envelope.burn)
+        state[JERK_BOUND_NOW] = abs(state[JERK_LAG]) + envelope.lateral
+        state[TURNING_BOUND_NOW] = turning_bound
+        commanded_rate = course.rate[k, axis] + course.turn_rate[k, axis] + state[OFFSET_RATE]
+        rate_step = commanded_rate - state[COMMANDED_RATE]
+        drive = envelope.turn_gain * rate_step / dt
+        state[TURN_LAG] = lag_step(state[TURN_LAG], drive, envelope.turn_time, dt)
+        state[COMMANDED_RATE] = commanded_rate
+        noise = feed.gyro * (noise_pitch if axis == 0 else noise_yaw)
+        rate = _sense(state, course, k, axis, feed, noise, turning_bound, due == 0)
+        if has_reference:
+            _update_reference(state, feed, reference_pitch if axis == 0 else reference_yaw)
         if feed.attitude == OF_THE_RUN:
-            x[_ATTITUDE] = x[ANGLE_NOW] - tilt[axis]
-        asked = x[_COMMAND]
-        x[_SENSE] = _command(x, course, k, axis, settings, rate, dt, motor)
-        drive = model.nozzle_gain * (x[_COMMAND] - asked) / dt
-        x[_JERK_LAG] = lag_step(x[_JERK_LAG], drive, model.nozzle_time, dt)
-        force = _force(x, axis, met)
-        x[_JERK] = (force - x[_FORCE_BEFORE]) / dt if due > 0 else 0.0
-        x[_FORCE_BEFORE] = force
-        x[_ERROR] = x[ANGLE_NOW] - course.turn[k, axis] - x[_OFFSET]
-        x[_RATE_ERROR] = rate - course.rate[k, axis] - x[RATE_NOW]
-        x[_RATE_BEFORE] = course.rate[k, axis] + x[RATE_NOW]
-        x[_TURNING_BOUND], x[_JERK_BOUND] = turning_bound, jerk_bound
-        if due % control.every == 0 and due // control.every < control.history.shape[0]:
-            row = control.history[due // control.every, axis]
-            row[NOZZLE], row[ASKED], row[MOVED] = x[PUSH_NOW], x[_COMMAND], x[_MOVEMENT]
-            row[ERROR], row[RATE_ERROR] = x[_ERROR], x[_RATE_ERROR]
-            row[TURNING_BOUND], row[JERK], row[JERK_BOUND] = turning_bound, x[_JERK], jerk_bound
-            row[AIR], row[FORMAL] = met.wind[axis] + x[GUST_NOW], np.sqrt(x[_VARIANCE])
-            row[ANGLE], row[RATE], row[FORCE], row[STEPPED] = x[ANGLE_NOW], x[RATE_NOW], force, stepped
+            state[NAVIGATED_ANGLE] = state[ANGLE_NOW] - tilt[axis]
+        previous_command = state[COMMAND_NOW]
+        state[THRUSTER_SENSE] = _command(state, course, k, axis, settings, rate, dt, motor)
+        drive = envelope.nozzle_gain * (state[COMMAND_NOW] - previous_command) / dt
+        state[JERK_LAG] = lag_step(state[JERK_LAG], drive, envelope.nozzle_time, dt)
+        force = _lateral_specific_force(state, axis, forces)
+        state[JERK_NOW] = (force - state[PREVIOUS_FORCE]) / dt if due > 0 else 0.0
+        state[PREVIOUS_FORCE] = force
+        state[ERROR_NOW] = state[ANGLE_NOW] - course.turn[k, axis] - state[OFFSET]
+        state[RATE_ERROR_NOW] = rate - course.rate[k, axis] - state[RATE_NOW]
+        state[PREVIOUS_RATE] = course.rate[k, axis] + state[RATE_NOW]
+        _record(control, due, axis, rate_step, force, forces.wind[axis])
 
 
 @jit
 def movement(control):
     """Return how far the nozzle has moved in pitch and in yaw, rad."""
-    return control.memory[0, _MOVEMENT], control.memory[1, _MOVEMENT]
+    return control.memory[0, NOZZLE_TRAVEL], control.memory[1, NOZZLE_TRAVEL]

@@ -20,7 +20,7 @@ from lvnav_trade.trajectory.control_cards import (
     WindCard,
     rate_noise,
 )
-from lvnav_trade.trajectory.guided import autopilot, loop
+from lvnav_trade.trajectory.guided import autopilot, axis_state, loop
 from lvnav_trade.trajectory.guided.course import SolvedAscent, course_along
 from lvnav_trade.trajectory.guided.draws import deviations
 from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, Wind
@@ -43,7 +43,7 @@ STILL = WindCard.model_construct(
 
 
 class Launch(NamedTuple):
-    """What is common to all missions of a vehicle: its ascent, the attitude that is commanded on it, and cards."""
+    """Data common to all missions of a vehicle: its ascent, the attitude that is commanded on it, and cards."""
 
     ascent: SolvedAscent
     course: autopilot.CommandedAttitude
@@ -75,14 +75,17 @@ def prepare_launch(
     imu: ImuCard,
     envelope: EnvelopeCard | None = None,
 ) -> Launch:
-    """Return a launch on the ticks of the inertial unit.
+    """Return a launch on the ticks of the IMU.
 
-    InputError where a card has not as many stacks or gains as the vehicle has stages, or a turn starts at no event.
+    InputError if a card has not as many stacks or gains as the vehicle has stages, or a turn starts at no event.
     """
-    envelope, n_stage = envelope or EnvelopeCard(), len(ascent.card.vehicle.stages)
-    for owner, name, held in ((rotation, "stacks", rotation.stacks), (controller, "gains", controller.gains)):
-        if len(held) != n_stage:
-            raise InputError(f"{owner.name}: {len(held)} {name}, {ascent.card.vehicle.name} has {n_stage} stages")
+    envelope = envelope or EnvelopeCard()
+    vehicle = ascent.card.vehicle
+    n_stage = len(vehicle.stages)
+    tables = ((rotation, "stacks", rotation.stacks), (controller, "gains", controller.gains))
+    for owner, name, entries in tables:
+        if len(entries) != n_stage:
+            raise InputError(f"{owner.name}: {len(entries)} {name}, {vehicle.name} has {n_stage} stages")
     course = course_along(ascent, controller, envelope, imu.rate)
     return Launch(ascent, course, rotation, controller, wind, imu, envelope)
 
@@ -95,37 +98,40 @@ def launch_along(ascent: SolvedAscent, card: SteeredCard) -> Launch:
 
 def with_rate_gain(launch: Launch, factor: float) -> Launch:
     """Return the launch with the rate gain of every stage times a factor."""
-    gains = tuple(one.model_copy(update={"rate": one.rate * factor}) for one in launch.controller.gains)
+    gains = tuple(stage.model_copy(update={"rate": stage.rate * factor}) for stage in launch.controller.gains)
     return launch._replace(controller=launch.controller.model_copy(update={"gains": gains}))
 
 
 def fly_missions(
     launch: Launch, feedback: FeedbackCard, runs: int, seed: int = 1, every: int = 200, first_run: int = 0
 ) -> Missions:
-    """Return runs of a launch; draws depend on seed and run alone, so two ways of feeding meet the same ones.
+    """Return runs of a launch; draws depend on seed and run alone, so two ways of feeding have the same draws.
 
     `every` is the number of ticks from record to record.
     """
     n_tick = launch.course.t.size - 1
-    history = np.zeros((runs, (n_tick - 1) // every + 1, 2, autopilot.N_RECORD))
+    n_record = (n_tick - 1) // every + 1
+    history = np.zeros((runs, n_record, 2, autopilot.N_RECORD))
     sums = np.zeros((runs, 2, autopilot.N_PHASE, autopilot.N_SUM))
     movement = np.empty((runs, 2))
     for n in range(runs):
         draws = autopilot.DrawKeys(*seed_words(seed), np.uint64(first_run + n))
         control = fly_mission(launch, feedback, draws, every).turning.control
-        history[n], sums[n], movement[n] = control.history, control.sums, loop.movement(control)
+        history[n] = control.history
+        sums[n] = control.sums
+        movement[n] = loop.movement(control)
     return Missions(launch.course.t[:n_tick:every], history, movement, sums)
 
 
 def fly_mission(
     launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int, path: bool = False
 ) -> TurningPilot:
-    """Return the pilot of one run, who has flown it; path: whether its state at every record is kept."""
+    """Return the pilot after one simulated run; path: whether its state at every tick is recorded."""
     ascent = launch.ascent
     turning = turning_of(launch, feedback, draws, every, path)
-    differs = deviations(ascent.plan.card, {})
-    differs = differs._replace(wind=wind_of_launch(launch, draws, differs.wind))
-    pilot = TurningPilot(ascent.plan, ascent.card, differs, PERFECT, turning)
+    nominal = deviations(ascent.plan.card, {})
+    wind = wind_of_launch(launch, draws, nominal.wind)
+    pilot = TurningPilot(ascent.plan, ascent.card, nominal._replace(wind=wind), PERFECT, turning)
     pilot.fly_nominal()
     return pilot
 
@@ -139,7 +145,7 @@ def turning_of(
     by_run: bool = False,
     density: float = 1.0,
 ) -> AttitudeControl:
-    """Return what one run of a launch is flown with.
+    """Return attitude control, body and gusts of one run of a launch.
 
     Parameters
     ----------
@@ -152,19 +158,33 @@ def turning_of(
     density : Factor on the density of the air.
     """
     control = control_of(launch, feedback, draws, every)
-    feed, n_tick, rotation = control.settings.feed, launch.course.t.size - 1, launch.rotation
+    feed, rotation = control.settings.feed, launch.rotation
     if by_run and feed.attitude == autopilot.MODELLED:
         feed = feed._replace(attitude=autopilot.OF_THE_RUN)
         control = control._replace(settings=control.settings._replace(feed=feed))
-    stacks = np.array([_numbers(one) for one in rotation.stacks])
-    craft = RotationalModel(stacks, density, rotation.thrusters.force * rotation.thrusters.arm)
-    return AttitudeControl(control, craft, _gusts(launch.wind), np.zeros((n_tick if path else 0, 7)))
+    craft = RotationalModel(
+        stacks=np.array([_stack_row(stack) for stack in rotation.stacks]),
+        density=density,
+        thruster=rotation.thrusters.force * rotation.thrusters.arm,
+    )
+    n_tick = launch.course.t.size - 1
+    return AttitudeControl(
+        control=control,
+        craft=craft,
+        gusts=_gusts(launch.wind),
+        path=np.zeros((n_tick if path else 0, 7)),
+    )
 
 
-def _numbers(stack: Stack) -> tuple[float, float, float, float]:
+def _stack_row(stack: Stack) -> tuple[float, float, float, float]:
     """Return a row of `RotationalModel.stacks`."""
     length = stack.length
-    return (stack.gyration * length) ** 2, stack.nozzle_arm * length, stack.normal_force, stack.pressure_arm * length
+    return (
+        (stack.gyration * length) ** 2,
+        stack.nozzle_arm * length,
+        stack.normal_force,
+        stack.pressure_arm * length,
+    )
 
 
 def control_of(
@@ -172,20 +192,24 @@ def control_of(
 ) -> autopilot.ControlledAttitude:
     """Return the controlled attitude of one run at lift-off."""
     n_record = (launch.course.t.size - 2) // every + 1
-    envelope = autopilot.CommandedEnvelope(
-        *(getattr(launch.envelope, name) for name in autopilot.CommandedEnvelope._fields)
+    envelope_fields = {name: getattr(launch.envelope, name) for name in autopilot.CommandedEnvelope._fields}
+    settings = autopilot.AutopilotSettings(
+        plant=_plant(launch.rotation),
+        law=_law(launch),
+        feed=_feed(launch, feedback),
+        model=autopilot.CommandedEnvelope(**envelope_fields),
     )
     control = autopilot.ControlledAttitude(
-        launch.course,
-        autopilot.AutopilotSettings(_plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope),
-        draws,
-        np.zeros((2, loop.N_MEMORY)),
-        np.zeros(autopilot.N_COUNT, dtype=np.int64),
-        every,
-        np.zeros((n_record, 2, autopilot.N_RECORD)),
-        np.zeros((2, autopilot.N_PHASE, autopilot.N_SUM)),
+        course=launch.course,
+        settings=settings,
+        draws=draws,
+        memory=np.zeros((2, axis_state.N_MEMORY)),
+        counts=np.zeros(autopilot.N_COUNT, dtype=np.int64),
+        every=every,
+        history=np.zeros((n_record, 2, autopilot.N_RECORD)),
+        sums=np.zeros((2, autopilot.N_PHASE, autopilot.N_SUM)),
     )
-    loop.begin(control)
+    axis_state.begin(control)
     return control
 
 
@@ -197,67 +221,88 @@ def _gusts(card: WindCard) -> Gusts:
     """Return the gusts of a card on even heights; there are none above its highest one."""
     height = _heights(card)
     sigma = np.interp(height, card.height, card.gust, right=0.0)
-    return Gusts(_AIR_STEP, np.append(sigma, 0.0), np.interp(np.append(height, np.inf), card.height, card.gust_length))
+    length = np.interp(np.append(height, np.inf), card.height, card.gust_length)
+    return Gusts(_AIR_STEP, np.append(sigma, 0.0), length)
 
 
-def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, other: Wind) -> Wind:
-    """Return the steady wind of a run: that of its card, which is drawn along and across its direction, and another."""
-    card, (along, across) = launch.wind, loop.profile_draws(draws)
-    top = max(card.height[-1], other.step * (len(other.speed) - 1))
+def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> Wind:
+    """Return the steady wind of a run: that of its card, which is drawn along and across its direction, plus another.
+
+    further : The other wind.
+    """
+    card = launch.wind
+    draw_along, draw_across = axis_state.profile_draws(draws)
+    top = max(card.height[-1], further.step * (len(further.speed) - 1))
     height = np.arange(0.0, top + _AIR_STEP, _AIR_STEP)
     profile = np.interp(height, card.height, card.speed, right=0.0)
-    ahead, abeam = 1.0 + card.spread * along, card.spread * across
-    east = -math.sin(card.direction) * ahead - math.cos(card.direction) * abeam
-    north = -math.cos(card.direction) * ahead + math.sin(card.direction) * abeam
+    along = 1.0 + card.spread * draw_along
+    across = card.spread * draw_across
+    # The direction is that from which the wind blows, clockwise from north.
+    east = -math.sin(card.direction) * along - math.cos(card.direction) * across
+    north = -math.cos(card.direction) * along + math.sin(card.direction) * across
     speed = np.outer(profile, [east, north])
-    if len(other.speed) > 1:
-        at = other.step * np.arange(len(other.speed))
-        speed += np.stack([np.interp(height, at, one, right=0.0) for one in other.speed.T], axis=1)
+    if len(further.speed) > 1:
+        further_height = further.step * np.arange(len(further.speed))
+        components = [np.interp(height, further_height, component, right=0.0) for component in further.speed.T]
+        speed += np.stack(components, axis=1)
     return Wind(_AIR_STEP, speed)
 
 
 def _plant(card: RotationCard) -> autopilot.Plant:
     nozzle, thrusters = card.nozzle, card.thrusters
     return autopilot.Plant(
-        nozzle.time_constant,
-        nozzle.rate_limit,
-        nozzle.deflection_limit,
-        nozzle.misalignment,
-        thrusters.dead_band,
-        thrusters.lead,
-        thrusters.release,
+        time_constant=nozzle.time_constant,
+        rate_limit=nozzle.rate_limit,
+        limit=nozzle.deflection_limit,
+        misalignment=nozzle.misalignment,
+        dead_band=thrusters.dead_band,
+        lead=thrusters.lead,
+        release=thrusters.release,
     )
 
 
 def _law(launch: Launch) -> autopilot.ControlLaw:
-    card, rate = launch.controller, launch.imu.rate
-    gains = np.array([[one.attitude, one.rate, one.integral] for one in card.gains])
-    guide = card.guidance
-    if guide is None:
-        return autopilot.ControlLaw(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
-    ticks = max(1, round(guide.period * rate))
+    card = launch.controller
+    gains = np.array([[stage.attitude, stage.rate, stage.integral] for stage in card.gains])
+    guidance = card.guidance
+    if guidance is None:
+        return autopilot.ControlLaw(
+            gains=gains,
+            command_time=card.command_time,
+            guided_from=0,
+            guidance_ticks=1,
+            guidance_time=1.0,
+            guidance_limit=0.0,
+            velocity_sigma=0.0,
+            command_sigma=0.0,
+        )
     return autopilot.ControlLaw(
-        gains,
-        card.command_time,
-        guide.from_stage,
-        ticks,
-        guide.time,
-        guide.limit,
-        guide.velocity_sigma,
-        guide.command_sigma,
+        gains=gains,
+        command_time=card.command_time,
+        guided_from=guidance.from_stage,
+        guidance_ticks=max(1, round(guidance.period * launch.imu.rate)),
+        guidance_time=guidance.time,
+        guidance_limit=guidance.limit,
+        velocity_sigma=guidance.velocity_sigma,
+        command_sigma=guidance.command_sigma,
     )
 
 
 def _feed(launch: Launch, card: FeedbackCard) -> autopilot.ControllerInputs:
-    """Return the settings of sensing; the steady filter of the gyro's random walk weighs the attitude reference."""
-    noise = rate_noise(launch.imu, card.noise)
-    ticks = max(1, round(launch.imu.rate / card.reference_rate))
-    driving = ticks * (noise / launch.imu.rate) ** 2
-    gain = steady_ratio(driving, card.reference_sigma**2) if card.reference_sigma > 0.0 else 1.0
-    bias = 0.0 if card.noise == "none" else rms(launch.imu.gyro.bias_repeatability)
-    modelled = card.attitude == "navigation"
-    start = math.sqrt(gain) * card.reference_sigma if modelled else 0.0
-    attitude = autopilot.MODELLED if modelled else autopilot.IDEAL
+    """Return the settings of sensing; the steady filter of the gyro's random walk weights the attitude reference."""
+    imu = launch.imu
+    noise = rate_noise(imu, card.noise)
+    ticks = max(1, round(imu.rate / card.reference_rate))
+    angle_variance = ticks * (noise / imu.rate) ** 2  # random walk of the angle between two references
+    gain = steady_ratio(angle_variance, card.reference_sigma**2) if card.reference_sigma > 0.0 else 1.0
+    is_modelled = card.attitude == "navigation"
     return autopilot.ControllerInputs(
-        _RATES[card.rate], attitude, noise, bias, card.reference_sigma, ticks, gain, start
+        rate=_RATES[card.rate],
+        attitude=autopilot.MODELLED if is_modelled else autopilot.IDEAL,
+        gyro=noise,
+        bias=0.0 if card.noise == "none" else rms(imu.gyro.bias_repeatability),
+        reference=card.reference_sigma,
+        reference_ticks=ticks,
+        reference_gain=gain,
+        start=math.sqrt(gain) * card.reference_sigma if is_modelled else 0.0,
     )

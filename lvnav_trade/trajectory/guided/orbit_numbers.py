@@ -15,18 +15,21 @@ NODE = ORBIT.index("node")
 
 def orbit_of(y: Floats) -> Floats:
     """Return the numbers of `ORBIT` of the osculating orbits of states y (n, 6 or more), (n, n_orbit)."""
-    at = elements_from_state(y[:, :3], y[:, 3:6])
-    a, e = at.semi_major_axis, at.eccentricity
-    low, high = a * (1.0 - e) - SEMI_MAJOR, a * (1.0 + e) - SEMI_MAJOR
-    turn = at.perigee_argument
-    return np.stack([a, low, high, e * np.cos(turn), e * np.sin(turn), at.inclination, at.node], axis=1)
+    elements = elements_from_state(y[:, :3], y[:, 3:6])
+    a, e = elements.semi_major_axis, elements.eccentricity
+    perigee = a * (1.0 - e) - SEMI_MAJOR
+    apogee = a * (1.0 + e) - SEMI_MAJOR
+    along_node = e * np.cos(elements.perigee_argument)
+    ahead_of_node = e * np.sin(elements.perigee_argument)
+    orbit = [a, perigee, apogee, along_node, ahead_of_node, elements.inclination, elements.node]
+    return np.stack(orbit, axis=1)
 
 
-def orbit_difference(first: Floats, other: Floats) -> Floats:
+def orbit_difference(first: Floats, second: Floats) -> Floats:
     """Return numbers of orbits (n, n_orbit) less others, angles of the node the short way round."""
-    found = first - other
-    found[:, NODE] = np.remainder(found[:, NODE] + np.pi, 2.0 * np.pi) - np.pi
-    return np.asarray(found)
+    difference = first - second
+    difference[:, NODE] = np.remainder(difference[:, NODE] + np.pi, 2.0 * np.pi) - np.pi
+    return np.asarray(difference)
 
 
 def with_apsides(change: Floats, target: Floats) -> Floats:
@@ -35,10 +38,14 @@ def with_apsides(change: Floats, target: Floats) -> Floats:
 
     target : (n_orbit,). The orbit that is changed.
     """
-    found, vector = change.copy(), target[VECTOR]
-    e = float(np.linalg.norm(vector))
-    a, longer = target[AXIS], found[:, AXIS]
-    stretched = found[:, VECTOR] @ vector / e if e > CIRCULAR else np.full(len(found), np.nan)
-    found[:, PERIGEE] = longer * (1.0 - e) - a * stretched
-    found[:, APOGEE] = longer * (1.0 + e) + a * stretched
-    return np.asarray(found)
+    complete = change.copy()
+    eccentricity_vector = target[VECTOR]
+    e = float(np.linalg.norm(eccentricity_vector))
+    a, a_change = target[AXIS], complete[:, AXIS]
+    if e > CIRCULAR:
+        e_change = complete[:, VECTOR] @ eccentricity_vector / e
+    else:
+        e_change = np.full(len(complete), np.nan)
+    complete[:, PERIGEE] = a_change * (1.0 - e) - a * e_change
+    complete[:, APOGEE] = a_change * (1.0 + e) + a * e_change
+    return np.asarray(complete)

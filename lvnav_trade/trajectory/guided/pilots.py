@@ -11,7 +11,7 @@ from lvnav_trade.trajectory.ascent.legs import COASTING, STEP, Pilot, cuts, engi
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.autopilot import STACK
 from lvnav_trade.trajectory.guided.draws import Deviations
-from lvnav_trade.trajectory.guided.explicit import N_KEPT
+from lvnav_trade.trajectory.guided.explicit import N_LAW_STATE
 from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan
 from lvnav_trade.trajectory.guided.guided_dynamics import (
     CUT_OFF,
@@ -32,80 +32,102 @@ _OUTCOMES = {CUT_OFF: INJECTED, EMPTY: DEPLETED, DIVERGED: LOST}
 _CYCLE = 1.0  # s between two passes of explicit guidance
 _FREEZE = 10.0  # s to go, below which the steering law is frozen: its equations divide by the time to go
 _LONGEST = 3.0  # full burn times, after which any propellant is used up
-_OF_A_LAG = 0.5  # longest step of integration, in time constants of the attitude lag
+_LAG_STEP = 0.5  # longest step of integration, in time constants of the attitude lag
 
 
 class GuidedPilot(Pilot):
-    """Flies a dispersed vehicle by a plan.
+    """Simulates a dispersed vehicle by a plan.
 
     plan : Guidance data stored before lift-off.
-    differs : Deviations other than those of the vehicle's card.
-    around : Surroundings of the present piece.
+    deviations : Deviations other than those of the vehicle's card.
+    inputs : Inputs of the present piece.
     longest : s. Longest step of integration.
     """
 
     def __init__(
-        self, plan: GuidancePlan, flown: VehicleAscent, differs: Deviations, navigation: NavigationErrors
+        self, plan: GuidancePlan, vehicle: VehicleAscent, deviations: Deviations, navigation: NavigationErrors
     ) -> None:
-        super().__init__(flown, plan.aim, None)
-        self.plan, self.differs = plan, differs
-        last = plan.card.vehicle.stages[-1]
+        super().__init__(vehicle, plan.aim, None)
+        self.plan = plan
+        self.deviations = deviations
         law = GuidanceLaw(
-            math.inf, plan.card.slew, _CYCLE, _FREEZE, last.exhaust_speed, plan.target, np.zeros(N_KEPT), plan.schuler
+            start=math.inf,
+            slew=plan.card.slew,
+            cycle=_CYCLE,
+            freeze=_FREEZE,
+            exhaust=plan.card.vehicle.stages[-1].exhaust_speed,
+            target=plan.target,
+            state=np.zeros(N_LAW_STATE),
+            schuler=plan.schuler,
         )
-        self.around = AscentInputs(
-            plan.programme, navigation, self.drag, differs.wind, differs.misalignment[0].copy(), law, plan.lag
+        self.inputs = AscentInputs(
+            programme=plan.programme,
+            navigation=navigation,
+            drag=self.drag,
+            wind=deviations.wind,
+            misalignment=deviations.misalignment[0].copy(),
+            law=law,
+            lag=plan.lag,
         )
         self.longest = STEP
         if plan.lag > 0.0:
-            self.y = np.append(self.y, commanded(0.0, self.around))
-            self.longest = min(STEP, _OF_A_LAG * plan.lag)
+            self.y = np.append(self.y, commanded(0.0, self.inputs))
+            self.longest = min(STEP, _LAG_STEP * plan.lag)
 
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         """Fly a stretch without a jump for a duration (s)."""
         if duration > 0.0:
-            self.y = fly_piece(self.t, self.t + duration, self.longest, self.y, engine, self.around)
+            self.y = fly_piece(self.t, self.t + duration, self.longest, self.y, engine, self.inputs)
             self.t += duration
 
     def ignite_after(self, number: int) -> None:
         """Coast to the ignition of a stage; each stage has its own thrust misalignment."""
         super().ignite_after(number)
-        self.around = self.around._replace(misalignment=self.differs.misalignment[number - 1].copy())
+        misalignment = self.deviations.misalignment[number - 1].copy()
+        self.inputs = self.inputs._replace(misalignment=misalignment)
 
     def separate(self, number: int) -> None:
         """Coast to the separation of a stage, and add its separation impulse."""
         super().separate(number)
-        self.push(float(self.differs.separation[number - 1]))
+        self.push(float(self.deviations.separation[number - 1]))
 
     def push(self, speed: float) -> None:
         """Add a speed (m/s) along the thrust."""
         if speed != 0.0:
-            self.y[3:6] += speed * np.array(commanded(self.t, self.around))
+            self.y[3:6] += speed * np.array(commanded(self.t, self.inputs))
 
     def last_burn(self) -> str:
-        """Fly the last stage to its cut-off; return the outcome."""
+        """Simulate the last stage to its cut-off; return the outcome."""
         card, plan = self.card, self.plan
         number, vehicle = card.inserting, card.vehicle
         self.ignite_after(number)
         if plan.explicit:
-            self.around = self.around._replace(law=self.around.law._replace(start=self.t))
-        stage, begin = vehicle.stages[number - 1], self.t
-        cutoff = Cutoff(plan.by_energy, plan.energy, plan.cutoff, self.y[6] - stage.propellant)
+            law = self.inputs.law._replace(start=self.t)
+            self.inputs = self.inputs._replace(law=law)
+        stage = vehicle.stages[number - 1]
+        ignition = self.t
+        cutoff = Cutoff(
+            by_energy=plan.by_energy,
+            energy=plan.energy,
+            time=plan.cutoff,
+            empty=self.y[6] - stage.propellant,
+        )
         for cut in [*cuts(vehicle, number), None]:
-            end = begin + (cut.after if cut is not None else _LONGEST * stage.full_burn)
-            push = engine(vehicle, number, begin, self.t, end)
-            why = self.burn_until(end, push, cutoff)
-            if why in _OUTCOMES:
-                return _OUTCOMES[why]
+            burn_time = cut.after if cut is not None else _LONGEST * stage.full_burn
+            end = ignition + burn_time
+            push = engine(vehicle, number, ignition, self.t, end)
+            reason = self.burn_until(end, push, cutoff)
+            if reason in _OUTCOMES:
+                return _OUTCOMES[reason]
             if cut is not None:
                 self.y[6] -= cut.drop
                 cutoff = cutoff._replace(empty=cutoff.empty - cut.drop)
         return DEPLETED
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
-        """Fly a piece of the last burn that ends at `end` (s) at the latest; return how it ends, as `fly_last` does."""
-        self.t, self.y, why = fly_last(self.t, end, self.longest, self.y, push, self.around, cutoff)
-        return why
+        """Simulate a piece of the last burn to `end` (s) at the latest; return how it ends, as `fly_last` does."""
+        self.t, self.y, reason = fly_last(self.t, end, self.longest, self.y, push, self.inputs, cutoff)
+        return reason
 
     def fly(self) -> str:
         """Fly from lift-off to the end of the last burn; return the outcome."""
@@ -139,32 +161,42 @@ class TurningPilot(GuidedPilot):
     def __init__(
         self,
         plan: GuidancePlan,
-        flown: VehicleAscent,
-        differs: Deviations,
+        vehicle: VehicleAscent,
+        deviations: Deviations,
         navigation: NavigationErrors,
         turning: AttitudeControl,
     ) -> None:
-        super().__init__(plan, flown, differs, navigation)
+        super().__init__(plan, vehicle, deviations, navigation)
         self.turning = turning
         self.stretches: list[PathSegment] = []
 
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
-        """Fly a stretch without a jump for a duration (s), tick by tick."""
+        """Simulate a stretch without a jump for a duration (s), tick by tick."""
         if duration <= 0.0:
             return
-        begin, first, end, start = self.t, self.y, self.t + duration, np.zeros(0)
-        if self.turning.path.size:
+        begin, end = self.t, self.t + duration
+        first_state = self.y
+        first_acceleration = np.zeros(0)
+        is_recorded = self.turning.path.size > 0
+        if is_recorded:
             self._turn(begin, engine)  # the next nozzle must be active before the first acceleration is evaluated
-            start = acceleration(begin, first, engine, self.around, self.turning)
+            first_acceleration = acceleration(begin, first_state, engine, self.inputs, self.turning)
         self._turn(end, engine)
         self.t = end
-        if self.turning.path.size:
-            a = np.stack([start, acceleration(end, self.y, engine, self.around, self.turning)])
-            self.stretches.append(PathSegment(name, np.array([begin, end]), np.stack([first, self.y]), a))
+        if is_recorded:
+            last_acceleration = acceleration(end, self.y, engine, self.inputs, self.turning)
+            segment = PathSegment(
+                name=name,
+                t=np.array([begin, end]),
+                y=np.stack([first_state, self.y]),
+                a=np.stack([first_acceleration, last_acceleration]),
+            )
+            self.stretches.append(segment)
 
     def _turn(self, end: float, engine: Propulsion, cutoff: Cutoff = NEVER) -> int:
-        self.t, self.y, why = turn_piece(self.t, end, self.y, engine, self.around, self.turning, cutoff)
-        return why
+        """Simulate a piece that ends at `end` (s) at the latest; return how it ends."""
+        self.t, self.y, reason = turn_piece(self.t, end, self.y, engine, self.inputs, self.turning, cutoff)
+        return reason
 
     def ignite_after(self, number: int) -> None:
         """Coast to the ignition of a stage, which is now the lowest."""

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.earth import GM
-from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion, height_above
@@ -21,34 +20,32 @@ from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.ascent_runs import Injection, empty_mass, inject
 from lvnav_trade.trajectory.guided.draws import NO_RUN, WIND_TOP, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
-from lvnav_trade.trajectory.guided.explicit import LAMBDA, N_KEPT, REFERENCE, STARTED, TURN
+from lvnav_trade.trajectory.guided.explicit import N_LAW_STATE
 from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
 from lvnav_trade.trajectory.guided.guided_dynamics import (
     WHOLE,
-    AscentInputs,
     Cutoff,
     NavigationErrors,
-    Wind,
     fly_last,
-    guide,
     rates,
-    step,
 )
 from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of, with_apsides
+from lvnav_trade.trajectory.guided.piece_derivatives import (
+    ERROR_STEPS,
+    MASS,
+    MOTION_STEPS,
+    Piece,
+    final_state,
+    guidance_pass,
+    pass_derivatives,
+    state_derivatives,
+    table_derivatives,
+)
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot
 
 _CHUNK = 1.0  # s, of the pieces that are flown again with a number changed
-_MASS = 6  # place of the mass in a state, after position and velocity
-_LEFT = INJECTION.index("propellant_left")
-# Steps of the central differences. Their second order is a millionth of the first, round-off less.
-_MOTION_STEPS = np.array([10.0] * 3 + [0.1] * 3 + [1e-5] + [1e-4] * 3)  # m, m/s, a share of the mass, a direction
-_ERROR_STEPS = np.array([1e-4] * 3 + [0.1] * 3 + [10.0] * 3)  # rad, m/s, m
-_WIND_STEP = 1.0  # m/s
-# Of what guidance keeps, see `explicit`; 0: a number that nothing changes
-_KEPT_STEPS = np.array([0.1] * 3 + [10.0] * 9 + [1e-4] * 3 + [1e-6] * 3 + [1e-2] * 3 + [0.1] * 3 + [0.0] * 2)
-
-_STEERING = np.array([*range(LAMBDA, LAMBDA + 3), *range(TURN, TURN + 3), REFERENCE])
-"""What of that the command between two passes depends on."""
+_PROPELLANT_LEFT = INJECTION.index("propellant_left")
+_WIND_STEP = 1.0  # m/s, of the central differences
 
 
 class InjectionSensitivity(NamedTuple):
@@ -73,159 +70,50 @@ class InjectionSensitivity(NamedTuple):
     curvature: Floats = np.zeros((0, len(INJECTION)))
 
 
-class _Piece(NamedTuple):
-    """A piece of the reference flight.
-
-    begin : s since lift-off.
-    end : s since lift-off.
-    y : (n_motion,). State at its begin: 7, or 10 of a body that follows its command with a lag.
-    kept : (N_KEPT,). What guidance keeps there.
-    longest : s. Longest step of integration.
-    engine : What pushes.
-    around : What it is flown with.
-    steers : Whether explicit guidance steers it, with a pass at its begin.
-    """
-
-    begin: float
-    end: float
-    y: Floats
-    kept: Floats
-    longest: float
-    engine: Propulsion
-    around: AscentInputs
-    steers: bool
-
-
-@making_arrays
-def _renewed(piece: _Piece, y: Floats, kept: Floats) -> Floats:
-    """Return what guidance keeps (N_KEPT,) after its pass at the begin of a piece, at a state y (7,)."""
-    law = piece.around.law
-    law.kept[:] = kept
-    if piece.steers:
-        guide(piece.begin, y, piece.engine, piece.around)
-    return law.kept.copy()
-
-
-@making_arrays
-def _moved(piece: _Piece, y: Floats, renewed: Floats) -> Floats:
-    """Return the state (7,) at the end of a piece that begins at y (7,), with what guidance keeps from there on."""
-    piece.around.law.kept[:] = renewed
-    span = piece.end - piece.begin
-    n = max(1, math.ceil(span / piece.longest - 1e-9))
-    for k in range(n):
-        y = step(piece.begin + k * span / n, span / n, y, piece.engine, piece.around)
-    return y
-
-
-@making_arrays
-def _pass_by_all(piece: _Piece, first: int) -> tuple[Floats, Floats]:
-    """Return the derivatives of what guidance keeps after the pass at the begin of a piece: (N_KEPT, n_motion + N_KEPT)
-    by state and by what it kept before, (9, N_KEPT) by the navigation error at its time of number `first`.
-    """
-    n = piece.y.size
-    by_state, by_error = np.zeros((N_KEPT, n + N_KEPT)), np.zeros((_ERROR_STEPS.size, N_KEPT))
-    y, kept, error = piece.y.copy(), piece.kept.copy(), piece.around.navigation.error
-    for k in range(n):
-        size, before = _MOTION_STEPS[k] * (y[k] if k == _MASS else 1.0), y[k]
-        y[k] = before + size
-        high = _renewed(piece, y, kept)
-        y[k] = before - size
-        by_state[:, k] = (high - _renewed(piece, y, kept)) / (2.0 * size)
-        y[k] = before
-    for k in range(N_KEPT if kept[STARTED] > 0.0 else 0):
-        size, before = _KEPT_STEPS[k], kept[k]
-        if size > 0.0:
-            kept[k] = before + size
-            high = _renewed(piece, y, kept)
-            kept[k] = before - size
-            by_state[:, n + k] = (high - _renewed(piece, y, kept)) / (2.0 * size)
-            kept[k] = before
-    for column in range(3, _ERROR_STEPS.size):  # guidance reads velocity and position
-        size, before = _ERROR_STEPS[column], error[first, column]
-        error[first, column] = before + size
-        high = _renewed(piece, y, kept)
-        error[first, column] = before - size
-        by_error[column] = (high - _renewed(piece, y, kept)) / (2.0 * size)
-        error[first, column] = before
-    return by_state, by_error
-
-
-@making_arrays
-def _motion_by_state(piece: _Piece, renewed: Floats) -> Floats:
-    """Return the derivative (n_motion, n_motion + N_KEPT) of the state at the end of a piece by the state, and by what
-    guidance keeps after its pass.
-    """
-    n = piece.y.size
-    found, y, kept = np.zeros((n, n + N_KEPT)), piece.y.copy(), renewed.copy()
-    for k in range(n):
-        size, before = _MOTION_STEPS[k] * (y[k] if k == _MASS else 1.0), y[k]
-        y[k] = before + size
-        high = _moved(piece, y, kept)
-        y[k] = before - size
-        found[:, k] = (high - _moved(piece, y, kept)) / (2.0 * size)
-        y[k] = before
-    for k in _STEERING if piece.steers else _STEERING[:0]:
-        size, before = _KEPT_STEPS[k], kept[k]
-        kept[k] = before + size
-        high = _moved(piece, y, kept)
-        kept[k] = before - size
-        found[:, n + k] = (high - _moved(piece, y, kept)) / (2.0 * size)
-        kept[k] = before
-    return found
-
-
-@making_arrays
-def _motion_by_table(piece: _Piece, renewed: Floats, table: Floats, rows: tuple[int, int], steps: Floats) -> Floats:
-    """Return the derivative (n_row, n_column, n_motion) of the state at the end of a piece by a table it is flown with.
-
-    The first columns are changed, one for each of the steps; rows: the first and the last one.
-    """
-    first, last = rows
-    found = np.zeros((last - first + 1, steps.size, piece.y.size))
-    for row in range(last - first + 1):
-        for column in range(steps.size):
-            size, before = steps[column], table[first + row, column]
-            table[first + row, column] = before + size
-            high = _moved(piece, piece.y, renewed)
-            table[first + row, column] = before - size
-            found[row, column] = (high - _moved(piece, piece.y, renewed)) / (2.0 * size)
-            table[first + row, column] = before
-    return found
-
-
-class _Recorded(GuidedPilot):
-    """Flies the reference, and keeps its pieces."""
+class _ReferencePilot(GuidedPilot):
+    """Pilot of the reference flight, which records its pieces."""
 
     def __init__(self, plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors) -> None:
         super().__init__(plan, vehicle_of(plan.card, sigmas), deviations(plan.card, sigmas), navigation)
-        self.pieces: list[_Piece] = []
+        self.pieces: list[Piece] = []
 
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         if duration <= 0.0:
             return
-        edges = np.linspace(self.t, self.t + duration, max(1, math.ceil(duration / _CHUNK)) + 1).tolist()
+        n_piece = max(1, math.ceil(duration / _CHUNK))
+        edges = np.linspace(self.t, self.t + duration, n_piece + 1).tolist()
         for begin, end in pairwise(edges):
-            piece = self._keep(begin, end, engine)
-            self.y = _moved(piece, piece.y, piece.kept)
+            piece = self._record(begin, end, engine)
+            self.y = final_state(piece, piece.y, piece.law_state)
         self.t = edges[-1]
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
-        why = WHOLE
-        while self.t < end - 1e-9 and why == WHOLE:
-            until = min(self.t + self.around.law.cycle, end)
-            self._keep(self.t, until, push, self.around.law.start < math.inf)
-            self.t, self.y, why = fly_last(self.t, until, self.longest, self.y, push, self.around, cutoff)
+        law = self.inputs.law
+        outcome = WHOLE
+        while self.t < end - 1e-9 and outcome == WHOLE:
+            piece_end = min(self.t + law.cycle, end)
+            self._record(self.t, piece_end, push, law.start < math.inf)
+            self.t, self.y, outcome = fly_last(self.t, piece_end, self.longest, self.y, push, self.inputs, cutoff)
             self.pieces[-1] = self.pieces[-1]._replace(end=self.t)
-        return why
+        return outcome
 
-    def _keep(self, begin: float, end: float, push: Propulsion, steers: bool = False) -> _Piece:
-        kept = self.around.law.kept.copy()
-        piece = _Piece(begin, end, self.y.copy(), kept, self.longest, push, self.around, steers)
+    def _record(self, begin: float, end: float, push: Propulsion, steers: bool = False) -> Piece:
+        """Append the piece that begins at the present state, and return it."""
+        piece = Piece(
+            begin=begin,
+            end=end,
+            y=self.y.copy(),
+            law_state=self.inputs.law.state.copy(),
+            longest=self.longest,
+            engine=push,
+            inputs=self.inputs,
+            steers=steers,
+        )
         self.pieces.append(piece)
         return piece
 
 
-class _Ending(NamedTuple):
+class _CutoffDerivatives(NamedTuple):
     """Derivatives of an injection at the nominal time of the cut-off.
 
     by_state : (n_number, n_motion). By the true state.
@@ -246,155 +134,212 @@ def sensitivity(plan: GuidancePlan, t: Floats) -> InjectionSensitivity:
     plan : GuidancePlan
     t : (n_t,) s since lift-off. Times at which navigation errors are known.
     """
-    return _remembered((plan.card.model_dump_json(exclude={"named_times"}), t.tobytes()), plan.card)
+    return _cached_sensitivity((plan.card.model_dump_json(exclude={"named_times"}), t.tobytes()), plan.card)
 
 
 @remembered(4)
-def _remembered(key: tuple[str, bytes], card: VehicleAscent) -> InjectionSensitivity:
+def _cached_sensitivity(key: tuple[str, bytes], card: VehicleAscent) -> InjectionSensitivity:
+    """Return the derivatives of the injection; `key`: the card, and the times (s) as bytes."""
     if card.control is not None:
         return InjectionSensitivity("a vehicle under attitude control has draws and limits of its own, ask for runs")
     plan, t = plan_of(card), np.frombuffer(key[1]).copy()
-    fixed, target = draw(card, 0, NO_RUN), orbit_of(plan.nominal[None])[0]
-    drawn = () if card.dispersion is None else card.dispersion.drawn
-    sources = [name for name, sigma in plan.spreads if name in drawn and sigma > 0.0]
-    air = {"wind": np.zeros(numbers(card)["wind"])} if "wind" in sources else {}  # in which a gust can be changed
-    pilot = _Recorded(plan, air | fixed, NavigationErrors(t, np.zeros((t.size, _ERROR_STEPS.size))))
+    fixed = draw(card, 0, NO_RUN)
+    target = orbit_of(plan.nominal[None])[0]
+    sources = _dispersed_sources(plan)
+    # with draws of the wind, its table is one in which a gust can be changed
+    still_air = {"wind": np.zeros(numbers(card)["wind"])} if "wind" in sources else {}
+    no_errors = NavigationErrors(t, np.zeros((t.size, ERROR_STEPS.size)))
+    pilot = _ReferencePilot(plan, still_air | fixed, no_errors)
     outcome = pilot.fly()
     if outcome != INJECTED:
         return InjectionSensitivity(f"the reference flight, without draws and navigation errors, ends as {outcome!r}")
-    ending = _ending(pilot, target)
-    navigation, gusts = _by_flight(pilot.pieces, ending, t)
-    reference = np.append(orbit_of(pilot.y[None])[0], [pilot.t, pilot.y[_MASS] - empty_mass(pilot.card)])
-    vehicle, curvature = list[tuple[str, Floats]](), [np.zeros((0, len(INJECTION)))]
+    # the state at cut-off, before the thrust decays
+    cutoff_state = pilot.y.copy()
+    at_cutoff = _cutoff_derivatives(pilot, cutoff_state, target)
+    navigation, gusts = _propagate_back(pilot.pieces, at_cutoff, t)
+    propellant = pilot.y[MASS] - empty_mass(pilot.card)
+    reference = np.append(orbit_of(pilot.y[None])[0], [pilot.t, propellant])
+    vehicle = list[tuple[str, Floats]]()
+    curvature = [np.zeros((0, len(INJECTION)))]
     for name in sources:
         if name == "wind":
-            vehicle.append((name, _by_gusts(card, gusts)))
+            vehicle.append((name, _wind_changes(card, gusts)))
             continue
-        ends = _by_draws(plan, fixed, name)
+        ends = _inject_both_sides(plan, fixed, name)
         if isinstance(ends, str):
             return InjectionSensitivity(ends)
-        high, low = (_changes(side, reference) for side in ends)
+        high = _changes(ends[0], reference)
+        low = _changes(ends[1], reference)
         vehicle.append((name, with_apsides(0.5 * (high - low), target)))
         curvature.append(0.5 * (high + low))
     return InjectionSensitivity(
         reference=reference,
         target=target,
-        navigation=navigation + _by_nodes(t, pilot.t, ending.by_error),
-        knowledge=_by_nodes(t, pilot.t, ending.knowledge),
+        navigation=navigation + _spread_over_times(t, pilot.t, at_cutoff.by_error),
+        knowledge=_spread_over_times(t, pilot.t, at_cutoff.knowledge),
         vehicle=tuple(vehicle),
         curvature=np.concatenate(curvature),
     )
 
 
-def _ending(pilot: _Recorded, target: Floats) -> _Ending:
-    """Return the derivatives at the cut-off, which is late by as much as the navigated energy is short; the pilot's
-    state is then that after the thrust has decayed.
+def _dispersed_sources(plan: GuidancePlan) -> list[str]:
+    """Return the names of the sources that runs draw."""
+    dispersion = plan.card.dispersion
+    if dispersion is None:
+        return []
+    return [name for name, sigma in plan.spreads if name in dispersion.drawn and sigma > 0.0]
+
+
+def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _CutoffDerivatives:
+    """Return the derivatives at the cut-off, which is late by as much as the navigated energy is short.
+
+    y : (n_motion,). State at the cut-off; that of the pilot is then the state after the thrust has decayed.
     """
-    y, last, plan = pilot.y.copy(), pilot.pieces[-1], pilot.plan
-    slope = rates(pilot.t, y, last.engine, last.around)
-    delay = np.zeros(6)  # of the cut-off (s) by the navigated state
+    last, plan = pilot.pieces[-1], pilot.plan
+    slope = rates(pilot.t, y, last.engine, last.inputs)
+    # Delay of the cut-off (s) by the navigated position and velocity: -(dE/dx) / (dE/dt), with E = v^2 / 2 - GM / r
+    delay = np.zeros(6)
     if plan.by_energy:
-        gradient = np.concatenate([GM / np.linalg.norm(y[:3]) ** 3 * y[:3], y[3:6]])
-        delay = -gradient / (gradient @ slope[:6])
-    pilot.push(pilot.differs.tail_off)
-    orbit = _by_motion(pilot.y, target)
-    moved = np.append(orbit @ slope[:6], [1.0, slope[_MASS]])  # of all numbers, by the time of the cut-off
+        energy_gradient = np.concatenate([GM / np.linalg.norm(y[:3]) ** 3 * y[:3], y[3:6]])
+        delay = -energy_gradient / (energy_gradient @ slope[:6])
+    pilot.push(pilot.deviations.tail_off)
+    orbit = _orbit_derivative(pilot.y, target)
+    by_delay = np.append(orbit @ slope[:6], [1.0, slope[MASS]])
     by_state = np.zeros((len(INJECTION), y.size))
-    by_state[: len(ORBIT), :6], by_state[_LEFT, _MASS] = orbit, 1.0
-    by_state[:, :6] += np.outer(moved, delay)
-    # a navigated state is the true one less the error; velocity stands before position in the errors
-    swapped = np.concatenate([np.zeros(3), delay[3:], delay[:3]])
+    by_state[: len(ORBIT), :6] = orbit
+    by_state[_PROPELLANT_LEFT, MASS] = 1.0
+    by_state[:, :6] += np.outer(by_delay, delay)
+    # A navigated state is the true one less the error. Errors begin with attitude; velocity comes before position.
+    delay_by_error = np.concatenate([np.zeros(3), delay[3:], delay[:3]])
     knowledge = np.concatenate([np.zeros((len(ORBIT), 3)), orbit[:, 3:], orbit[:, :3]], axis=1)
-    return _Ending(by_state, -np.outer(moved, swapped), knowledge)
+    return _CutoffDerivatives(
+        by_state=by_state,
+        by_error=-np.outer(by_delay, delay_by_error),
+        knowledge=knowledge,
+    )
 
 
-def _by_motion(y: Floats, target: Floats) -> Floats:
+def _orbit_derivative(y: Floats, target: Floats) -> Floats:
     """Return the derivative (n_orbit, 6) of an orbit by position and velocity."""
-    moves = np.diag(_MOTION_STEPS[:6])
-    high, low = (orbit_of(y[:6] + sign * moves) for sign in (1.0, -1.0))
+    steps = MOTION_STEPS[:6]
+    moves = np.diag(steps)
+    high = orbit_of(y[:6] + moves)
+    low = orbit_of(y[:6] - moves)
     change = with_apsides(orbit_difference(high, low), target)
-    return np.asarray((change / (2.0 * _MOTION_STEPS[:6, None])).T)
+    return np.asarray((change / (2.0 * steps[:, None])).T)
 
 
-def _by_flight(pieces: list[_Piece], ending: _Ending, t: Floats) -> tuple[Floats, Floats]:
-    """Return the derivative (n_t, n_number, 9) of an injection by navigation errors on the way, and that (n_height, 2,
-    n_number) by the wind (m/s) where it can be changed.
+def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Floats) -> tuple[Floats, Floats]:
+    """Return the derivatives of an injection by navigation errors before the cut-off and by the wind.
+
+    The chain rule from the last piece to the first: the derivative by the state at the end of a piece, times that of
+    the piece, is the derivative by the state at its begin.
+
+    Returns
+    -------
+    (n_t, n_number, 9)
+        By navigation errors.
+    (n_height, 2, n_number)
+        By the wind (m/s), zero where it cannot be changed.
     """
-    n = ending.by_state.shape[1]
-    ahead = np.zeros((len(INJECTION), n + N_KEPT))
-    ahead[:, :n] = ending.by_state
-    navigation = np.zeros((t.size, len(INJECTION), _ERROR_STEPS.size))
-    gusts = np.zeros((*pieces[0].around.wind.speed.shape, len(INJECTION)))
+    n_motion = at_cutoff.by_state.shape[1]
+    by_end = np.zeros((len(INJECTION), n_motion + N_LAW_STATE))  # by motion and state of guidance
+    by_end[:, :n_motion] = at_cutoff.by_state
+    navigation = np.zeros((t.size, len(INJECTION), ERROR_STEPS.size))
+    gusts = np.zeros((*pieces[0].inputs.wind.speed.shape, len(INJECTION)))
     for piece in reversed(pieces):
-        by_motion, by_kept, entered = ahead[:, :n], ahead[:, n:], np.zeros_like(ahead)
-        renewed = _renewed(piece, piece.y, piece.kept)
-        motion = _motion_by_state(piece, renewed)
-        first, last = _held(t, piece.begin), _held(t, piece.end + 1e-9)  # a step reads the error at its end too
-        # with a lag the body turns to what its navigation says in coasts as well
-        if piece.engine.thrust > 0.0 or piece.engine.beside.thrust > 0.0 or piece.around.lag > 0.0:
-            tilted = _motion_by_table(piece, renewed, piece.around.navigation.error, (first, last), _ERROR_STEPS[:3])
-            navigation[first : last + 1, :, :3] += np.einsum("kes,ns->kne", tilted, by_motion)
-        wind, heights = piece.around.wind, [height_above(*y[:3]) for y in (piece.y, _moved(piece, piece.y, renewed))]
-        if min(heights) < WIND_TOP and len(wind.speed) > 1:
-            rows = _heights(wind, min(heights), max(heights))
-            blown = _motion_by_table(piece, renewed, wind.speed, rows, np.full(2, _WIND_STEP))
-            gusts[rows[0] : rows[1] + 1] += np.einsum("kes,ns->ken", blown, by_motion)
-        entered[:, :n] = by_motion @ motion[:, :n]
+        by_motion, by_law = by_end[:, :n_motion], by_end[:, n_motion:]
+        law_state = guidance_pass(piece, piece.y, piece.law_state)
+        motion = state_derivatives(piece, law_state)
+        entry = _entry_index(t, piece.begin)
+        if _turns_body(piece):
+            last = _entry_index(t, piece.end + 1e-9)  # a step reads the error at its end too
+            error = piece.inputs.navigation.error
+            by_tilt = table_derivatives(piece, law_state, error, (entry, last), ERROR_STEPS[:3])
+            navigation[entry : last + 1, :, :3] += np.einsum("kes,ns->kne", by_tilt, by_motion)
+        rows = _wind_rows(piece, law_state)
+        if rows is not None:
+            wind_steps = np.full(2, _WIND_STEP)
+            by_wind = table_derivatives(piece, law_state, piece.inputs.wind.speed, rows, wind_steps)
+            gusts[rows[0] : rows[1] + 1] += np.einsum("kes,ns->ken", by_wind, by_motion)
+        by_begin = np.zeros_like(by_end)
+        by_begin[:, :n_motion] = by_motion @ motion[:, :n_motion]
         if piece.steers:
-            by_renewed = by_kept + by_motion @ motion[:, n:]
-            passed, seen = _pass_by_all(piece, first)
-            entered += by_renewed @ passed
-            navigation[first] += by_renewed @ seen.T
-        ahead = entered
+            by_pass = by_law + by_motion @ motion[:, n_motion:]
+            pass_by_state, pass_by_error = pass_derivatives(piece, entry)
+            by_begin += by_pass @ pass_by_state
+            navigation[entry] += by_pass @ pass_by_error.T
+        by_end = by_begin
     return navigation, gusts
 
 
-def _heights(wind: Wind, low: float, high: float) -> tuple[int, int]:
-    """Return the first and the last entry of the wind that the air between two heights (m) depends on."""
+def _turns_body(piece: Piece) -> bool:
+    """Return whether an attitude error changes the motion: under thrust, and with a lag in coasts as well."""
+    engine = piece.engine
+    return engine.thrust > 0.0 or engine.beside.thrust > 0.0 or piece.inputs.lag > 0.0
+
+
+def _wind_rows(piece: Piece, law_state: Floats) -> tuple[int, int] | None:
+    """Return the first and the last entry of the wind that a piece depends on; None for none."""
+    wind = piece.inputs.wind
+    begin_height = height_above(*piece.y[:3])
+    end_height = height_above(*final_state(piece, piece.y, law_state)[:3])
+    low, high = min(begin_height, end_height), max(begin_height, end_height)
+    if low >= WIND_TOP or len(wind.speed) <= 1:
+        return None
     last = len(wind.speed) - 1
-    return min(max(0, math.floor(low / wind.step)), last), min(max(0, math.ceil(high / wind.step)), last)
+    first_row = min(max(0, math.floor(low / wind.step)), last)
+    last_row = min(max(0, math.ceil(high / wind.step)), last)
+    return first_row, last_row
 
 
-def _held(t: Floats, time: float) -> int:
-    """Return which of the times has the error that is held at a time."""
+def _entry_index(t: Floats, time: float) -> int:
+    """Return the index of the times whose error applies at a time."""
     return max(0, int(np.searchsorted(t, time, side="right")) - 1)
 
 
-def _by_nodes(t: Floats, time: float, by_error: Floats) -> Floats:
-    """Return a derivative (n, 9) by the navigation error at a time as one (n_t, n, 9) by those at the times t."""
-    found, k = np.zeros((t.size, *by_error.shape)), _held(t, time)
-    found[k] = by_error
-    found[k, :, 3:6] += max(0.0, time - t[k]) * by_error[:, 6:]
-    return found
+def _spread_over_times(t: Floats, time: float, by_error: Floats) -> Floats:
+    """Return a derivative (n, 9) by the navigation error at a time as a derivative (n_t, n, 9) by those at times t."""
+    derivative = np.zeros((t.size, *by_error.shape))
+    k = _entry_index(t, time)
+    derivative[k] = by_error
+    # the position error grows by the velocity error
+    derivative[k, :, 3:6] += max(0.0, time - t[k]) * by_error[:, 6:]
+    return derivative
 
 
-def _by_draws(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[list[Injection], list[Injection]] | str:
-    """Return whole flights with one sigma more, and one less, of each draw of a source, so that staging is in what
-    differs; or why there are none.
+def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[list[Injection], list[Injection]] | str:
+    """Return whole flights with one sigma more, and one less, of each draw of a source; or why there are none.
+
+    Whole flights include the effect on staging.
     """
+    n_draw = numbers(plan.card)[name]
     ends: tuple[list[Injection], list[Injection]] = [], []
-    for k in range(numbers(plan.card)[name]):
+    for k in range(n_draw):
         for side, sign in zip(ends, (1.0, -1.0), strict=True):
-            one = fixed.get(name, np.zeros(numbers(plan.card)[name])).copy()
-            one[k] += sign
-            flown = inject(plan, {**fixed, name: one})
-            if flown.outcome != INJECTED:
-                return f"with {sign:+.0f} sigma of {name.replace('_', ' ')} the flight ends as {flown.outcome!r}"
-            side.append(flown)
+            sigmas = fixed.get(name, np.zeros(n_draw)).copy()
+            sigmas[k] += sign
+            injection = inject(plan, {**fixed, name: sigmas})
+            if injection.outcome != INJECTED:
+                source = name.replace("_", " ")
+                return f"with {sign:+.0f} sigma of {source} the flight ends as {injection.outcome!r}"
+            side.append(injection)
     return ends
 
 
-def _changes(flown: list[Injection], reference: Floats) -> Floats:
-    """Return what injections have more than the reference, (n, n_number)."""
-    orbit = orbit_difference(orbit_of(np.stack([one.y for one in flown])), reference[: len(ORBIT)])
-    return np.column_stack([orbit, np.array([(one.t, one.left) for one in flown]) - reference[len(ORBIT) :]])
+def _changes(injections: list[Injection], reference: Floats) -> Floats:
+    """Return the differences (n, n_number) of injections from the reference."""
+    states = np.stack([injection.y for injection in injections])
+    orbit = orbit_difference(orbit_of(states), reference[: len(ORBIT)])
+    time_and_propellant = np.array([(injection.t, injection.left) for injection in injections])
+    return np.column_stack([orbit, time_and_propellant - reference[len(ORBIT) :]])
 
 
-def _by_gusts(card: VehicleAscent, gusts: Floats) -> Floats:
+def _wind_changes(card: VehicleAscent, gusts: Floats) -> Floats:
     """Return the change (n_draw, n_number) by one sigma of each draw of the wind.
 
     gusts : (n_height, 2, n_number). Derivative by the wind (m/s).
     """
-    draws = np.eye(numbers(card)["wind"])
-    winds = np.array([wind_of(one, card.vehicle.dispersions).speed for one in draws])
+    unit_draws = np.eye(numbers(card)["wind"])
+    winds = np.array([wind_of(draws, card.vehicle.dispersions).speed for draws in unit_draws])
     return np.einsum("dhe,hen->dn", winds, gusts)

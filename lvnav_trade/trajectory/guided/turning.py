@@ -1,7 +1,7 @@
 """Flight of a piece of an ascent under attitude control: nozzle, air and thrusters turn the body, thrust follows it.
 
 Forces, air, wind, events, the law of the last stage and the cut-off are those of `guided_dynamics.py`. Each tick of the
-inertial unit the axes of `loop.py` turn the body, and a step of second order moves it.
+IMU the axes of `loop.py` turn the body, and a step of second order moves it.
 """
 
 import math
@@ -21,6 +21,7 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import (
     thrust_of,
 )
 from lvnav_trade.trajectory.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, ControlledAttitude, LateralForces
+from lvnav_trade.trajectory.guided.axis_state import ANGLE_NOW, GUST_NOW, MISALIGNMENT_NOW, NOZZLE_NOW, TARGET, ignite
 from lvnav_trade.trajectory.guided.explicit import STARTED
 from lvnav_trade.trajectory.guided.guided_dynamics import (
     CUT_OFF,
@@ -35,7 +36,7 @@ from lvnav_trade.trajectory.guided.guided_dynamics import (
     navigated_energy,
     velocity_of_air,
 )
-from lvnav_trade.trajectory.guided.loop import ANGLE_NOW, GUST_NOW, MISALIGNED, PUSH_NOW, TARGET, ignite, move, tick
+from lvnav_trade.trajectory.guided.loop import move, tick
 
 _REFINED = 3  # secant steps to the cut-off within a tick
 NEVER = Cutoff(False, 0.0, math.inf, 0.0)
@@ -85,21 +86,27 @@ class AttitudeControl(NamedTuple):
 
 
 @inlined
-def _gust_at(height, gusts):
+def _gust_statistics(height, gusts):
     """Return sigma (m/s) and length (m) of the gusts at a height (m)."""
     last = gusts.sigma.size - 1
     x = min(max(height / gusts.step, 0.0), float(last))
-    k = min(int(x), max(last - 1, 0))
-    n, w = min(k + 1, last), x - k
-    sigma = gusts.sigma[k] + w * (gusts.sigma[n] - gusts.sigma[k])
-    return sigma, gusts.length[k] + w * (gusts.length[n] - gusts.length[k])
+    below = min(int(x), max(last - 1, 0))
+    above = min(below + 1, last)
+    weight = x - below
+    sigma = gusts.sigma[below] + weight * (gusts.sigma[above] - gusts.sigma[below])
+    length = gusts.length[below] + weight * (gusts.length[above] - gusts.length[below])
+    return sigma, length
 
 
 @inlined
-def _axis_at(rows, k, w):
-    """Return a direction between two ticks."""
+def _interpolate_axis(rows, k, weight):
+    """Return a direction between ticks k and k + 1."""
     a, b = rows[k], rows[k + 1]
-    return a[0] + w * (b[0] - a[0]), a[1] + w * (b[1] - a[1]), a[2] + w * (b[2] - a[2])
+    return (
+        a[0] + weight * (b[0] - a[0]),
+        a[1] + weight * (b[1] - a[1]),
+        a[2] + weight * (b[2] - a[2]),
+    )
 
 
 @inlined
@@ -115,12 +122,15 @@ def axes_at(t, course):
     """
     x = t / (course.t[1] - course.t[0])
     k = min(int(x + 1e-6), course.t.size - 2)
-    w = min(max(x - k, 0.0), 1.0)
-    return _axis_at(course.ahead, k, w), _axis_at(course.up, k, w), _axis_at(course.right, k, w)
+    weight = min(max(x - k, 0.0), 1.0)
+    ahead = _interpolate_axis(course.ahead, k, weight)
+    up = _interpolate_axis(course.up, k, weight)
+    right = _interpolate_axis(course.right, k, weight)
+    return ahead, up, right
 
 
 @inlined
-def meet(t, y, engine, around, turning):
+def forces_and_rates(t, y, engine, inputs, turning):
     """Return forces and air (`LateralForces`) at a true state y (7,), and the time derivative of the state.
 
     Thrust acts along the body, turned by the nozzle angle and the misalignment. Drag acts along the body, and the
@@ -131,101 +141,110 @@ def meet(t, y, engine, around, turning):
     """
     control, craft = turning.control, turning.craft
     r, mass = (y[0], y[1], y[2]), y[6]
-    air = velocity_of_air(r, around.wind)
+    air = velocity_of_air(r, inputs.wind)
     ground = (y[3] + OMEGA * r[1], y[4] - OMEGA * r[0], y[5])
-    w = (ground[0] - air[0], ground[1] - air[1], ground[2] - air[2])
-    speed = math.sqrt(_dot(w, w))
+    airspeed = (ground[0] - air[0], ground[1] - air[1], ground[2] - air[2])
+    speed = math.sqrt(_dot(airspeed, airspeed))
     height = height_above(r[0], r[1], r[2])
-    air_density, pressure, _, sound = atmosphere(height)
-    area = around.drag.area
-    push = 0.5 * air_density * speed * coefficient_at(speed / sound, around.drag) * area
-    other, flow = thrust_beside(t, pressure, engine.beside)
-    thrust, throttle = thrust_of(mass, pressure, engine, other)
-    thrust += other
+    density, pressure, _, sound = atmosphere(height)
+    area = inputs.drag.area
+    drag_per_speed = 0.5 * density * speed * coefficient_at(speed / sound, inputs.drag) * area
+    motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
+    thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
+    thrust += motor_thrust
     ahead, up, right = axes_at(t, control.course)
-    k = control.counts[STACK] - 1
-    gyration, nozzle, normal, arm = craft.stacks[k, 0], craft.stacks[k, 1], craft.stacks[k, 2], craft.stacks[k, 3]
-    force = 0.5 * craft.density * air_density * speed * area * normal / mass
-    sigma, length = _gust_at(height, turning.gusts)
-    slip, wind = (_dot(ground, up), _dot(ground, right)), (_dot(air, up), _dot(air, right))
+
+    # Lateral acceleration per lateral airspeed, from the slope of the normal force: q A slope / (V m)
+    stack = control.counts[STACK] - 1
+    square_gyration = craft.stacks[stack, 0]
+    nozzle_arm = craft.stacks[stack, 1]
+    normal_slope = craft.stacks[stack, 2]
+    pressure_arm = craft.stacks[stack, 3]
+    normal_force = 0.5 * craft.density * density * speed * area * normal_slope / mass
+    gust_sigma, gust_length = _gust_statistics(height, turning.gusts)
+    slip = (_dot(ground, up), _dot(ground, right))
+    wind = (_dot(air, up), _dot(air, right))
+
+    # The thrust is along (1, angle + nozzle + misalignment in pitch, the same in yaw).
     pitch, yaw = control.memory[0], control.memory[1]
-    off_up = pitch[ANGLE_NOW] + pitch[PUSH_NOW] + pitch[MISALIGNED]
-    off_right = yaw[ANGLE_NOW] + yaw[PUSH_NOW] + yaw[MISALIGNED]
-    size = thrust / mass / math.sqrt(1.0 + off_up * off_up + off_right * off_right)
-    back = push / mass
-    calm_up = speed * pitch[ANGLE_NOW] + wind[0] - slip[0]  # of the air without gusts
+    thrust_up = pitch[ANGLE_NOW] + pitch[NOZZLE_NOW] + pitch[MISALIGNMENT_NOW]
+    thrust_right = yaw[ANGLE_NOW] + yaw[NOZZLE_NOW] + yaw[MISALIGNMENT_NOW]
+    thrust_ahead = thrust / mass / math.sqrt(1.0 + thrust_up * thrust_up + thrust_right * thrust_right)
+    drag = drag_per_speed / mass
+    calm_up = speed * pitch[ANGLE_NOW] + wind[0] - slip[0]  # lateral airspeed without gusts
     calm_right = speed * yaw[ANGLE_NOW] + wind[1] - slip[1]
-    lift_up = size * off_up + force * (calm_up + pitch[GUST_NOW]) - back * calm_up
-    lift_right = size * off_right + force * (calm_right + yaw[GUST_NOW]) - back * calm_right
-    g = gravity_j4(r[0], r[1], r[2])
+    lift_up = thrust_ahead * thrust_up + normal_force * (calm_up + pitch[GUST_NOW]) - drag * calm_up
+    lift_right = thrust_ahead * thrust_right + normal_force * (calm_right + yaw[GUST_NOW]) - drag * calm_right
+    gravity = gravity_j4(r[0], r[1], r[2])
     slope = (
         y[3],
         y[4],
         y[5],
-        g[0] + size * ahead[0] + lift_up * up[0] + lift_right * right[0] - back * w[0],
-        g[1] + size * ahead[1] + lift_up * up[1] + lift_right * right[1] - back * w[1],
-        g[2] + size * ahead[2] + lift_up * up[2] + lift_right * right[2] - back * w[2],
-        -engine.mass_flow * throttle - flow,
+        gravity[0] + thrust_ahead * ahead[0] + lift_up * up[0] + lift_right * right[0] - drag * airspeed[0],
+        gravity[1] + thrust_ahead * ahead[1] + lift_up * up[1] + lift_right * right[1] - drag * airspeed[1],
+        gravity[2] + thrust_ahead * ahead[2] + lift_up * up[2] + lift_right * right[2] - drag * airspeed[2],
+        -engine.mass_flow * throttle - motor_flow,
     )
-    at = min(control.counts[NEXT], control.course.t.size - 1)
-    nominal = control.course.velocity[at]
-    past = (y[3] - nominal[0], y[4] - nominal[1], y[5] - nominal[2])
-    met = LateralForces(
-        thrust / mass * nozzle / gyration,
-        thrust / mass,
-        force * arm / gyration,
-        force,
-        speed,
-        slip,
-        wind,
-        (_dot(past, up), _dot(past, right)),
-        sigma,
-        speed / length,
-        craft.thruster / (mass * gyration),
+    tick_index = min(control.counts[NEXT], control.course.t.size - 1)
+    nominal = control.course.velocity[tick_index]
+    deviation = (y[3] - nominal[0], y[4] - nominal[1], y[5] - nominal[2])
+    forces = LateralForces(
+        effectiveness=thrust / mass * nozzle_arm / square_gyration,
+        thrust_load=thrust / mass,
+        moment=normal_force * pressure_arm / square_gyration,
+        force=normal_force,
+        airspeed=speed,
+        slip=slip,
+        wind=wind,
+        drift=(_dot(deviation, up), _dot(deviation, right)),
+        gust=gust_sigma,
+        gust_rate=speed / gust_length,
+        thruster=craft.thruster / (mass * square_gyration),
     )
-    return met, slope
+    return forces, slope
 
 
 @making_arrays
-def _tilt(t, around, turning):
+def _attitude_error(t, inputs, turning):
     """Return the navigation's attitude error in pitch and yaw (rad); zero if the controller does not use it."""
     if turning.control.settings.feed.attitude != OF_THE_RUN:
         return 0.0, 0.0
-    e = error_at(t, around.navigation)
+    error = error_at(t, inputs.navigation)
     ahead, up, right = axes_at(t, turning.control.course)
-    moved = (
-        e[1] * ahead[2] - e[2] * ahead[1],
-        e[2] * ahead[0] - e[0] * ahead[2],
-        e[0] * ahead[1] - e[1] * ahead[0],
+    nose_motion = (
+        error[1] * ahead[2] - error[2] * ahead[1],
+        error[2] * ahead[0] - error[0] * ahead[2],
+        error[0] * ahead[1] - error[1] * ahead[0],
     )
-    return _dot(moved, up), _dot(moved, right)
+    return _dot(nose_motion, up), _dot(nose_motion, right)
 
 
 @making_arrays
-def _aim(t, around, turning):
+def _set_targets(t, inputs, turning):
     """Set the targets of both axes to the direction of explicit guidance, after its first pass."""
-    if around.law.kept[STARTED] == 0.0:
+    if inputs.law.state[STARTED] == 0.0:
         return
-    u, (ahead, up, right) = commanded(t, around), axes_at(t, turning.control.course)
-    along = _dot(u, ahead)
-    turning.control.memory[0, TARGET] = _dot(u, up) / along
-    turning.control.memory[1, TARGET] = _dot(u, right) / along
+    command = commanded(t, inputs)
+    ahead, up, right = axes_at(t, turning.control.course)
+    along = _dot(command, ahead)
+    turning.control.memory[0, TARGET] = _dot(command, up) / along
+    turning.control.memory[1, TARGET] = _dot(command, right) / along
 
 
 @inlined
-def _advance(t, h, y, engine, around, turning, end):
+def _advance(t, h, y, engine, inputs, turning, end):
     """Turn the body and move it over h seconds from y (7,); end (7,) is set.
 
     The velocity changes by the mean of the accelerations at both ends (Heun). The second acceleration is evaluated at
     the state predicted with the first.
     """
-    met, before = meet(t, y, engine, around, turning)
-    move(turning.control, met, h)
+    forces, before = forces_and_rates(t, y, engine, inputs, turning)
+    move(turning.control, forces, h)
     for i in range(3):
         end[i] = y[i] + h * (y[3 + i] + 0.5 * h * before[3 + i])
         end[3 + i] = y[3 + i] + h * before[3 + i]
     end[6] = y[6] + h * before[6]
-    _, after = meet(t + h, end, engine, around, turning)
+    _, after = forces_and_rates(t + h, end, engine, inputs, turning)
     for i in range(3):
         end[i] = y[i] + h * (y[3 + i] + h / 6.0 * (2.0 * before[3 + i] + after[3 + i]))
         end[3 + i] = y[3 + i] + 0.5 * h * (before[3 + i] + after[3 + i])
@@ -233,69 +252,78 @@ def _advance(t, h, y, engine, around, turning, end):
 
 
 @making_arrays
-def _short(t, y, around, cutoff, kind):
+def _distance_to_end(t, y, inputs, cutoff, end):
     """Return the distance of a state to the end of the burn: mass, energy or time; negative after it."""
-    if kind == EMPTY:
+    if end == EMPTY:
         return y[6] - cutoff.empty
     if cutoff.by_energy:
-        return cutoff.energy - navigated_energy(t, y, around.navigation)
+        return cutoff.energy - navigated_energy(t, y, inputs.navigation)
     return cutoff.time - t
 
 
 @making_arrays
 def turn_piece(
-    t: float, end: float, y: Floats, engine: Propulsion, around: AscentInputs, turning: AttitudeControl, cutoff: Cutoff
+    t: float, end: float, y: Floats, engine: Propulsion, inputs: AscentInputs, turning: AttitudeControl, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7,) and how it ends, of a piece of flight that ends at `end` at the latest.
 
     The count of ticks continues from piece to piece. A command stays in force across the end of a piece; an engine does
     not.
+
+    Long because guidance, ticks and cut-off alternate in one loop.
     """
-    control, law = turning.control, around.law
-    count, memory, dt = control.counts, control.memory, control.course.t[1] - control.course.t[0]
-    y, ahead, kept = y.copy(), y.copy(), memory.copy()
+    control, law = turning.control, inputs.law
+    count, memory = control.counts, control.memory
+    dt = control.course.t[1] - control.course.t[0]
+    y = y.copy()
+    next_y = y.copy()
+    memory_before = memory.copy()
     motor = count[STACK] if engine.thrust > 0.0 or engine.beside.thrust > 0.0 else 0
     if motor != count[MOTOR]:
-        ignite(control, motor, -around.misalignment[0], around.misalignment[1])
-    due, watched = t, cutoff.by_energy or cutoff.time < math.inf or cutoff.empty > 0.0
+        ignite(control, motor, -inputs.misalignment[0], inputs.misalignment[1])
+    next_pass = t
+    has_cutoff = cutoff.by_energy or cutoff.time < math.inf or cutoff.empty > 0.0
     while t < end - 1e-9:
-        if law.start < math.inf and t >= due - 1e-9:
-            if not guide(t, y, engine, around):
+        if law.start < math.inf and t >= next_pass - 1e-9:
+            if not guide(t, y, engine, inputs):
                 return t, y, DIVERGED
-            due = t + law.cycle
+            next_pass = t + law.cycle
         if t >= count[NEXT] * dt - 1e-9:
-            met, _ = meet(t, y, engine, around, turning)
-            _aim(t, around, turning)
+            forces, _ = forces_and_rates(t, y, engine, inputs, turning)
+            _set_targets(t, inputs, turning)
             if count[NEXT] < turning.path.shape[0]:
                 turning.path[count[NEXT]] = y
-            tick(control, met, _tilt(t, around, turning))
+            tick(control, forces, _attitude_error(t, inputs, turning))
         h = min(count[NEXT] * dt, end) - t
-        kept[:] = memory
-        _advance(t, h, y, engine, around, turning, ahead)
-        why = WHOLE
-        for kind in (CUT_OFF, EMPTY):
-            if not watched:
+        memory_before[:] = memory
+        _advance(t, h, y, engine, inputs, turning, next_y)
+        outcome = WHOLE
+        for burn_end in (CUT_OFF, EMPTY):
+            if not has_cutoff:
                 continue
-            after = _short(t + h, ahead, around, cutoff, kind)
+            after = _distance_to_end(t + h, next_y, inputs, cutoff, burn_end)
             if after > 0.0:
                 continue
-            before, part, why = _short(t, y, around, cutoff, kind), h, kind
-            for _ in range(_REFINED):
+            before = _distance_to_end(t, y, inputs, cutoff, burn_end)
+            outcome = burn_end
+            part = h
+            for _ in range(_REFINED):  # secant on the length of the step
                 if before == after:
                     break
                 part = min(h, max(0.0, part * before / (before - after)))
-                memory[:] = kept
-                _advance(t, part, y, engine, around, turning, ahead)
-                after = _short(t + part, ahead, around, cutoff, kind)
+                memory[:] = memory_before
+                _advance(t, part, y, engine, inputs, turning, next_y)
+                after = _distance_to_end(t + part, next_y, inputs, cutoff, burn_end)
             h = part
-        t, y[:] = t + h, ahead
-        if why != WHOLE:
-            return t, y, why
+        t += h
+        y[:] = next_y
+        if outcome != WHOLE:
+            return t, y, outcome
     return t, y, WHOLE
 
 
 @making_arrays
-def acceleration(t: float, y: Floats, engine: Propulsion, around: AscentInputs, turning: AttitudeControl) -> Floats:
+def acceleration(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs, turning: AttitudeControl) -> Floats:
     """Return the acceleration (3,) in m/s^2, frame i, at a true state y (7,)."""
-    _, slope = meet(t, y, engine, around, turning)
+    _, slope = forces_and_rates(t, y, engine, inputs, turning)
     return np.array([slope[3], slope[4], slope[5]])

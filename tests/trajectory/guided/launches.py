@@ -13,7 +13,7 @@ from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
-from lvnav_trade.trajectory.guided import autopilot, loop
+from lvnav_trade.trajectory.guided import autopilot, axis_state, loop
 from lvnav_trade.trajectory.guided.missions import Missions, control_of
 
 EFFECTIVENESS = 10.0  # 1/s^2
@@ -102,7 +102,7 @@ def steady_launch(
 def _fly(control, body):
     for k in range(body.motor.size - 1):
         if body.motor[k] != control.counts[autopilot.MOTOR]:
-            loop.ignite(control, body.motor[k], 0.0, 0.0)
+            axis_state.ignite(control, body.motor[k], 0.0, 0.0)
         met = autopilot.LateralForces(
             body.effectiveness[k],
             body.thrust_load[k],

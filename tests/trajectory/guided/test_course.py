@@ -15,13 +15,13 @@ from lvnav_trade.quantities.frames import earth_velocity, matrices
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.flight import motion
-from lvnav_trade.trajectory.guided import autopilot, loop
+from lvnav_trade.trajectory.guided import autopilot, axis_state
 from lvnav_trade.trajectory.guided.course import PITCH, YAW, ascend, changes, course_along
 from lvnav_trade.trajectory.guided.draws import deviations
 from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, Wind
 from lvnav_trade.trajectory.guided.missions import prepare_launch, turning_of, wind_of_launch
 from lvnav_trade.trajectory.guided.pilots import TurningPilot
-from lvnav_trade.trajectory.guided.turning import meet
+from lvnav_trade.trajectory.guided.turning import forces_and_rates
 from tests.trajectory.flight_cases import _load, ascent_card
 
 RATE = 20.0
@@ -64,8 +64,8 @@ def met(number: int, t: float):
     turning.control.counts[autopilot.NEXT] = round(t * 200.0)
     differs = deviations(known.card, {})
     differs = differs._replace(wind=wind_of_launch(launch(), FIRST, differs.wind))
-    around = TurningPilot(known, ascent().card, differs, PERFECT, turning).around
-    return meet(t, y, leg.engine, around, turning), y
+    inputs = TurningPilot(known, ascent().card, differs, PERFECT, turning).inputs
+    return forces_and_rates(t, y, leg.engine, inputs, turning), y
 
 
 def test_thrust_over_mass_is_the_specific_force_of_the_truth_in_vacuum():
@@ -136,7 +136,7 @@ def test_the_wind_of_a_launch_blows_from_its_direction_with_its_speed_and_anothe
     more = wind_of_launch(one._replace(wind=card), FIRST, Wind(500.0, np.tile([3.0, -2.0], (61, 1))))
     np.testing.assert_allclose(more.speed[k] - blown.speed[k], [3.0, -2.0])
     drawn = card.model_copy(update={"spread": 0.3})
-    along, across = loop.profile_draws(FIRST)
+    along, across = axis_state.profile_draws(FIRST)
     found = wind_of_launch(one._replace(wind=drawn), FIRST, calm).speed[k]
     ahead = blown.speed[k] / speed
     assert found @ ahead == pytest.approx(speed * (1.0 + 0.3 * along))

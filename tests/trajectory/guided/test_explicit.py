@@ -9,7 +9,7 @@ from scipy.integrate import quad, solve_ivp
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.trajectory.guided.explicit import (
     LAMBDA,
-    N_KEPT,
+    N_LAW_STATE,
     REFERENCE,
     TGO,
     TURN,
@@ -78,7 +78,7 @@ def test_the_schuler_approximation_misses_the_gradient_of_gravity_along_the_radi
 
 def _burn(thrust, exhaust, mass, y, target, schuler):
     """Fly a burn second by second with scipy, steering anew at each; return the state at the end of the time to go."""
-    kept, t = np.zeros(N_KEPT), 0.0
+    kept, t = np.zeros(N_LAW_STATE), 0.0
     for _ in range(2000):
         if t == 0.0 or kept[TGO] > 10.0:
             assert steer(kept, t, y[:3].copy(), y[3:6].copy(), thrust / mass, exhaust, target, schuler)
@@ -117,6 +117,6 @@ def test_a_burn_reaches_radius_speed_climb_and_plane(off, schuler):
 def test_a_burn_that_cannot_reach_its_target_says_so():
     place = np.array([0.0, 0.0, 42e6])
     target = Target(42e6, 3000.0, 0.0, np.array([0.0, -1.0, 0.0]), place)
-    kept = np.zeros(N_KEPT)
+    kept = np.zeros(N_LAW_STATE)
     r, v = np.array([6.5e6, 0.0, 0.0]), np.array([0.0, 7e3, 0.0])
     assert not steer(kept, 0.0, r, v, 0.5, 2500.0, target)

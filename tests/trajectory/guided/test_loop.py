@@ -12,7 +12,6 @@ from lvnav_trade.simulation.preparation.vehicle_model import envelopes
 from lvnav_trade.trajectory.control_cards import FeedbackCard, Guidance, rate_noise
 from lvnav_trade.trajectory.guided.autopilot import (
     AIR,
-    ASKED,
     ERROR,
     FORMAL,
     INSIDE_JERK,
@@ -20,6 +19,7 @@ from lvnav_trade.trajectory.guided.autopilot import (
     JERK_BOUND,
     MOVED,
     NOZZLE,
+    NOZZLE_COMMAND,
     RATE_ERROR,
     STEPPED,
     TICKS,
@@ -113,8 +113,9 @@ def test_envelopes_in_the_loop_are_those_of_the_formula():
     history = flown(launch, FeedbackCard(noise="published")).history[0]
     n = len(history)
     turning, jerk = envelopes(
-        launch.envelope, launch.course.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n], history[:, :, ASKED]
-    )
+        launch.envelope, launch.course.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n],
+        history[:, :, NOZZLE_COMMAND],
+    )  # fmt: skip
     np.testing.assert_allclose(history[:, :, TURNING_BOUND], turning[:, 1:], rtol=1e-9)
     np.testing.assert_allclose(history[:, 0, JERK_BOUND], jerk[:, 2], rtol=1e-9)
     np.testing.assert_allclose(history[:, 1, JERK_BOUND], jerk[:, 1], rtol=1e-9)

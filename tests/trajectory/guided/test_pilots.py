@@ -39,7 +39,7 @@ def test_a_launch_burns_as_long_as_the_nominal_flight_and_keeps_stretches_that_m
 def test_a_body_with_a_lag_begins_along_its_command_and_is_flown_by_shorter_steps():
     plan = plan_of(guided("two_stage_leo", attitude_lag="0.1 s"))
     pilot = GuidedPilot(plan, plan.card, deviations(plan.card, {}), PERFECT)
-    np.testing.assert_array_equal(pilot.y[7:], commanded(0.0, pilot.around))
+    np.testing.assert_array_equal(pilot.y[7:], commanded(0.0, pilot.inputs))
     assert pilot.longest == 0.05
     at_once = plan_of(guided("two_stage_leo"))
     assert GuidedPilot(at_once, at_once.card, deviations(at_once.card, {}), PERFECT).y.shape == (7,)

@@ -15,7 +15,7 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.frames import elements_from_state
 from lvnav_trade.trajectory.ascent.equations_of_motion import coefficient_at, height_above
 from lvnav_trade.trajectory.ascent.legs import COASTING
-from lvnav_trade.trajectory.guided import autopilot, loop
+from lvnav_trade.trajectory.guided import autopilot, axis_state
 from lvnav_trade.trajectory.guided.ascent_runs import inject
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.draws import deviations
@@ -65,10 +65,10 @@ def test_a_lag_follows_a_turning_command_late_by_its_time_constant():
     pilot = GuidedPilot(plan, plan.card, deviations(plan.card, {}), PERFECT)
     t = np.arange(0.0, 40.0, 0.05)
     u = np.stack([np.cos(rate * t), np.sin(rate * t), np.zeros(t.size)], axis=1)
-    around = pilot.around._replace(programme=AttitudeProgramme(0.05, u))
+    inputs = pilot.inputs._replace(programme=AttitudeProgramme(0.05, u))
     y = np.concatenate([pilot.y[:7], u[0]])
     for end in (0.7, 3.0, 20.0):
-        found = fly_piece(0.0, end, pilot.longest, y, COASTING, around)[7:]
+        found = fly_piece(0.0, end, pilot.longest, y, COASTING, inputs)[7:]
         wave = np.exp(1j * rate * end) / (1.0 + 1j * rate * lag)
         wave += (1.0 - 1.0 / (1.0 + 1j * rate * lag)) * np.exp(-end / lag)
         np.testing.assert_allclose(found, [wave.real, wave.imag, 0.0], atol=2e-5)
@@ -120,11 +120,11 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
     y = np.array([np.interp(begin, leg.t, column) for column in leg.y.T])
     count, memory = turning.control.counts, turning.control.memory
     count[autopilot.NEXT], count[autopilot.STACK] = round(begin * 200.0), 1
-    memory[0, loop.ANGLE_NOW], memory[1, loop.ANGLE_NOW] = 0.01, -0.02
-    memory[0, loop.RATE_NOW], memory[1, loop.RATE_NOW] = 0.004, 0.001
-    start = memory[:, [loop.ANGLE_NOW, loop.RATE_NOW]].copy()
-    _, found, _ = turn_piece(begin, end, y, leg.engine, pilot.around, turning, NEVER)
-    misaligned = memory[:, loop.MISALIGNED].copy()
+    memory[0, axis_state.ANGLE_NOW], memory[1, axis_state.ANGLE_NOW] = 0.01, -0.02
+    memory[0, axis_state.RATE_NOW], memory[1, axis_state.RATE_NOW] = 0.004, 0.001
+    start = memory[:, [axis_state.ANGLE_NOW, axis_state.RATE_NOW]].copy()
+    _, found, _ = turn_piece(begin, end, y, leg.engine, pilot.inputs, turning, NEVER)
+    misaligned = memory[:, axis_state.MISALIGNMENT_NOW].copy()
     assert np.abs(misaligned).min() > 1e-5
 
     stack, course = card.control.rotation.stacks[0], launch.course
@@ -161,8 +161,8 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
 
     z = np.concatenate([y, start[:, 0], start[:, 1]])
     wanted = solve_ivp(slope, (begin, end), z, rtol=1e-10, atol=1e-9, max_step=0.005).y[:, -1]
-    np.testing.assert_allclose(memory[:, loop.ANGLE_NOW], wanted[7:9], rtol=2e-3, atol=1e-6)
-    np.testing.assert_allclose(memory[:, loop.RATE_NOW], wanted[9:11], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(memory[:, axis_state.ANGLE_NOW], wanted[7:9], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(memory[:, axis_state.RATE_NOW], wanted[9:11], rtol=2e-3, atol=1e-6)
     # its lift moves it aside by metres
     assert np.linalg.norm(found[:3] - wanted[:3]) < 5e-3
     assert np.linalg.norm(found[3:6] - wanted[3:6]) < 0.01
