@@ -18,20 +18,20 @@ class _RefusedError(MarkedYAMLError):
 class BoundedComposer(Composer):
     """Composes nodes and stops at the first that exceeds a limit of number, depth or length, or repeats an anchor."""
 
-    nodes = depth = aliases = 0
+    nodes = nesting = aliases = 0  # `depth` is an attribute of the base class
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """Return the next node; _RefusedError if it exceeds a limit."""
         event = self.parser.peek_event()
         is_alias = isinstance(event, AliasEvent)
         self.nodes += 1
-        self.depth += 1
+        self.nesting += 1
         self.aliases += is_alias
         n_items = index + 1 if isinstance(index, int) else 0
         n_characters = len(getattr(event, "value", None) or "")
         for count, limit, name in (
             (self.nodes, input_limits.YAML_NODES, "words, lists and mappings"),
-            (self.depth, input_limits.YAML_DEPTH, "lists and mappings within each other"),
+            (self.nesting, input_limits.YAML_DEPTH, "lists and mappings within each other"),
             (self.aliases, input_limits.YAML_ALIASES, "aliases"),
             (n_items, input_limits.LIST_LENGTH, "items in a list"),
             (n_characters, input_limits.WORD_LENGTH, "characters in a text"),
@@ -41,7 +41,7 @@ class BoundedComposer(Composer):
         if not is_alias and event.anchor in self.anchors:
             raise _RefusedError(problem="an anchor of this name is defined above", problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
-        self.depth -= 1
+        self.nesting -= 1
         return node
 
 

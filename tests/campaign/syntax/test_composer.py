@@ -18,7 +18,8 @@ def test_an_anchor_that_stands_twice_is_refused_where_it_stands_again(tmp_path):
     assert (record.message, record.line, record.column) == ("an anchor of this name is defined above", 1, 7)
 
 
-def test_lists_within_lists_are_refused_beyond_the_limit() -> None:
-    deep = "[" * (input_limits.YAML_DEPTH + 1)
+def test_lists_within_lists_are_refused_beyond_the_limit_and_not_before() -> None:
+    most = input_limits.YAML_DEPTH - 1  # the word within counts too
+    tree.parse("[" * most + "1" + "]" * most, "f", Path())
     with pytest.raises(InputError, match=f"more than {input_limits.YAML_DEPTH} lists and mappings within each other"):
-        tree.parse(deep, "f", Path())
+        tree.parse("[" * (most + 1) + "1" + "]" * (most + 1), "f", Path())
