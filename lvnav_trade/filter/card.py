@@ -212,88 +212,52 @@ class FilterCard(units.NamedCard):
 
     @model_validator(mode="before")
     @classmethod
-    def _renamed(cls, data: Any) -> Any:
+    def _refuse_old_keys(cls, data: Any) -> Any:
         """Refuse the keys of earlier versions with the key that replaces them."""
-        old_key = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
-        if old_key == "kind" and data["kind"] in _KINDS:
-            raise ValueError(f"kind: replaced by measurements: {_KINDS[data['kind']]}")
-        if old_key is not None:
-            raise ValueError(f"{old_key}: {cls.OLD_KEYS[old_key]}")
+        if not isinstance(data, Mapping):
+            return data
+        for key, replacement in cls.OLD_KEYS.items():
+            if key not in data:
+                continue
+            if key == "kind" and data["kind"] in _KINDS:
+                raise ValueError(f"kind: replaced by measurements: {_KINDS[data['kind']]}")
+            raise ValueError(f"{key}: {replacement}")
         return data
 
     @field_validator("measurements")
     @classmethod
-    def _measurable(cls, listed: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_measurements(cls, listed: tuple[str, ...]) -> tuple[str, ...]:
         """Return the measurements in the order of `MEASUREMENTS`; their order in the card has no effect."""
-        twice = next((name for name in listed if listed.count(name) > 1), None)
-        if twice is not None:
-            raise ValueError(f"{twice!r} is listed twice")
+        for name in listed:
+            if listed.count(name) > 1:
+                raise ValueError(f"{name!r} is listed twice")
         if set(listed) & set(RECEIVER_SOLUTION) and set(listed) & set(OBSERVABLES):
             raise ValueError(
                 "the receiver's solution is computed from the same ranges: information would be counted twice; "
                 "take position and velocity, or pseudorange and range_rate"
             )
-        for difference, whole in DIFFERENCES.items():
-            if {difference, whole} <= set(listed):
-                raise ValueError(f"{difference} is the change of {whole}: information would be counted twice")
+        for difference, observable in DIFFERENCES.items():
+            if {difference, observable} <= set(listed):
+                raise ValueError(f"{difference} is the change of {observable}: information would be counted twice")
         return tuple(name for name in MEASUREMENTS if name in listed)
 
     def _faults(self) -> Iterator[str]:
-        both = sorted(set(self.neglect) & set(self.consider))
-        if both:
-            yield f"{', '.join(both)}: neglected and considered, choose one"
-        for name in self.as_noise:
-            other = next((f for f in ("extra_states", "consider") if name in getattr(self, f)), None)
-            if other is not None:
-                yield f"as_noise: {name} is in {other} too, choose one"
-        named = {*self.extra_states, *self.consider, *self.as_noise}
-        for each, whole in BY_SATELLITE.items():
-            if {each, whole} <= named:
-                yield f"{each} and {whole} model the same delay, choose one"
-        if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback != "open":
-            yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
-        yield from self._after_stop()
+        yield from _state_faults(self)
+        yield from _logic_faults(self)
         if self.clock == "one_state" and "range_rate" in self.measurements:
             yield "clock: one_state models the drift as white noise, but every range_rate measures the drift"
-        if self.strapdown.ratio > 1 and self.models_vehicle:
-            yield "strapdown.ratio: a filter with imu among its measurements uses every sample"
-        if self.transition_rate is not None and self.models_vehicle:
-            yield "transition_rate: a filter with imu among its measurements propagates by every sample"
-        if self.backup and self.models_vehicle:
-            yield "backup: a filter with imu among its measurements has no strapdown of increments"
-        if self.algorithm == "iterated" and self.feedback == "direct":
-            yield "feedback: a direct filter linearises after every scalar, which an iterated update would repeat"
-        if self.algorithm == "unscented" and self.models_vehicle:
-            yield "algorithm: the strapdown propagates sigma points; a filter with imu among its measurements has none"
-        if self.algorithm == "unscented" and (self.transition_rate is not None or self.transition_order != 2):
-            yield "algorithm: an unscented filter has no transition, whose rate or order could be chosen"
-        if self.transition_rate is not None and self.transition_rate > self.covariance_rate:
-            yield "transition_rate: exceeds covariance_rate, at which the covariance is propagated"
+        yield from _propagation_faults(self)
         if self.underweighting and not self.aided:
             yield "underweighting: the filter has no measurement that it could act on"
         for number, weighted in enumerate(self.underweighting):
             for name in weighted.measurements:
                 if name not in self.measurements:
                     yield f"underweighting.{number}.measurements: {name} is not among the filter's measurements"
-        yield from _against_h_infinity(self)
+        yield from _h_infinity_faults(self)
         if self.delayed_state == "back_propagated" and self.models_vehicle:
             yield "delayed_state: samples of the IMU are updates between epochs, which no transition leads back through"
         if self.delayed_state == "back_propagated" and self.as_noise:
             yield "delayed_state: a state that is reset between epochs cannot be propagated back by a transition"
-
-    def _after_stop(self) -> Iterator[str]:
-        """Yield why outputs after a stop cannot be what the logic states."""
-        if self.logic is None or self.logic.after_stop == "inertial":
-            return
-        if self.feedback != "open":
-            yield "logic.after_stop: a closed loop has its corrections in the strapdown; it needs feedback: open"
-        if self.logic.stop_after is None:
-            yield "logic.after_stop: without stop_after the filter never stops; state stop_after"
-        if self.logic.after_stop == "predicted" and (self.algorithm == "unscented" or self.models_vehicle):
-            yield (
-                "logic.after_stop: a filter with points, or with imu among its measurements, has no transition of a "
-                "window to predict the correction by; choose held"
-            )
 
     @property
     def tight(self) -> bool:
@@ -321,8 +285,61 @@ class FilterCard(units.NamedCard):
         return "imu" in self.measurements
 
 
-def _against_h_infinity(card: FilterCard) -> Iterator[str]:
-    """Yield what an H-infinity filter cannot have beside it."""
+def _state_faults(card: FilterCard) -> Iterator[str]:
+    """Yield the states that are listed in two ways that exclude each other."""
+    neglected_and_considered = sorted(set(card.neglect) & set(card.consider))
+    if neglected_and_considered:
+        yield f"{', '.join(neglected_and_considered)}: neglected and considered, choose one"
+    for name in card.as_noise:
+        if name in card.extra_states:
+            yield f"as_noise: {name} is in extra_states too, choose one"
+        elif name in card.consider:
+            yield f"as_noise: {name} is in consider too, choose one"
+    states = {*card.extra_states, *card.consider, *card.as_noise}
+    for satellite_state, common_state in BY_SATELLITE.items():
+        if {satellite_state, common_state} <= states:
+            yield f"{satellite_state} and {common_state} model the same delay, choose one"
+
+
+def _propagation_faults(card: FilterCard) -> Iterator[str]:
+    """Yield the settings of strapdown, transition and algorithm that exclude each other."""
+    if card.strapdown.ratio > 1 and card.models_vehicle:
+        yield "strapdown.ratio: a filter with imu among its measurements uses every sample"
+    if card.transition_rate is not None and card.models_vehicle:
+        yield "transition_rate: a filter with imu among its measurements propagates by every sample"
+    if card.backup and card.models_vehicle:
+        yield "backup: a filter with imu among its measurements has no strapdown of increments"
+    if card.algorithm == "iterated" and card.feedback == "direct":
+        yield "feedback: a direct filter linearises after every scalar, which an iterated update would repeat"
+    if card.algorithm == "unscented" and card.models_vehicle:
+        yield "algorithm: the strapdown propagates sigma points; a filter with imu among its measurements has none"
+    if card.algorithm == "unscented" and (card.transition_rate is not None or card.transition_order != 2):
+        yield "algorithm: an unscented filter has no transition, whose rate or order could be chosen"
+    if card.transition_rate is not None and card.transition_rate > card.covariance_rate:
+        yield "transition_rate: exceeds covariance_rate, at which the covariance is propagated"
+
+
+def _logic_faults(card: FilterCard) -> Iterator[str]:
+    """Yield the settings of the mode logic that the feedback or the algorithm excludes."""
+    if card.logic is None:
+        return
+    if card.logic.correct_after > 0.0 and card.feedback != "open":
+        yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
+    if card.logic.after_stop == "inertial":
+        return
+    if card.feedback != "open":
+        yield "logic.after_stop: a closed loop has its corrections in the strapdown; it needs feedback: open"
+    if card.logic.stop_after is None:
+        yield "logic.after_stop: without stop_after the filter never stops; state stop_after"
+    if card.logic.after_stop == "predicted" and (card.algorithm == "unscented" or card.models_vehicle):
+        yield (
+            "logic.after_stop: a filter with points, or with imu among its measurements, has no transition of a "
+            "window to predict the correction by; choose held"
+        )
+
+
+def _h_infinity_faults(card: FilterCard) -> Iterator[str]:
+    """Yield the settings that an H-infinity filter excludes."""
     if card.h_infinity is None:
         return
     if not card.aided:

@@ -126,7 +126,13 @@ def _place_at(work, model, nav, increments, first, dt):
     for i in range(3):
         work.rate[i] = increments[first + i] / dt
     for a in range(model.lever_arms.shape[0]):
-        antenna(work.antenna[a], nav, work.rate, model.lever_arms[a], model.rate_sign)
+        antenna(
+            work.antenna[a],
+            nav,
+            work.rate,
+            model.lever_arms[a],
+            model.rate_sign,
+        )
 
 
 @jit
@@ -151,14 +157,33 @@ def _add_extra(work, model, signals, epoch, row, channel):
     """Set the Jacobian entries of the extra states; return their contribution to the predicted measurement."""
     h = work.H[row]
     total = like(work.x[0], 0.0)
-    for f in range(model.extra_member.shape[0]):
-        e = model.extra_member[f, channel]
-        if e >= 0:
-            partial = like(work.x[0], signals.partial[f, epoch, channel])
+    for family in range(model.extra_member.shape[0]):
+        state = model.extra_member[family, channel]
+        if state >= 0:
+            partial = like(work.x[0], signals.partial[family, epoch, channel])
             # decorrelation mixes the rows of all axes, so there every extra state needs an entry to itself
-            h[N_ENTRY + (e if model.has_covariance else f)] = partial
-            total = total + partial * work.extra[e]
+            entry = state if model.has_covariance else family
+            h[N_ENTRY + entry] = partial
+            total = total + partial * work.extra[state]
     return total
+
+
+@jit
+def _fill_previous_range(work, previous_epoch, delayed, model, signals, epoch, row, channel):
+    """Set the Jacobian entries of the earlier epoch of a difference; return the range (m) predicted for that epoch."""
+    s = channel // model.n_kind
+    antenna_state = previous_epoch.antenna[signals.antenna[epoch - 1, s]]
+    ux, uy, uz, distance = line_of_sight(signals.satellite[epoch - 1, s], antenna_state)
+    return subtract_earlier(
+        work.H[row],
+        delayed.previous_entry,
+        antenna_state,
+        ux,
+        uy,
+        uz,
+        distance,
+        previous_epoch.clock[0],
+    )
 
 
 @jit
@@ -166,19 +191,18 @@ def _fill_further(work, previous_epoch, delayed, model, signals, epoch):
     """Set the rows of the further observables: carrier phase and differences of two epochs."""
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        a = signals.antenna[epoch, s]
+        antenna_state = work.antenna[signals.antenna[epoch, s]]
         for kind in range(2, model.n_kind):
-            row, channel = model.n_kind * slot + kind, model.n_kind * s + kind
+            row = model.n_kind * slot + kind
+            channel = model.n_kind * s + kind
             if not delayed.present[epoch, channel]:
                 continue
-            ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], work.antenna[a])
-            predicted = range_row(work.H[row], work.antenna[a], ux, uy, uz, distance, work.clock_hat[0])
+            ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], antenna_state)
+            predicted = range_row(work.H[row], antenna_state, ux, uy, uz, distance, work.clock_hat[0])
             predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
             if delayed.difference[kind]:
-                before = previous_epoch.antenna[signals.antenna[epoch - 1, s]]
-                ux, uy, uz, distance = line_of_sight(signals.satellite[epoch - 1, s], before)
-                predicted = predicted - subtract_earlier(
-                    work.H[row], delayed.previous_entry, before, ux, uy, uz, distance, previous_epoch.clock[0]
+                predicted = predicted - _fill_previous_range(
+                    work, previous_epoch, delayed, model, signals, epoch, row, channel
                 )
                 predicted = predicted - subtract_extra(
                     work, previous_epoch, delayed, model, signals, epoch, row, channel
@@ -201,14 +225,19 @@ def fill_tight(work, previous_epoch, delayed, model, signals, epoch):
     """
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        at = work.antenna[signals.antenna[epoch, s]]
-        ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], at)
-        moving, row, channel = signals.satellite_velocity[epoch, s], model.n_kind * slot, model.n_kind * s
-        predicted = range_row(work.H[row], at, ux, uy, uz, distance, work.clock_hat[0])
-        work.z[row] = work.ranges[slot, 0] - (predicted + _add_extra(work, model, signals, epoch, row, channel))
+        antenna_state = work.antenna[signals.antenna[epoch, s]]
+        satellite_velocity = signals.satellite_velocity[epoch, s]
+        ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], antenna_state)
+        row = model.n_kind * slot
+        channel = model.n_kind * s
+        predicted = range_row(work.H[row], antenna_state, ux, uy, uz, distance, work.clock_hat[0])
+        predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+        work.z[row] = work.ranges[slot, 0] - predicted
         row = row + 1
-        predicted = rate_row(work.H[row], at, moving, ux, uy, uz, distance, work.clock_hat[1])
-        work.z[row] = work.ranges[slot, 1] - (predicted + _add_extra(work, model, signals, epoch, row, channel + 1))
+        channel = channel + 1
+        predicted = rate_row(work.H[row], antenna_state, satellite_velocity, ux, uy, uz, distance, work.clock_hat[1])
+        predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+        work.z[row] = work.ranges[slot, 1] - predicted
     if delayed is not None:
         _fill_further(work, previous_epoch, delayed, model, signals, epoch)
 
@@ -221,7 +250,8 @@ def fill_loose(work, model, signals, epoch):
             for e in range(model.extra_offset.shape[0]):
                 work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
         predicted = receiver_solution.row(work.H[row], work.antenna[0], row)
-        work.z[row] = work.solution[row] - (predicted + _add_extra(work, model, signals, epoch, row, row))
+        predicted = predicted + _add_extra(work, model, signals, epoch, row, row)
+        work.z[row] = work.solution[row] - predicted
 
 
 @jit
@@ -241,16 +271,19 @@ def fill_sensor(work, state_history, late, model, signals, sensors, k, epoch):
     model, signals, sensors : FilterModel, Signals, Sensors
     k, epoch : indices
     """
-    at = row_of(model, work, sensors.channel[k])
-    code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
+    first = row_of(model, work, sensors.channel[k])
+    code = sensors.code[k]
+    theta = sensors.theta[k, epoch]
+    parameters = sensors.known[k, epoch]
     if late is not None and late.of_sensor[k] >= 0:
         stored = state_history[place_of(late, late.of_sensor[k], epoch)]
-        fill(work.H, work.z, at, code, work.observed[k], stored, theta, known)
+        fill(work.H, work.z, first, code, work.observed[k], stored, theta, parameters)
     else:
-        fill(work.H, work.z, at, code, work.observed[k], work.nav, theta, known)
+        fill(work.H, work.z, first, code, work.observed[k], work.nav, theta, parameters)
     for i in range(sensors.scalars[k]):
+        row = first + i
         channel = sensors.channel[k] + i
-        work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, channel)
+        work.z[row] = work.z[row] - _add_extra(work, model, signals, epoch, row, channel)
 
 
 @jit
@@ -270,20 +303,24 @@ def n_measured(model, signals, epoch):
 @jit
 def channel_of(model, signals, epoch, row):
     """Return the channel of a receiver row at an epoch."""
-    return model.n_kind * signals.used[epoch, row // model.n_kind] + row % model.n_kind if model.tight else row
+    if model.tight:
+        return model.n_kind * signals.used[epoch, row // model.n_kind] + row % model.n_kind
+    return row
 
 
 @jit
-def _report(reported, receiver, signals, epoch):
+def _fill_reported(reported, receiver, signals, epoch):
     """Set the reported covariance (6, 6) of a solution: that of the receiver (Receiver), or of a simulated solution
     (None) the variances of the filter model.
     """
     for i in range(6):
         for j in range(6):
             if receiver is not None:
-                reported[i, j] = receiver.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
+                scale = signals.scale[epoch, i] * signals.scale[epoch, j]
+                reported[i, j] = receiver.covariance[i, j] * scale
             else:
-                reported[i, j] = like(reported[0, 0], signals.variance[epoch, i] if i == j else 0.0)
+                variance = signals.variance[epoch, i] if i == j else 0.0
+                reported[i, j] = like(reported[0, 0], variance)
 
 
 @jit
@@ -325,7 +362,7 @@ def decorrelate(work, parts, case, receiver, late, epoch):
     if receiver is None and late is None:
         return
     if case.model.has_covariance:
-        _report(work.reported, receiver, case.signals, epoch)
+        _fill_reported(work.reported, receiver, case.signals, epoch)
         _add_spread(work.reported, parts.sigma_points)
         _extrapolate(work, parts.state_history, late, epoch)
         _whiten(work, case.options.gains, case.model)
@@ -339,15 +376,19 @@ def separate(covariance, model):
     """
     if not model.measured[0]:
         for i in range(3):
+            zero = 0.0 * covariance[i, i]
             for j in range(3, 6):
-                covariance[i, j], covariance[j, i] = 0.0 * covariance[i, i], 0.0 * covariance[i, i]
+                covariance[i, j] = zero
+                covariance[j, i] = zero
 
 
 @jit
 def clear_epoch(work, epoch):
     """Set the counts of an epoch to zero and its innovations to not-a-number, which means: no measurement."""
     zero = like(work.x[0], 0.0)
-    work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = zero, zero, zero
+    work.nis[epoch] = zero
+    work.n_row[epoch] = zero
+    work.n_reject[epoch] = zero
     for channel in range(work.innovation.shape[1]):
         work.innovation[epoch, channel] = like(zero, np.nan)
 

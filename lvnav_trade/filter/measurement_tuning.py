@@ -98,8 +98,8 @@ DRIVEN = ("attitude", "velocity", "position")
 class HInfinityCard(Card):
     """Errors that an H-infinity filter bounds for the worst noise, not only for the noise that is assumed.
 
-    The covariance grows as if errors of the given sizes were lost within the time: dP/dt = P S P beside all else, with
-    1 / (time size^2) of each state in S. The larger the time, the nearer to the Kalman filter.
+    The covariance grows as if errors of the given sizes were lost within the time: dP/dt = P S P in addition to all
+    other terms, with 1 / (time size^2) of each state in S. The larger the time, the nearer to the Kalman filter.
     """
 
     time: TimeConstant = Field(description="in which a variance of size^2 would grow beyond all bounds, unmeasured")
@@ -111,8 +111,8 @@ class HInfinityCard(Card):
     def weights(self) -> Floats:
         """Diagonal of S (9,), 1 / (SI squared s): attitude, velocity, position by axis."""
         sizes = [getattr(self, name) for name in DRIVEN]
-        each = [0.0 if size is None else 1.0 / (self.time * size**2) for size in sizes]
-        return np.repeat(np.array(each), 3)
+        weights = [0.0 if size is None else 1.0 / (self.time * size**2) for size in sizes]
+        return np.repeat(np.array(weights), 3)
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()

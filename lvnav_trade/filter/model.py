@@ -71,7 +71,7 @@ class FilterModel(NamedTuple):
     lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
     extra_offset : (n_extra,). State of each extra state.
     extra_member : (n_extra_family, n_channel). Extra state that enters the channel, -1 none.
-    every : The filter processes the receiver's measurements of every n-th epoch only, n being this number.
+    every : n, if the filter processes the receiver's measurements of every n-th epoch only.
     has_covariance : Whether solutions come with a reported covariance, by which the filter decorrelates them.
     clock_gain : (n_kind, n_state). Gain by which a reference satellite determines the clock state of an observable.
     """
@@ -144,16 +144,20 @@ def transition_blocks(parameters: tuple[ErrorTerm, ...], order: int) -> tuple[In
     gyro = [block for block in parameters if block.sensor == GYRO]
     accel = [block for block in parameters if block.sensor != GYRO]
     if order == 1:
-        blocks = [(POS, VEL, transition.POS_VEL, 0), (VEL, VEL, transition.VEL_VEL, 0)]
+        blocks = [
+            (POS, VEL, transition.POS_VEL, 0),
+            (VEL, VEL, transition.VEL_VEL, 0),
+        ]
     else:
         blocks = [(POS, VEL, transition.POS_VEL_HALF, 0)]
         blocks += [(VEL, block.offset, transition.VEL_GYRO, block.driver) for block in gyro]
-    blocks += [(VEL, ATT, transition.VEL_ATT, 0), (VEL, POS, transition.VEL_POS, 0)]
+    blocks.append((VEL, ATT, transition.VEL_ATT, 0))
+    blocks.append((VEL, POS, transition.VEL_POS, 0))
     blocks += [(VEL, block.offset, transition.VEL_ACCEL, block.driver) for block in accel]
     blocks += [(ATT, block.offset, transition.ATT_GYRO, block.driver) for block in gyro]
     if order == 2:
         blocks.append((POS, VEL, transition.POS_VEL_HALF, 0))
-    rows, columns, kinds, drivers = (np.array(values, dtype=np.int64) for values in zip(*blocks, strict=True))
+    rows, columns, kinds, drivers = np.array(blocks, dtype=np.int64).T.copy()
     return rows, columns, kinds, drivers
 
 
@@ -163,10 +167,14 @@ def _square(value: PerAxis) -> float | Floats:
 
 def _blocks(layout: StateLayout) -> list[tuple[slice, PerAxis, float]]:
     """Return states, one-sigma (SI) and time constant (s) of every block of IMU parameters and of extra states."""
-    parameters: list[tuple[slice, PerAxis, float]] = [
-        (slice(b.offset, b.offset + 3), b.sigma, b.time_constant) for b in layout.parameters
-    ]
-    return parameters + [(slice(e.offset, e.offset + len(e.labels)), e.sigma, e.time_constant) for e in layout.extras]
+    blocks: list[tuple[slice, PerAxis, float]] = []
+    for parameter in layout.parameters:
+        states = slice(parameter.offset, parameter.offset + 3)
+        blocks.append((states, parameter.sigma, parameter.time_constant))
+    for extra in layout.extras:
+        states = slice(extra.offset, extra.offset + len(extra.labels))
+        blocks.append((states, extra.sigma, extra.time_constant))
+    return blocks
 
 
 def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tuple[Floats, Floats]:
@@ -198,42 +206,60 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     return decay, noise
 
 
-def _uneven(layout: StateLayout, imu: ImuModel) -> Floats | None:
-    """Return the PSD of each axis in excess of the least of the three, (2, 3); None if all axes are alike.
-
-    The excess is not negative, so adding it keeps a covariance positive definite.
-    """
-    walks = (imu.gyro_random_walk, imu.accel_random_walk)
-    if layout.motion >= 0 or not any(isinstance(walk, tuple) for walk in walks):
-        return None
-    return np.array([np.array(squares(walk)) - min(squares(walk)) for walk in walks])
-
-
 def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel, drift: float) -> Floats:
     """Return the PSD of the process noise of each state, (n_state,), SI squared per second; drift m/s one-sigma."""
     densities = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of IMU samples is measurement noise and must not be counted twice
-    by_window = layout.motion < 0
-    densities[ATT : ATT + 3] = by_window * min(squares(imu.gyro_random_walk)) + card.attitude_noise**2
-    densities[VEL : VEL + 3] = by_window * min(squares(imu.accel_random_walk)) + card.velocity_noise**2
+    has_imu_noise = layout.motion < 0
+    gyro_density = has_imu_noise * min(squares(imu.gyro_random_walk))
+    accel_density = has_imu_noise * min(squares(imu.accel_random_walk))
+    densities[ATT : ATT + 3] = gyro_density + card.attitude_noise**2
+    densities[VEL : VEL + 3] = accel_density + card.velocity_noise**2
     densities[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
         densities[block.offset : block.offset + 3] = _square(block.walk)
     for extra in layout.extras:
         densities[extra.offset : extra.offset + len(extra.labels)] = _square(extra.walk)
     if layout.clock >= 0:
-        bias, walk = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
-        if layout.has_reduced_clock:  # bias variance after one update interval equals that of the two-state clock
+        bias_density, drift_density = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
+        if layout.has_reduced_clock:
+            # after one update interval T the bias variance equals that of the two-state clock with drift s:
+            # q_bias T + q_drift T^3 / 3 + s^2 T^2
             interval = 1.0 / card.update_rate
-            bias, walk = bias + walk * interval**2 / 3.0 + drift**2 * interval, 0.0
-        densities[layout.clock : layout.clock + 2] = bias, walk
+            bias_density = bias_density + drift_density * interval**2 / 3.0 + drift**2 * interval
+            drift_density = 0.0
+        densities[layout.clock] = bias_density
+        densities[layout.clock + 1] = drift_density
     return densities
+
+
+def _excess_densities(layout: StateLayout, imu: ImuModel) -> Floats | None:
+    """Return the PSD of each axis in excess of the least of the three, (2, 3); None if all axes are alike.
+
+    The excess is not negative, so adding it keeps a covariance positive definite.
+    """
+    walks = (imu.gyro_random_walk, imu.accel_random_walk)
+    differs_by_axis = any(isinstance(walk, tuple) for walk in walks)
+    if layout.motion >= 0 or not differs_by_axis:
+        return None
+    densities = np.array([squares(walk) for walk in walks])
+    return densities - densities.min(axis=1, keepdims=True)
+
+
+def _count_corrected(card: FilterCard, layout: StateLayout) -> int:
+    """Return the number of states that updates correct: those of the earlier epoch of differences may be among them."""
+    if not layout.n_delayed:
+        return layout.n_estimated
+    n_corrected = layout.delayed + layout.n_delayed
+    if card.delayed_state == "consider":
+        n_corrected -= len(layout.cloned)
+    return n_corrected
 
 
 def build_filter_model(
     card: FilterCard,
     layout: StateLayout,
-    taken: FilterMeasurements,
+    sources: FilterMeasurements,
     seconds: Floats,
     strapdown: Strapdown | None = None,
     injected: Floats | None = None,
@@ -249,7 +275,7 @@ def build_filter_model(
         Filter card.
     layout
         States of the filter, of `state_layout`.
-    taken
+    sources
         Sensor models, channels and measurements of the filter.
     seconds
         (n_length,) s. Window lengths that occur.
@@ -265,28 +291,29 @@ def build_filter_model(
     FilterModel
         The filter as arrays.
     """
-    imu, receiver, channels, measurements = taken.imu, taken.receiver, taken.channels, taken.measurements
+    channels, measurements = sources.channels, sources.measurements
     rows, columns, block_kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     if "imu" in measurements:  # everything but the gravity gradient is propagated sample by sample
         gradient = block_kinds == transition.VEL_POS
-        rows, columns, block_kinds, drivers = (
-            rows[gradient],
-            columns[gradient],
-            block_kinds[gradient],
-            drivers[gradient],
-        )
-    decay, noise = window_tables(layout, _densities(card, layout, imu, receiver, taken.clock_drift), seconds)
+        rows = rows[gradient]
+        columns = columns[gradient]
+        block_kinds = block_kinds[gradient]
+        drivers = drivers[gradient]
+    densities = _densities(card, layout, sources.imu, sources.receiver, sources.clock_drift)
+    decay, noise = window_tables(layout, densities, seconds)
     row_type = row_types(channels)
-    count, entry, column = row_tables(layout, row_type, taken.has_lever, taken.has_covariance)
+    count, entry, column = row_tables(layout, row_type, sources.has_lever, sources.has_covariance)
     extra_offset, extra_member = extra_tables(layout, channels.n_channel)
-    corrected = layout.delayed + layout.n_delayed if layout.n_delayed else layout.n_estimated
-    considers = bool(layout.cloned) and card.delayed_state == "consider"
-    measured = np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements])
+    h_infinity_weights = np.zeros(N_NAV_ERROR) if card.h_infinity is None else card.h_infinity.weights
+    processed_types = [number for name, number in TYPES.items() if name in measurements]
+    measured = np.isin(row_type, processed_types)
+    if stored is not None:
+        measured = measured & stored
     return FilterModel(
-        aided=taken.solves or any(name in TYPES for name in measurements),
+        aided=sources.solves or any(name in TYPES for name in measurements),
         tight=channels.tight,
-        solves=taken.solves,
-        measured=measured if stored is None else measured & stored,
+        solves=sources.solves,
+        measured=measured,
         n_receiver=channels.n_receiver if channels.receiver else 0,
         n_kind=len(channels.observables),
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
@@ -298,9 +325,9 @@ def build_filter_model(
         seconds=seconds,
         decay=decay,
         noise=noise,
-        uneven=_uneven(layout, imu),
+        uneven=_excess_densities(layout, sources.imu),
         clock=layout.clock,
-        n_estimated=corrected - (len(layout.cloned) if considers else 0),
+        n_estimated=_count_corrected(card, layout),
         n_assessed=layout.n_estimated,
         n_state=layout.n_state,
         reported=np.array(layout.reported, dtype=np.int64),
@@ -310,7 +337,7 @@ def build_filter_model(
         biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
         fading=bool(np.any(decay != 1.0)),
         inflation=np.exp(seconds / (card.fading_memory or math.inf)),
-        growth=np.outer(seconds, np.zeros(N_NAV_ERROR) if card.h_infinity is None else card.h_infinity.weights),
+        growth=np.outer(seconds, h_infinity_weights),
         injected=np.zeros((1, layout.n_state)) if injected is None else injected,
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
@@ -318,13 +345,36 @@ def build_filter_model(
         n_entry=count,
         entry=entry,
         column=column,
-        lever_arms=np.array(taken.lever_arms, dtype=float),
+        lever_arms=np.array(sources.lever_arms, dtype=float),
         extra_offset=extra_offset,
         extra_member=extra_member,
-        every=taken.every,
-        has_covariance=taken.has_covariance,
+        every=sources.every,
+        has_covariance=sources.has_covariance,
         clock_gain=clock_gains(layout, channels),
     )
+
+
+def _clone_variances(layout: StateLayout, variance: Floats) -> Floats:
+    """Return the initial variances of the clones, (n_clone,); `variance` (n_state,) are those of the states."""
+    variances = variance[list(layout.cloned)]
+    variances[[state == layout.clock for state in layout.cloned]] = UNKNOWN**2
+    return variances
+
+
+def _add_correlations(P: Floats, layout: StateLayout) -> None:
+    """Set the covariance of relative biases with the biases of the combined triad, axis by axis, in P."""
+    biases = {BIAS_OF[block.name]: block for block in layout.parameters if block.name in BIAS_OF}
+    for extra in layout.extras:
+        if not extra.correlation or extra.name not in biases:
+            continue
+        bias = biases[extra.name]
+        correlations = axes(extra.correlation)
+        extra_sigmas = axes(extra.sigma)
+        bias_sigmas = axes(bias.sigma)
+        for i in range(3):
+            covariance = correlations[i] * extra_sigmas[i] * bias_sigmas[i]
+            P[extra.offset + i, bias.offset + i] = covariance
+            P[bias.offset + i, extra.offset + i] = covariance
 
 
 def initial_covariance(
@@ -343,26 +393,22 @@ def initial_covariance(
     envelope
         Motion envelope of a filter that models the vehicle; None otherwise.
     """
-    variance, clock, motion = np.zeros(layout.n_state), layout.clock, layout.motion
-    variance[VEL : VEL + 3], variance[POS : POS + 3] = initial.velocity**2, initial.position**2
+    clock, motion = layout.clock, layout.motion
+    variance = np.zeros(layout.n_state)
+    variance[VEL : VEL + 3] = initial.velocity**2
+    variance[POS : POS + 3] = initial.position**2
     for states, sigma, _ in _blocks(layout):
         variance[states] = _square(sigma)
-    biases = {BIAS_OF[b.name]: b for b in layout.parameters if b.name in BIAS_OF}
     if clock >= 0:
-        drift = 0.0 if layout.has_reduced_clock else initial.clock_drift
-        variance[clock : clock + 2] = initial.clock_bias**2, drift**2
+        variance[clock] = initial.clock_bias**2
+        variance[clock + 1] = 0.0 if layout.has_reduced_clock else initial.clock_drift**2
     if motion >= 0 and envelope is not None:
         variance[motion : motion + 3] = envelope.start_rate**2
         variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
+    if layout.cloned:
+        variance[layout.clone : layout.clone + len(layout.cloned)] = _clone_variances(layout, variance)
     P = np.diag(variance)
-    for clone, state in enumerate(layout.cloned, start=layout.clone):
-        P[clone, clone] = UNKNOWN**2 if state == clock else variance[state]
     tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
     P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
-    for extra in layout.extras:
-        if extra.correlation and extra.name in biases:
-            bias = biases[extra.name]
-            for i in range(3):
-                shared = axes(extra.correlation)[i] * axes(extra.sigma)[i] * axes(bias.sigma)[i]
-                P[extra.offset + i, bias.offset + i] = P[bias.offset + i, extra.offset + i] = shared
+    _add_correlations(P, layout)
     return P

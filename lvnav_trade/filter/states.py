@@ -9,6 +9,7 @@ from lvnav_trade.filter.assumed import ImuModel, ReceiverModel
 from lvnav_trade.filter.card import BIASES, FilterCard
 from lvnav_trade.filter.policies.epoch_differences import cloned_states, earlier_entries
 from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.covariance import N_NAV_ERROR
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import (
@@ -37,6 +38,8 @@ TYPES = {
 } | {name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)}
 # Noise states of differences of two epochs; the filter has them although its card does not name them.
 NOISE_STATES = {"tdcp": "phase_noise", "delta_pseudorange": "code_noise"}
+# Pairs of a Jacobian entry and the state that it multiplies.
+EntryPairs = list[tuple[int, int]]
 
 
 def row_types(channels: Channels) -> Ints:
@@ -44,7 +47,8 @@ def row_types(channels: Channels) -> Ints:
     types = [POSITION] * 3 + [VELOCITY] * 3
     if channels.tight:
         types = [TYPES[name] for name in channels.observables] * len(channels.satellites)
-    types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
+    for sensor in channels.sensors:
+        types += [TYPES[sensor.measures]] * len(sensor.labels)
     return np.array(types, dtype=np.int64)
 
 
@@ -52,8 +56,71 @@ def _rate_state(layout: StateLayout) -> int:
     """Return the first of the three states that model the body-rate error: rate states or gyro biases; -1 if none."""
     if layout.motion >= 0:
         return layout.motion
-    gyro_biases = [b.offset for b in layout.parameters if b.sensor == GYRO and b.driver == transition.CONSTANT]
-    return gyro_biases[0] if gyro_biases else -1
+    for block in layout.parameters:
+        if block.sensor == GYRO and block.driver == transition.CONSTANT:
+            return block.offset
+    return -1
+
+
+def _state_entries(layout: StateLayout, has_lever: bool, whitened: bool) -> dict[int, EntryPairs]:
+    """Return the Jacobian entries of each measurement type and the states that they multiply, without extra states."""
+    navigation = {
+        "position": [(H_POS + i, POS + i) for i in range(3)],
+        "velocity": [(H_VEL + i, VEL + i) for i in range(3)],
+        "attitude": [(H_ATT + i, ATT + i) for i in range(3)],
+    }
+    position = navigation["position"]
+    velocity = navigation["velocity"]
+    # attitude and body rate move an antenna only through its lever arm
+    attitude: EntryPairs = []
+    rate: EntryPairs = []
+    if has_lever:
+        attitude = navigation["attitude"]
+        rate_state = _rate_state(layout)
+        if rate_state >= 0:
+            rate = [(H_RATE + i, rate_state + i) for i in range(3)]
+    bias: EntryPairs = []
+    drift: EntryPairs = []
+    if layout.clock >= 0:
+        bias = [(H_CLOCK, layout.clock)]
+        drift = [(H_CLOCK, layout.clock + 1)]
+    entries = dict.fromkeys((PSEUDORANGE, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), position + attitude + bias)
+    entries[RANGE_RATE] = position + attitude + velocity + rate + drift
+    entries[POSITION] = position + attitude
+    entries[VELOCITY] = velocity + attitude + rate
+    if whitened:  # decorrelation combines the rows of position and velocity
+        entries[POSITION] = entries[POSITION] + velocity + rate
+        entries[VELOCITY] = entries[VELOCITY] + position
+    for card in SENSORS:
+        sensor_entries: EntryPairs = []
+        for name in card.jacobian:
+            sensor_entries += navigation[name]
+        entries[TYPES[card.measurement]] = sensor_entries
+    return entries
+
+
+def _extra_entries(layout: StateLayout, channel: int, measurement_type: int, whitened: bool) -> EntryPairs:
+    """Return the Jacobian entries of the extra states of a channel, and these states."""
+    entering = []
+    for family, block in enumerate(layout.extras):
+        member = int(block.member[channel])
+        if member >= 0:
+            entering.append((N_ENTRY + family, block.offset + member))
+    if not whitened:
+        return entering
+    # decorrelation combines the rows of all axes, so every extra state has an entry of its own
+    channel_states = {state for _, state in entering}
+    is_solution = measurement_type in (POSITION, VELOCITY)
+    pairs = []
+    for index, state in enumerate(_extra_states(layout)):
+        if is_solution or state in channel_states:
+            pairs.append((N_ENTRY + index, state))
+    return pairs
+
+
+def _extra_states(layout: StateLayout) -> list[int]:
+    """Return the indices of all extra states in the state vector, family by family."""
+    return [block.offset + i for block in layout.extras for i in range(len(block.labels))]
 
 
 def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: bool) -> tuple[Ints, Ints, Ints]:
@@ -77,37 +144,16 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
     entry, column
         (n_channel, n_entry). Places of these entries in the Jacobian row, and the states that they multiply.
     """
-    navigation = (("position", H_POS, POS), ("velocity", H_VEL, VEL), ("attitude", H_ATT, ATT))
-    whole = {name: [(entry + i, state + i) for i in range(3)] for name, entry, state in navigation}
-    position, velocity, attitude = whole["position"], whole["velocity"], whole["attitude"] if has_lever else []
-    rate = [(H_RATE + i, _rate_state(layout) + i) for i in range(3)] if has_lever and _rate_state(layout) >= 0 else []
-    bias, drift = ([(H_CLOCK, layout.clock + k)] if layout.clock >= 0 else [] for k in (0, 1))
-    types = {
-        **dict.fromkeys((PSEUDORANGE, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), position + attitude + bias),
-        RANGE_RATE: position + attitude + velocity + rate + drift,
-        POSITION: position + attitude + (velocity + rate if whitened else []),
-        VELOCITY: velocity + attitude + rate + (position if whitened else []),
-    }
-    for card in SENSORS:
-        types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
-    extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]
-    count = np.zeros(row_type.size, dtype=np.int64)
-    width = N_ENTRY + len(extras if whitened else layout.extras)
+    state_entries = _state_entries(layout, has_lever, whitened)
+    n_extra = len(_extra_states(layout)) if whitened else len(layout.extras)
+    n_present = N_ENTRY + n_extra
     n_earlier = D_EXTRA + len(layout.extras) if layout.cloned else 0
-    pairs = np.zeros((2, row_type.size, width + n_earlier), dtype=np.int64)
-    for channel, kind in enumerate(row_type.tolist()):
-        if whitened:
-            states = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
-            extra = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY) or at in states]
-        else:
-            extra = [
-                (N_ENTRY + f, e.offset + int(e.member[channel]))
-                for f, e in enumerate(layout.extras)
-                if e.member[channel] >= 0
-            ]
-        row = types[kind] + extra
-        if kind in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
-            row += earlier_entries(layout, row, width)
+    count = np.zeros(row_type.size, dtype=np.int64)
+    pairs = np.zeros((2, row_type.size, n_present + n_earlier), dtype=np.int64)
+    for channel, measurement_type in enumerate(row_type.tolist()):
+        row = state_entries[measurement_type] + _extra_entries(layout, channel, measurement_type, whitened)
+        if measurement_type in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
+            row += earlier_entries(layout, row, n_present)
         count[channel] = len(row)
         pairs[:, channel, : len(row)] = np.transpose(row)
     return count, pairs[0], pairs[1]
@@ -138,12 +184,12 @@ def extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
     member
         (n_family, n_channel). Extra state of the family that enters the channel, -1 none.
     """
-    offsets: list[int] = []
     member = np.full((len(layout.extras), n_channel), -1, dtype=np.int64)
-    for f, block in enumerate(layout.extras):
-        member[f] = np.where(block.member >= 0, len(offsets) + block.member, -1)
-        offsets += [block.offset + i for i in range(len(block.labels))]
-    return np.array(offsets, dtype=np.int64), member
+    n_extra = 0
+    for family, block in enumerate(layout.extras):
+        member[family] = np.where(block.member >= 0, n_extra + block.member, -1)
+        n_extra += len(block.labels)
+    return np.array(_extra_states(layout), dtype=np.int64), member
 
 
 # Time constant (s) of a state that is independent from window to window.
@@ -184,12 +230,19 @@ def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[Erro
     """Return the blocks of IMU parameters, three states each, from state `offset` on."""
     blocks: list[ErrorTerm] = []
     for name in names:
-        walk, time_constant = getattr(imu, f"{name}_walk", 0.0), getattr(imu, f"{name}_time", None) or math.inf
-        kind = PARAMETERS[name]
-        for part, driver in enumerate(kind.drivers):
-            at = offset + 3 * len(blocks)
-            sigma = imu.sigma(name)
-            blocks.append(ErrorTerm(name, part, kind.sensor, driver, sigma, walk, time_constant, offset=at))
+        parameter = PARAMETERS[name]
+        for term, driver in enumerate(parameter.drivers):
+            block = ErrorTerm(
+                name,
+                term,
+                parameter.sensor,
+                driver,
+                imu.sigma(name),
+                walk=getattr(imu, f"{name}_walk", 0.0),
+                time_constant=getattr(imu, f"{name}_time", None) or math.inf,
+                offset=offset + 3 * len(blocks),
+            )
+            blocks.append(block)
     return blocks
 
 
@@ -206,20 +259,54 @@ def _extra_blocks(
     for name in names:
         labels, member = members(name, channels)
         if labels:
-            card, field = imu if name in RELATIVE.values() else receiver, BY_SATELLITE.get(name, name)
-            ends = ("", "_walk", "_correlation")
-            sigma, *more = (getattr(card, field + end, 0.0) for end in ends)
-            time = NO_MEMORY if name in as_noise else getattr(card, f"{field}_time", None) or math.inf
-            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time, EXTRAS[name], *more))
+            card = imu if name in RELATIVE.values() else receiver
+            field = BY_SATELLITE.get(name, name)
+            time_constant = getattr(card, f"{field}_time", None) or math.inf
+            block = ExtraBlock(
+                name,
+                labels,
+                offset,
+                member,
+                getattr(card, field, 0.0),
+                NO_MEMORY if name in as_noise else time_constant,
+                EXTRAS[name],
+                walk=getattr(card, f"{field}_walk", 0.0),
+                correlation=getattr(card, f"{field}_correlation", 0.0),
+            )
+            blocks.append(block)
             offset += len(labels)
         for state, member, _ in sensor_states(name, channels):
-            time = NO_MEMORY if name in as_noise else state.time_constant
-            blocks.append(ExtraBlock(name, (state.label,), offset, member, state.sigma, time, state.unit))
+            block = ExtraBlock(
+                name,
+                (state.label,),
+                offset,
+                member,
+                state.sigma,
+                NO_MEMORY if name in as_noise else state.time_constant,
+                state.unit,
+            )
+            blocks.append(block)
             offset += 1
     return blocks
 
 
-def state_layout(card: FilterCard, taken: FilterMeasurements, n_clone: int = 0) -> StateLayout:
+def _state_names(card: FilterCard, measurements: tuple[str, ...]) -> list[str]:
+    """Return the names of the IMU parameters and extra states of a filter, estimated or considered."""
+    names = [name for name in (*BIASES, *card.extra_states, *card.as_noise) if name not in card.neglect]
+    for measurement, state in RELATIVE.items():
+        if measurement in measurements and state not in names:
+            names.append(state)
+    if "carrier_phase" in measurements:
+        names.append("ambiguity")
+    return names + [name for name in card.consider if name not in names]
+
+
+def _count_states(blocks: list[ExtraBlock]) -> int:
+    """Return the number of states of some blocks of extra states."""
+    return sum(len(block.labels) for block in blocks)
+
+
+def state_layout(card: FilterCard, sources: FilterMeasurements, n_clone: int = 0) -> StateLayout:
     """Return the state layout of a filter.
 
     The order is: navigation errors, estimated IMU parameters, clock, estimated extra states, motion of the vehicle,
@@ -230,49 +317,62 @@ def state_layout(card: FilterCard, taken: FilterMeasurements, n_clone: int = 0) 
     ----------
     card
         Filter card.
-    taken
+    sources
         Sensor models, channels and measurements of the filter.
     n_clone
         Number of cloned states. The function finds it and calls itself once more; callers omit it.
     """
-    imu, receiver, channels, measurements = taken.imu, taken.receiver, taken.channels, taken.measurements
-    differences = tuple(name for name in card.differences if name in measurements)
-    noises = [NOISE_STATES[name] for name in differences if card.previous_noise == "estimated"]
-    wanted = [n for n in (*BIASES, *card.extra_states, *card.as_noise) if n not in card.neglect]
-    wanted += [state for name, state in RELATIVE.items() if name in measurements and state not in wanted]
-    wanted += ["ambiguity"] if "carrier_phase" in measurements else []
-    wanted += [n for n in card.consider if n not in wanted]
-    parameters: list[ErrorTerm] = []
-    extras: list[ExtraBlock] = []
-    offset, clock, motion, n_estimated, delayed, n_delayed = 9, -1, -1, 9, 9, 0
-    for considered in (False, True):
-        group = [n for n in wanted if (n in card.consider) == considered]
-        blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
-        offset += 3 * len(blocks)
-        reduced = channels.tight and card.clock == "one_state"
-        if not considered and channels.tight and not reduced:
-            clock, offset = offset, offset + 2
-        shared = _extra_blocks(
-            [n for n in group if n not in PARAMETERS], imu, receiver, channels, offset, card.as_noise
-        )
-        offset += sum(len(block.labels) for block in shared)
-        parameters, extras = parameters + blocks, extras + shared
-        if not considered:
-            if "imu" in measurements:
-                motion, offset = offset, offset + 6
-            clock = offset if reduced else clock
-            n_estimated = offset = offset + reduced
-            offset += reduced  # the drift of a one-state clock: a state of zero variance that updates do not correct
-            delayed = offset
-            extras += (noise_blocks := _extra_blocks(noises, imu, receiver, channels, offset))
-            n_delayed = sum(len(block.labels) for block in noise_blocks) + n_clone
-            offset += n_delayed
+    imu, receiver, channels = sources.imu, sources.receiver, sources.channels
+    names = _state_names(card, sources.measurements)
+    estimated = [name for name in names if name not in card.consider]
+    considered = [name for name in names if name in card.consider]
+    has_one_state_clock = channels.tight and card.clock == "one_state"
+
+    parameters = _parameter_blocks([name for name in estimated if name in PARAMETERS], imu, N_NAV_ERROR)
+    offset = N_NAV_ERROR + 3 * len(parameters)
+    clock = -1
+    if channels.tight and not has_one_state_clock:
+        clock = offset
+        offset += 2
+    extra_names = [name for name in estimated if name not in PARAMETERS]
+    extras = _extra_blocks(extra_names, imu, receiver, channels, offset, card.as_noise)
+    offset += _count_states(extras)
+    motion = -1
+    if "imu" in sources.measurements:
+        motion = offset
+        offset += 6
+    if has_one_state_clock:
+        clock = offset
+        offset += 1
+    n_estimated = offset
+    if has_one_state_clock:  # the drift: a state of zero variance that updates do not correct
+        offset += 1
+
+    delayed = offset
+    differences = tuple(name for name in card.differences if name in sources.measurements)
+    noise_names = [NOISE_STATES[name] for name in differences] if card.previous_noise == "estimated" else []
+    noise_blocks = _extra_blocks(noise_names, imu, receiver, channels, offset)
+    n_delayed = _count_states(noise_blocks) + n_clone
+    offset += n_delayed
+
+    considered_parameters = _parameter_blocks([name for name in considered if name in PARAMETERS], imu, offset)
+    offset += 3 * len(considered_parameters)
+    extra_names = [name for name in considered if name not in PARAMETERS]
+    considered_extras = _extra_blocks(extra_names, imu, receiver, channels, offset, card.as_noise)
+    offset += _count_states(considered_extras)
+
     layout = StateLayout(
-        tuple(parameters), clock, n_estimated, offset, tuple(extras), motion, samples=card.report_imu_samples
+        tuple(parameters + considered_parameters),
+        clock,
+        n_estimated,
+        n_state=offset,
+        extras=tuple(extras + noise_blocks + considered_extras),
+        motion=motion,
+        samples=card.report_imu_samples,
     )
     # which states are cloned follows from the layout, whose offsets depend on their number
-    cloned = cloned_states(layout, channels, differences, taken.has_lever)
+    cloned = cloned_states(layout, channels, differences, sources.has_lever)
     if len(cloned) != n_clone:
-        return state_layout(card, taken, len(cloned))
+        return state_layout(card, sources, len(cloned))
     clone = delayed + n_delayed - n_clone if n_clone else -1
     return layout._replace(delayed=delayed, n_delayed=n_delayed, clone=clone, cloned=cloned)

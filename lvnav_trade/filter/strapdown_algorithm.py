@@ -69,13 +69,17 @@ def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, flo
     coefficient of b^n is 2 d^n - (d + 1)^n - (d - 1)^n for the product of increments d apart, N^n (2 - 2^n) for the
     product of the sums of two steps, and -N^n / 2 for the coning integral. Fractions keep the solution exact.
     """
-    n, apart = subsamples, list(range(subsamples - 1, 0, -1))
-    rows = []
-    for power in range(3, 3 + 2 * (len(apart) + with_previous), 2):
-        row = [Fraction(2 * d**power - (d + 1) ** power - (d - 1) ** power) for d in apart]
-        row += [Fraction(n**power * (2 - 2**power))] if with_previous else []
-        rows.append([*row, Fraction(-(n**power), 2)])
-    weights = [float(value) for value in _solve(rows)]
+    n = subsamples
+    distances = range(n - 1, 0, -1)
+    n_weight = len(distances) + with_previous
+    equations = []
+    for power in range(3, 3 + 2 * n_weight, 2):
+        equation = [Fraction(2 * d**power - (d + 1) ** power - (d - 1) ** power) for d in distances]
+        if with_previous:
+            equation.append(Fraction(n**power * (2 - 2**power)))
+        equation.append(Fraction(-(n**power), 2))
+        equations.append(equation)
+    weights = [float(value) for value in _solve(equations)]
     across = weights.pop() if with_previous else 0.0
     return np.array(weights, dtype=float), across
 
@@ -85,8 +89,11 @@ def recursive_weights(subsamples: int) -> Floats:
 
     Each increment is multiplied by half of the sum of all increments before it, and by a twelfth of the last of them.
     """
-    apart = np.subtract.outer(np.arange(subsamples), np.arange(subsamples))
-    return np.where(apart < 0, 0.5, 0.0) + np.where(apart == -1, 1.0 / 12.0, 0.0)
+    index = np.arange(subsamples)
+    distance = np.subtract.outer(index, index)
+    from_sum = np.where(distance < 0, 0.5, 0.0)
+    from_last = np.where(distance == -1, 1.0 / 12.0, 0.0)
+    return from_sum + from_last
 
 
 def polynomial_weights(subsamples: int) -> Floats:
@@ -96,35 +103,55 @@ def polynomial_weights(subsamples: int) -> Floats:
     coning integral is half of the integral of angle times rate; its exact value gives the weights.
     """
     n = subsamples
-    # rates[j][p]: coefficient of s^p in the rate whose integral is 1 over subsample j and 0 over the others
-    powers = [[Fraction((k + 1) ** (p + 1) - k ** (p + 1), p + 1) for p in range(n)] for k in range(n)]
-    rates = [_solve([[*powers[k], Fraction(int(k == j))] for k in range(n)]) for j in range(n)]
-
-    def integral(j: int, k: int) -> Fraction:  # angle of increment j times rate of increment k, over the step
-        terms = (
-            rates[j][p] / (p + 1) * rates[k][q] * Fraction(n ** (p + q + 2), p + q + 2)
-            for p in range(n)
-            for q in range(n)
-        )
-        return sum(terms, Fraction(0))
-
+    rates = [_unit_rate(j, n) for j in range(n)]
     weights = np.zeros((n, n))
     for j in range(n):
         for k in range(j + 1, n):
-            weights[j, k] = float((integral(j, k) - integral(k, j)) / 2)
+            difference = _angle_rate_integral(rates[j], rates[k]) - _angle_rate_integral(rates[k], rates[j])
+            weights[j, k] = float(difference / 2)
     return weights
 
 
-def _solve(rows: list[list[Fraction]]) -> list[Fraction]:
-    """Return the solution of linear equations (Gauss-Jordan); each row has the coefficients and the right-hand side."""
-    for k in range(len(rows)):
-        pivot = next(i for i in range(k, len(rows)) if rows[i][k] != 0)
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        rows[k] = [value / rows[k][k] for value in rows[k]]
-        for i, row in enumerate(rows):
+def _unit_rate(j: int, n: int) -> list[Fraction]:
+    """Return the coefficients of the rate (powers 0 to n - 1) with integral 1 over subsample j and 0 over the others.
+
+    The integral of s^p over subsample k is ((k + 1)^(p + 1) - k^(p + 1)) / (p + 1).
+    """
+    equations = []
+    for k in range(n):
+        equation = [Fraction((k + 1) ** (p + 1) - k ** (p + 1), p + 1) for p in range(n)]
+        equation.append(Fraction(int(k == j)))
+        equations.append(equation)
+    return _solve(equations)
+
+
+def _angle_rate_integral(first: list[Fraction], second: list[Fraction]) -> Fraction:
+    """Return the integral over the step of the angle of one rate times another rate, both by their coefficients."""
+    n = len(first)
+    total = Fraction(0)
+    for p in range(n):
+        angle = first[p] / (p + 1)  # coefficient of s^(p + 1)
+        for q in range(n):
+            power = p + q + 2
+            total += angle * second[q] * Fraction(n**power, power)
+    return total
+
+
+def _solve(equations: list[list[Fraction]]) -> list[Fraction]:
+    """Return the solution of linear equations (Gauss-Jordan); each has its coefficients and its right-hand side."""
+    for k in range(len(equations)):
+        pivot = k
+        while equations[pivot][k] == 0:
+            pivot += 1
+        equations[k], equations[pivot] = equations[pivot], equations[k]
+        scale = equations[k][k]
+        equations[k] = [value / scale for value in equations[k]]
+        for i, equation in enumerate(equations):
             if i != k:
-                rows[i] = [value - row[k] * pivot_value for value, pivot_value in zip(row, rows[k], strict=True)]
-    return [row[-1] for row in rows]
+                factor = equation[k]
+                pairs = zip(equation, equations[k], strict=True)
+                equations[i] = [value - factor * pivot_value for value, pivot_value in pairs]
+    return [equation[-1] for equation in equations]
 
 
 EXACT_TURN = 5e-3
@@ -163,8 +190,9 @@ def strapdown_of(
     Strapdown
         The algorithm as numbers.
     """
-    general = card.algorithm != "two_sample" or card.ratio > 1
-    weights, across, pairs = np.zeros(0), 0.0, np.zeros((0, 0))
+    weights = np.zeros(0)
+    across = 0.0
+    pairs = np.zeros((0, 0))
     if card.algorithm in {"two_sample", "recursive"}:
         across = 1.0 / 12.0
     if card.algorithm == "recursive":
@@ -173,10 +201,13 @@ def strapdown_of(
         pairs = polynomial_weights(card.ratio)
     elif card.algorithm.startswith("optimised"):
         weights, across = optimised_weights(card.ratio, card.algorithm == "optimised")
-    origin, local = np.zeros(3), LOCAL.get(mechanisation, 0)
+    origin = np.zeros(3)
     if mechanisation == "pad" and start is not None:
         c, s = np.cos(angle), np.sin(angle)
         origin = np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])
+    local = LOCAL.get(mechanisation, 0)
+    has_extensions = bool(local) or pairs.size > 0
+    general = card.algorithm != "two_sample" or card.ratio > 1
     return Strapdown(
         gravity=GRAVITY[gravity],
         subsamples=card.ratio,
@@ -186,7 +217,7 @@ def strapdown_of(
         rotating=mechanisation != "inertial",
         angle=angle,
         origin=origin,
-        further=StrapdownExtensions(local, pairs) if local or pairs.size else None,
+        further=StrapdownExtensions(local, pairs) if has_extensions else None,
         general=general,
         counted=general or turn > EXACT_TURN,
     )

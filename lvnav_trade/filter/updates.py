@@ -14,17 +14,21 @@ def has_reported_covariance(model, channel):
 
 
 @jit
-def _with_spread(variance, sigma_points, row):
-    """Add the variance that the regression over sigma points (SigmaPoints, or None) does not explain."""
-    return variance if sigma_points is None else variance + sigma_points.spread[row]
+def _add_spread(variance, sigma_points, row):
+    """Return a variance plus that which the regression over sigma points (SigmaPoints, or None) does not explain."""
+    if sigma_points is None:
+        return variance
+    return variance + sigma_points.spread[row]
 
 
 @jit
-def _of_reported(work, gains, row):
-    """Return the noise variance of a row of a solution with a reported covariance: 1 after decorrelation; with stored
-    gains (StoredGains, or None) the reported variance, because the rows are not decorrelated.
+def _reported_variance(work, gains, row):
+    """Return the noise variance of a scalar of a solution with a reported covariance: 1 after decorrelation; with
+    stored gains (StoredGains, or None) the reported variance, because the rows are not decorrelated.
     """
-    return like(work.x[0], 1.0) if gains is None else work.reported[row, row]
+    if gains is None:
+        return like(work.x[0], 1.0)
+    return work.reported[row, row]
 
 
 @jit
@@ -38,8 +42,9 @@ def noise_variance(work, sigma_points, case, epoch, row, channel):
     epoch, row, channel : indices
     """
     if has_reported_covariance(case.model, channel):
-        return _of_reported(work, case.options.gains, row)
-    return _with_spread(like(work.x[0], case.signals.variance[epoch, channel]), sigma_points, row)
+        return _reported_variance(work, case.options.gains, row)
+    assumed_variance = like(work.x[0], case.signals.variance[epoch, channel])
+    return _add_spread(assumed_variance, sigma_points, row)
 
 
 @inlined
@@ -60,9 +65,11 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
     normalised : innovation divided by its standard deviation
     weight : inverse of the innovation variance; 0 if the measurement is rejected
     """
-    model, beta = case.model, case.signals.beta[epoch, channel]
+    model = case.model
+    beta = case.signals.beta[epoch, channel]  # under-weighting
     n = model.n_entry[channel]
-    entries, columns = model.entry[channel, :n], model.column[channel, :n]
+    entries = model.entry[channel, :n]
+    columns = model.column[channel, :n]
     if gains is None:
         return update_scalar(
             work.P,
@@ -102,10 +109,20 @@ def update_and_count(work, sigma_points, case, epoch, row, channel, gate_squared
     measurement or its innovation is not a number.
     """
     variance = noise_variance(work, sigma_points, case, epoch, row, channel)
-    normalised, weight = update_state(work, case, case.options.gains, variance, epoch, row, channel, gate_squared)
+    normalised, weight = update_state(
+        work,
+        case,
+        case.options.gains,
+        variance,
+        epoch,
+        row,
+        channel,
+        gate_squared,
+    )
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0
-    rejected = (normalised == normalised) & (weight == 0.0)  # not-a-number: there is no measurement
+    measured = normalised == normalised  # not-a-number: there is no measurement
+    rejected = measured & (weight == 0.0)
     work.nis[epoch] = work.nis[epoch] + where(accepted, normalised * normalised, 0.0)
     work.n_row[epoch] = work.n_row[epoch] + where(accepted, 1.0, 0.0)
     work.n_reject[epoch] = work.n_reject[epoch] + where(rejected, 1.0, 0.0)

@@ -260,7 +260,6 @@ def _refusal(*levels: str) -> str:
     rates = {"covariance_rate": 10.0, "transition_rate": 2.0 if stated.pop("transition_rate", None) else None}
     weighted = [SimpleNamespace(measurements=()) for _ in stated.pop("underweighting", ())]
     own = _DEFAULTS | stated | rates | {"strapdown": ratio, "underweighting": weighted, "logic": None}
-    own["_after_stop"] = lambda: iter(())  # no level stops the filter
     wrong = next(FilterCard._faults(SimpleNamespace(**own | _what_is_measured(listed))), "")
     if wrong:
         return wrong

@@ -85,33 +85,59 @@ def place_of_channel(late, channel, epoch):
 
 
 @jit
-def _move(stored, seconds, dt, kind):
+def _move(stored, seconds, dt, gravity_model):
     """Propagate position and velocity of a stored state by less than a step, with the specific force of the last step.
 
-    seconds : s, of either sign; dt : s, of a strapdown step; kind : gravity model
+    seconds : s, of either sign; dt : s, of a strapdown step
     """
-    c = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
-    gravitation = gravity(kind, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
-    x, y, z = stored[LAST + 3] / dt, stored[LAST + 4] / dt, stored[LAST + 5] / dt
+    rotation = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
+    gravitation = gravity(gravity_model, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
+    # specific force, body axes
+    x = stored[LAST + 3] / dt
+    y = stored[LAST + 4] / dt
+    z = stored[LAST + 5] / dt
     for i in range(3):
-        v = stored[NAV + V + i]
-        total = gravitation[i] + c[3 * i] * x + c[3 * i + 1] * y + c[3 * i + 2] * z
-        stored[NAV + R + i] = stored[NAV + R + i] + seconds * (v + 0.5 * seconds * total)
-        stored[NAV + V + i] = v + seconds * total
+        velocity = stored[NAV + V + i]
+        acceleration = gravitation[i] + rotation[3 * i] * x + rotation[3 * i + 1] * y + rotation[3 * i + 2] * z
+        stored[NAV + R + i] = stored[NAV + R + i] + seconds * (velocity + 0.5 * seconds * acceleration)
+        stored[NAV + V + i] = velocity + seconds * acceleration
 
 
 @jit
 def _turn(stored, seconds, dt):
     """Propagate the attitude of a stored state by less than a step, with the angular rate of the last step."""
-    share, at = seconds / dt, NAV + Q
-    d0, d1, d2, d3 = from_rotation(share * stored[LAST], share * stored[LAST + 1], share * stored[LAST + 2])
-    stored[at], stored[at + 1], stored[at + 2], stored[at + 3] = multiply(
-        stored[at], stored[at + 1], stored[at + 2], stored[at + 3], d0, d1, d2, d3
+    fraction = seconds / dt
+    d0, d1, d2, d3 = from_rotation(
+        fraction * stored[LAST],
+        fraction * stored[LAST + 1],
+        fraction * stored[LAST + 2],
+    )
+    first = NAV + Q
+    stored[first], stored[first + 1], stored[first + 2], stored[first + 3] = multiply(
+        stored[first],
+        stored[first + 1],
+        stored[first + 2],
+        stored[first + 3],
+        d0,
+        d1,
+        d2,
+        d3,
     )
 
 
+@jit
+def _store(stored, nav, previous, x):
+    """Store navigation state (10,), last increments (6,) and error state of navigation (9,) in one place."""
+    for i in range(10):
+        stored[NAV + i] = nav[i]
+    for i in range(6):
+        stored[LAST + i] = previous[i]
+    for i in range(9):
+        stored[ERROR + i] = x[i]
+
+
 @inlined
-def keep(state_history, nav, previous, x, late, window, dt, kind):
+def keep(state_history, nav, previous, x, late, window, dt, gravity_model):
     """Store the state at the end of a window, if a delayed measurement will be compared with it.
 
     Parameters
@@ -123,26 +149,23 @@ def keep(state_history, nav, previous, x, late, window, dt, kind):
     late : DelayProcessing, or None without delay compensation
     window : index
     dt : s, of a strapdown step
-    kind : gravity model
+    gravity_model : as in `kernels.strapdown`
     """
     if late is not None:
         for line in range(late.n_ring.shape[0]):
             # an earlier velocity may belong to another epoch than the state that is stored in the same window
             for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
+                stored = state_history[place_of(late, line, epoch)]
                 for i in range(3):
-                    state_history[place_of(late, line, epoch), EARLY + i] = nav[V + i] + x[VEL + i]
+                    stored[EARLY + i] = nav[V + i] + x[VEL + i]
             for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
                 stored = state_history[place_of(late, line, epoch)]
-                for i in range(10):
-                    stored[NAV + i] = nav[i]
-                for i in range(6):
-                    stored[LAST + i] = previous[i]
-                for i in range(9):
-                    stored[ERROR + i] = x[i]
-                if late.offset[line, epoch] != 0.0:
-                    _move(stored, late.offset[line, epoch], dt, kind)
+                _store(stored, nav, previous, x)
+                offset = late.offset[line, epoch]
+                if offset != 0.0:
+                    _move(stored, offset, dt, gravity_model)
                     if line != late.receiver:  # attitude enters there by lever arms only: 0.01 mm within a tick
-                        _turn(stored, late.offset[line, epoch], dt)
+                        _turn(stored, offset, dt)
 
 
 @jit
@@ -178,10 +201,12 @@ def predicted_of_stored(state_history, place, h, entries, columns, x):
     entries, columns : entries of the row that are not zero, and the states that they multiply
     x : (n,) present error state
     """
-    stored, total = state_history[place], like(x[0], 0.0)
+    stored = state_history[place]
+    total = like(x[0], 0.0)
     for c in range(columns.shape[0]):
-        if columns[c] < 9:
-            total = total + h[entries[c]] * (stored[ERROR + columns[c]] - x[columns[c]])
+        state = columns[c]
+        if state < 9:
+            total = total + h[entries[c]] * (stored[ERROR + state] - x[state])
     return total
 
 
@@ -192,6 +217,13 @@ def repeat_extrapolation(state_history, late):
         last = state_history[late.buffered.shape[0]]
         for i in range(N_EXTRAPOLATED):
             last[i] = last[N_EXTRAPOLATED + i]
+
+
+@jit
+def _shift_acceleration(last):
+    """Make the acceleration of the last extrapolation that of the epoch before."""
+    for i in range(N_EXTRAPOLATED):
+        last[N_EXTRAPOLATED + i] = last[i]
 
 
 @jit
@@ -211,28 +243,38 @@ def carry_on(z, reported, state_history, P, late, epoch):
     late : DelayProcessing
     epoch : index
     """
-    stored, last = state_history[place_of(late, late.receiver, epoch)], state_history[late.buffered.shape[0]]
-    delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
+    stored = state_history[place_of(late, late.receiver, epoch)]
+    last = state_history[late.buffered.shape[0]]
+    delay = late.delay[epoch]
+    half_square = 0.5 * late.delay[epoch] * late.delay[epoch]
     # estimated velocity at the time of validity: in an open loop that of the inertial system plus the error state
-    at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]
-    vx, vy = stored[at] + stored[error], stored[at + 1] + stored[error + 1]
-    vz = stored[at + 2] + stored[error + 2]
-    ax, ay, az = (vx - stored[EARLY]) * inverse, (vy - stored[EARLY + 1]) * inverse, (vz - stored[EARLY + 2]) * inverse
+    velocity = NAV + V
+    error = ERROR + VEL
+    vx = stored[velocity] + stored[error]
+    vy = stored[velocity + 1] + stored[error + 1]
+    vz = stored[velocity + 2] + stored[error + 2]
+    inverse_base = 1.0 / late.base[epoch]
+    ax = (vx - stored[EARLY]) * inverse_base
+    ay = (vy - stored[EARLY + 1]) * inverse_base
+    az = (vz - stored[EARLY + 2]) * inverse_base
     # truncation error: d^2 / 2 times the acceleration in position, times its rate of change in velocity; the first
     # epoch has no earlier acceleration, hence no rate
-    rate = where(last[KNOWN] > 0.0, half / late.interval, 0.0)
-    bx, by, bz = rate * (ax - last[BEFORE]), rate * (ay - last[BEFORE + 1]), rate * (az - last[BEFORE + 2])
-    for i in range(N_EXTRAPOLATED):
-        last[N_EXTRAPOLATED + i] = last[i]
-    moves, bends = (vx, vy, vz, ax, ay, az), (half * ax, half * ay, half * az, bx, by, bz)
-    square = delay * delay
+    rate_factor = where(last[KNOWN] > 0.0, half_square / late.interval, 0.0)
+    jx = rate_factor * (ax - last[BEFORE])
+    jy = rate_factor * (ay - last[BEFORE + 1])
+    jz = rate_factor * (az - last[BEFORE + 2])
+    _shift_acceleration(last)
+    derivative = (vx, vy, vz, ax, ay, az)
+    truncation = (half_square * ax, half_square * ay, half_square * az, jx, jy, jz)
     for i in range(6):
-        z[i] = z[i] + delay * moves[i]
+        z[i] = z[i] + delay * derivative[i]
         for j in range(6):
-            reported[i, j] = reported[i, j] + late.jitter * moves[i] * moves[j] + bends[i] * bends[j]
+            jitter = late.jitter * derivative[i] * derivative[j]
+            reported[i, j] = reported[i, j] + jitter + truncation[i] * truncation[j]
+    delay_square = delay * delay
     for i in range(3):
-        reported[3 + i, 3 + i] = reported[3 + i, 3 + i] + square * late.acceleration
-        last[BEFORE + i] = moves[3 + i]
+        reported[3 + i, 3 + i] = reported[3 + i, 3 + i] + delay_square * late.acceleration
+        last[BEFORE + i] = derivative[3 + i]
         for j in range(3):
-            reported[i, j] = reported[i, j] + square * P[VEL + i, VEL + j]
+            reported[i, j] = reported[i, j] + delay_square * P[VEL + i, VEL + j]
     last[KNOWN] = like(vx, 1.0)
