@@ -7,8 +7,8 @@ from lvnav_trade.covariance.difference_errors import begin_successive, clone_joi
 from lvnav_trade.covariance.imu_array_errors import add_sums, inform_nominal, samples_of_units
 from lvnav_trade.covariance.propagate import nominal_window, propagate
 from lvnav_trade.covariance.receiver_error import advance_solution, clone_error, complete_rows
+from lvnav_trade.filter.policies.back_propagation import accumulate_transition, begin_transition
 from lvnav_trade.filter.policies.delay import keep
-from lvnav_trade.filter.policies.epoch_differences import accumulate_transition, begin_transition
 from lvnav_trade.filter.policies.integrity.state import begin_monitor
 from lvnav_trade.filter.policies.mode_logic import begin_mode_logic
 from lvnav_trade.kernels.covariance import variance_along

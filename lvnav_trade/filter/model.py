@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filter.assumed import ImuModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.states import TYPES, FilterMeasurements, clock_gains, extra_tables, row_tables, row_types
 from lvnav_trade.filter.strapdown_algorithm import strapdown_of
@@ -14,14 +14,9 @@ from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.covariance import N_NAV_ERROR
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
-from lvnav_trade.quantities.per_axis import PerAxis, axes, squares
+from lvnav_trade.quantities.per_axis import PerAxis, squares
 from lvnav_trade.quantities.records import Bools, Floats, Ints
-from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
-
-# One-sigma (m) of the receiver's clock at an epoch before the filter starts: a difference with it has no weight.
-UNKNOWN = 1e6
-BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
 
 class FilterModel(NamedTuple):
@@ -161,11 +156,14 @@ def transition_blocks(parameters: tuple[ErrorTerm, ...], order: int) -> tuple[In
     return rows, columns, kinds, drivers
 
 
-def _square(value: PerAxis) -> float | Floats:
-    return np.array(squares(value)) if isinstance(value, tuple) else value**2
+def square_of(value: PerAxis) -> float | Floats:
+    """Return the square of a value that is common to the axes, or the squares (3,) of a value by axis."""
+    if isinstance(value, tuple):
+        return np.array(squares(value))
+    return value**2
 
 
-def _blocks(layout: StateLayout) -> list[tuple[slice, PerAxis, float]]:
+def state_blocks(layout: StateLayout) -> list[tuple[slice, PerAxis, float]]:
     """Return states, one-sigma (SI) and time constant (s) of every block of IMU parameters and of extra states."""
     blocks: list[tuple[slice, PerAxis, float]] = []
     for parameter in layout.parameters:
@@ -197,12 +195,12 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     """
     decay = np.ones((seconds.size, layout.n_state))
     noise = seconds[:, None] * densities
-    for states, sigma, time_constant in _blocks(layout):
+    for states, sigma, time_constant in state_blocks(layout):
         if math.isfinite(time_constant):
             decay[:, states] = np.exp(-seconds / time_constant)[:, None]
             # half of the noise q enters before the decay d, half after: s^2 = d^2 (s^2 + q / 2) + q / 2 gives
             # q = 2 s^2 (1 - d^2) / (1 + d^2), which is 2 s^2 tanh(t / T)
-            noise[:, states] += 2.0 * _square(sigma) * np.tanh(seconds / time_constant)[:, None]
+            noise[:, states] += 2.0 * square_of(sigma) * np.tanh(seconds / time_constant)[:, None]
     return decay, noise
 
 
@@ -217,9 +215,9 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     densities[VEL : VEL + 3] = accel_density + card.velocity_noise**2
     densities[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
-        densities[block.offset : block.offset + 3] = _square(block.walk)
+        densities[block.offset : block.offset + 3] = square_of(block.walk)
     for extra in layout.extras:
-        densities[extra.offset : extra.offset + len(extra.labels)] = _square(extra.walk)
+        densities[extra.offset : extra.offset + len(extra.labels)] = square_of(extra.walk)
     if layout.clock >= 0:
         bias_density, drift_density = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
         if layout.has_reduced_clock:
@@ -352,63 +350,3 @@ def build_filter_model(
         has_covariance=sources.has_covariance,
         clock_gain=clock_gains(layout, channels),
     )
-
-
-def _clone_variances(layout: StateLayout, variance: Floats) -> Floats:
-    """Return the initial variances of the clones, (n_clone,); `variance` (n_state,) are those of the states."""
-    variances = variance[list(layout.cloned)]
-    variances[[state == layout.clock for state in layout.cloned]] = UNKNOWN**2
-    return variances
-
-
-def _add_correlations(P: Floats, layout: StateLayout) -> None:
-    """Set the covariance of relative biases with the biases of the combined triad, axis by axis, in P."""
-    biases = {BIAS_OF[block.name]: block for block in layout.parameters if block.name in BIAS_OF}
-    for extra in layout.extras:
-        if not extra.correlation or extra.name not in biases:
-            continue
-        bias = biases[extra.name]
-        correlations = axes(extra.correlation)
-        extra_sigmas = axes(extra.sigma)
-        bias_sigmas = axes(bias.sigma)
-        for i in range(3):
-            covariance = correlations[i] * extra_sigmas[i] * bias_sigmas[i]
-            P[extra.offset + i, bias.offset + i] = covariance
-            P[bias.offset + i, extra.offset + i] = covariance
-
-
-def initial_covariance(
-    layout: StateLayout, initial: InitialModel, C_n_i: Floats, envelope: EnvelopeCard | None = None
-) -> Floats:
-    """Return the initial covariance of the filter, (n_state, n_state), SI squared.
-
-    Parameters
-    ----------
-    layout
-        States of the filter.
-    initial
-        One-sigma of the initial errors.
-    C_n_i
-        (3, 3). Rotation from the local frame (north, east, down) at the starting point to the inertial frame.
-    envelope
-        Motion envelope of a filter that models the vehicle; None otherwise.
-    """
-    clock, motion = layout.clock, layout.motion
-    variance = np.zeros(layout.n_state)
-    variance[VEL : VEL + 3] = initial.velocity**2
-    variance[POS : POS + 3] = initial.position**2
-    for states, sigma, _ in _blocks(layout):
-        variance[states] = _square(sigma)
-    if clock >= 0:
-        variance[clock] = initial.clock_bias**2
-        variance[clock + 1] = 0.0 if layout.has_reduced_clock else initial.clock_drift**2
-    if motion >= 0 and envelope is not None:
-        variance[motion : motion + 3] = envelope.start_rate**2
-        variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
-    if layout.cloned:
-        variance[layout.clone : layout.clone + len(layout.cloned)] = _clone_variances(layout, variance)
-    P = np.diag(variance)
-    tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
-    P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
-    _add_correlations(P, layout)
-    return P

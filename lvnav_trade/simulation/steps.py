@@ -4,9 +4,10 @@
 """
 
 from lvnav_trade.filter.ekf import clear_epoch
+from lvnav_trade.filter.policies.back_propagation import accumulate_transition, begin_transition
 from lvnav_trade.filter.policies.backup import advance_backup, begin_backup, predict_backup
 from lvnav_trade.filter.policies.delay import keep
-from lvnav_trade.filter.policies.epoch_differences import accumulate_transition, begin_transition, clone_open_loop
+from lvnav_trade.filter.policies.epoch_differences import clone_open_loop
 from lvnav_trade.filter.policies.imu_samples import begin_motion, correct_vehicle, last_sample
 from lvnav_trade.filter.policies.integrity.state import begin_monitor
 from lvnav_trade.filter.policies.linearise import propagate_estimate

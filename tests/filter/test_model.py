@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filter.assumed import ImuModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.model import build_filter_model, initial_covariance, window_tables
+from lvnav_trade.filter.model import build_filter_model, window_tables
 from lvnav_trade.filter.states import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, FilterMeasurements, state_layout
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.transition import ATT, POS, SQUARE, VEL
@@ -25,9 +25,6 @@ RECEIVER = ReceiverModel(
     pseudorange_sigma="2 m", range_rate_sigma="0.1 m/s", position_sigma="3 m", velocity_sigma="0.2 m/s",
     clock_h0=2e-21, clock_h_minus2=3e-24,
 )  # fmt: skip
-INITIAL = InitialModel(
-    tilt="1 mrad", heading="10 mrad", position="5 m", velocity="0.1 m/s", clock_bias="100 m", clock_drift="1 m/s"
-)
 SECONDS = np.array([0.0, 0.1])
 SATELLITES = ("G01", "G02", "E05")
 SEEN = (True, False, True)
@@ -161,21 +158,6 @@ def _carried(seconds, total, tau=2.0, sigma=3.0):
 def test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window(seconds):
     # the steady state is exact for any window: half of the noise enters before it decays, half after
     assert _carried(seconds, total=100.0) == pytest.approx(9.0, rel=1e-9)
-
-
-def test_the_first_covariance_is_the_filter_model_in_the_axes_of_the_start():
-    layout, _ = accepted()
-    C_n_i = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-    P = initial_covariance(layout, INITIAL, C_n_i)
-    expected = np.diag([1e-3, 1e-3, 1e-2]) ** 2
-    np.testing.assert_allclose(P[:3, :3], C_n_i @ expected @ C_n_i.T, rtol=1e-14)
-    np.testing.assert_allclose(np.diag(P)[3:9], np.square([0.1] * 3 + [5.0] * 3))
-    np.testing.assert_allclose(np.diag(P)[9:12], math.radians(1.0 / 3600.0) ** 2)
-    np.testing.assert_allclose(np.diag(P)[12:15], (2e-3 * 9.80665) ** 2)
-    np.testing.assert_allclose(np.diag(P)[15:], [1e4, 1.0])
-    assert np.count_nonzero(P - np.diag(np.diag(P))) == np.count_nonzero(
-        (C_n_i @ expected @ C_n_i.T) - np.diag(np.diag(C_n_i @ expected @ C_n_i.T))
-    )
 
 
 def test_a_nonlinearity_is_the_slope_of_the_scale_factor_and_its_walk_covers_it():

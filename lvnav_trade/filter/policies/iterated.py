@@ -12,10 +12,10 @@ that are compared with a stored state.
 
 from typing import NamedTuple
 
+from lvnav_trade.filter.decorrelation import decorrelate
 from lvnav_trade.filter.ekf import (
     channel_of,
     correct_receiver,
-    decorrelate,
     fill_receiver,
     n_measured,
     place_antenna,

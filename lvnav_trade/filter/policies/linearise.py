@@ -6,7 +6,8 @@ with a stored state are linearised at that state by Jacobians in both.
 
 from lvnav_trade.filter.ekf import fill_receiver, n_measured, predict_window, row_of
 from lvnav_trade.filter.policies.open_loop import fill_sensor_at_state
-from lvnav_trade.filter.policies.unscented import clear_spread, propagate_by_points, regress_receiver, regress_sensor
+from lvnav_trade.filter.policies.regression import clear_spread, regress_receiver, regress_sensor
+from lvnav_trade.filter.policies.unscented import propagate_by_points
 from lvnav_trade.kernels.jit import inlined, jit
 
 

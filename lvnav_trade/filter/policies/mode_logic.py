@@ -133,6 +133,15 @@ def hold_correction(mode_state, rules, x):
 
 
 @jit
+def _may_start(state, rules):
+    """Return 1 where the filter may start: it has not stopped, or its rules permit a restart after this error."""
+    permitted = where(state[MODE] == STOPPED, 0.0, 1.0)
+    for error in range(3):
+        permitted = where(state[WHY] == LOSS_PERSISTS + error, rules.restarts[error], permitted)
+    return permitted
+
+
+@jit
 def check_measurements(mode_state, rules, delayed, model, signals, epoch, z, n_row):
     """Check the sample of an epoch: set `mode_state.sample` and count successive good samples.
 
@@ -153,27 +162,37 @@ def check_measurements(mode_state, rules, delayed, model, signals, epoch, z, n_r
     state = mode_state.state
     zero = like(state[MODE], 0.0)
     if not rules.good[epoch]:
-        state[COUNT], mode_state.sample[0], mode_state.sample[1] = zero, zero, zero
+        state[COUNT] = zero
+        mode_state.sample[0] = zero
+        mode_state.sample[1] = zero
         return
-    wild, apart = zero, zero
+    wild = zero
+    inconsistent = zero
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         if not is_present(delayed, model, epoch, channel):
             continue
-        limit, before = rules.limits[channel], mode_state.before[channel]
-        wild = where(magnitude(z[row] - mode_state.predicted[row]) <= limit, wild, 1.0)
+        limit = rules.limits[channel]
+        residual = z[row] - mode_state.predicted[row]
+        wild = where(magnitude(residual) <= limit, wild, 1.0)
         # before a start only the previous sample predicts this one: the inertial error changes little in between
-        apart = where(magnitude(z[row] - where(before == before, before, z[row])) <= limit, apart, 1.0)
+        before = mode_state.before[channel]
+        has_previous = before == before
+        change = z[row] - where(has_previous, before, z[row])
+        inconsistent = where(magnitude(change) <= limit, inconsistent, 1.0)
         mode_state.before[channel] = z[row]
-    apart = where(state[COUNT] > 0.0, apart, 0.0)
-    state[COUNT] = where(apart > 0.0, 1.0, state[COUNT] + 1.0)
-    running, why = is_running(state[MODE]), state[WHY]
-    may = where(state[MODE] == STOPPED, 0.0, 1.0)
-    for error in range(3):
-        may = where(why == LOSS_PERSISTS + error, rules.restarts[error], may)
+    inconsistent = where(state[COUNT] > 0.0, inconsistent, 0.0)
+    state[COUNT] = where(inconsistent > 0.0, 1.0, state[COUNT] + 1.0)
+    running = is_running(state[MODE])
     ready = where(state[COUNT] >= rules.start_after, 1.0, 0.0)
     mode_state.sample[0] = running * (1.0 - wild)
-    mode_state.sample[1] = (1.0 - running) * ready * may
+    mode_state.sample[1] = (1.0 - running) * ready * _may_start(state, rules)
+
+
+@jit
+def _nav_state(row):
+    """Return the state that a scalar of the solution measures: position (0 to 2), velocity (3 to 5)."""
+    return POS + row if row < 3 else VEL + row - 3
 
 
 @jit
@@ -200,12 +219,12 @@ def start_filter(P, x, mode_state, rules, z):
         mode_state.sample[0] = where(starts, 1.0, mode_state.sample[0])
         return
     for row in range(N_SPREAD):
-        at = POS + row if row < 3 else VEL + row - 3
-        x[at] = where(starts, z[row], x[at])
+        state = _nav_state(row)
+        x[state] = where(starts, z[row], x[state])
         for j in range(n):
-            P[at, j] = where(starts, 0.0, P[at, j])
-            P[j, at] = where(starts, 0.0, P[j, at])
-        P[at, at] = where(starts, mode_state.predicted[row], P[at, at])
+            P[state, j] = where(starts, 0.0, P[state, j])
+            P[j, state] = where(starts, 0.0, P[j, state])
+        P[state, state] = where(starts, mode_state.predicted[row], P[state, state])
 
 
 @jit
@@ -213,9 +232,19 @@ def _covariance_error(P, rules):
     """Return 1 where a variance of position or velocity exceeds its limit, is not positive or is not a number."""
     error = like(P[0, 0], 0.0)
     for row in range(N_SPREAD):
-        at = POS + row if row < 3 else VEL + row - 3
-        error = where((P[at, at] > 0.0) & (P[at, at] <= rules.spread[row]), error, 1.0)
+        variance = P[_nav_state(row), _nav_state(row)]
+        error = where((variance > 0.0) & (variance <= rules.spread[row]), error, 1.0)
     return error
+
+
+@jit
+def _transition_reason(before, mode, error):
+    """Return the reason of a mode transition, 0 without a transition; a stop has the reason `error`."""
+    reason = where(mode == CONVERGING, GOOD_SAMPLES, DATA_LOST)
+    aiding_reason = where(before == CONVERGING, CONVERGED, DATA_AGAIN)
+    reason = where(mode == AIDING, aiding_reason, reason)
+    reason = where(mode == STOPPED, error, reason)
+    return where(mode == before, 0.0, reason)
 
 
 @jit
@@ -224,15 +253,18 @@ def update_mode(mode_state, rules, epoch, P):
 
     Called after the sample was processed or rejected. P (n, n) is the covariance after the update.
     """
-    state, used, starts = mode_state.state, mode_state.sample[0], mode_state.sample[1]
-    before, good = state[MODE], rules.good[epoch]
-    broken = _covariance_error(P, rules)
+    state = mode_state.state
+    used = mode_state.sample[0]
+    starts = mode_state.sample[1] > 0.0
+    before = state[MODE]
+    good = rules.good[epoch]
+    bad_covariance = _covariance_error(P, rules)
     # a filter that starts at this epoch counts as running and converging from here on
-    running = where(starts > 0.0, 1.0, is_running(before))
-    mode = where(starts > 0.0, CONVERGING, before)
-    state[SINCE] = where(starts > 0.0, 0.0, state[SINCE] + rules.interval)
-    clean = where(broken > 0.0, 0.0, where(starts > 0.0, 1.0, used))
-    state[ERROR] = where(running * (1.0 - clean) > 0.0, state[ERROR] + rules.interval, 0.0)
+    running = where(starts, 1.0, is_running(before))
+    mode = where(starts, CONVERGING, before)
+    state[SINCE] = where(starts, 0.0, state[SINCE] + rules.interval)
+    no_error = where(bad_covariance > 0.0, 0.0, where(starts, 1.0, used))
+    state[ERROR] = where(running * (1.0 - no_error) > 0.0, state[ERROR] + rules.interval, 0.0)
     # with a good sample converging becomes aiding after a delay, and predicting becomes aiding; without a good sample
     # converging becomes waiting, and aiding becomes predicting
     if good:
@@ -244,11 +276,8 @@ def update_mode(mode_state, rules, epoch, P):
         mode = where(before == AIDING, PREDICTING, mode)
     persists = (state[ERROR] >= rules.stop_after) & (is_running(mode) > 0.0)
     mode = where(persists, STOPPED, mode)
-    error = where(broken > 0.0, COVARIANCE_PERSISTS, RESIDUAL_PERSISTS if good else LOSS_PERSISTS)
-    state[WHY] = where(persists, error, where(starts > 0.0, 0.0, state[WHY]))
-    reason = where(mode == CONVERGING, GOOD_SAMPLES, DATA_LOST)
-    reason = where(mode == AIDING, where(before == CONVERGING, CONVERGED, DATA_AGAIN), reason)
-    reason = where(mode == STOPPED, error, reason)
+    error = where(bad_covariance > 0.0, COVARIANCE_PERSISTS, RESIDUAL_PERSISTS if good else LOSS_PERSISTS)
+    state[WHY] = where(persists, error, where(starts, 0.0, state[WHY]))
     state[MODE] = mode
     mode_state.mode[epoch] = mode
-    mode_state.reason[epoch] = where(mode == before, 0.0, reason)
+    mode_state.reason[epoch] = _transition_reason(before, mode, error)

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -52,19 +52,18 @@ class GainSchedule(NamedCard):
     digest: str = Field(description="digest of states and segments; gains that were changed by hand are refused")
 
     def _faults(self) -> list[str]:
-        digest, n, m = (
-            digest_of(self.states, self.segments, self.measurements),
-            len(self.states),
-            len(self.measurements),
-        )
+        digest = digest_of(self.states, self.segments, self.measurements)
+        n = len(self.states)
+        m = len(self.measurements)
         gains = [knot.gain for segment in self.segments for knot in segment.knots]
-        uneven = any(len(column) != n for gain in gains for column in gain)
-        rules = {
-            f"its numbers have digest {digest}, not {self.digest}: compute the schedule again": digest != self.digest,
-            f"the gain of a measurement should have {n} numbers, one a state": uneven,
-            f"a knot should have {m} gains, one a measurement": any(len(gain) != m for gain in gains),
-        }
-        return [fault for fault, found in rules.items() if found]
+        faults = []
+        if digest != self.digest:
+            faults.append(f"its numbers have digest {digest}, not {self.digest}: compute the schedule again")
+        if any(len(column) != n for gain in gains for column in gain):
+            faults.append(f"the gain of a measurement should have {n} numbers, one a state")
+        if any(len(gain) != m for gain in gains):
+            faults.append(f"a knot should have {m} gains, one a measurement")
+        return faults
 
 
 # Fraction of a gain's largest magnitude on the flight below which it is set to zero. Rounding errors reach 2.5e-11 of
@@ -85,8 +84,14 @@ class StoredGains(NamedTuple):
 
 def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS) -> str:
     """Return the digest of a schedule's content, 16 hexadecimal digits."""
-    numbers = [[s.event, [[k.since, k.gain] for k in s.knots]] for s in segments]
-    content = [list(states), numbers] if tuple(measurements) == ROWS else [list(states), list(measurements), numbers]
+    numbers = []
+    for segment in segments:
+        knots = [[knot.since, knot.gain] for knot in segment.knots]
+        numbers.append([segment.event, knots])
+    content: list[Any] = [list(states)]
+    if tuple(measurements) != ROWS:
+        content.append(list(measurements))
+    content.append(numbers)
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
@@ -122,15 +127,16 @@ def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> 
             raise ValueError(f"the gain schedule {schedule.name!r} needs the event {missing[0]!r}")
         starts = np.array([events[s.event] for s in schedule.segments])
     order = np.argsort(starts, kind="stable")
-    at = np.clip(np.searchsorted(starts[order], t + 1e-6, side="right") - 1, 0, None)
+    last_started = np.searchsorted(starts[order], t + 1e-6, side="right") - 1
+    place_of_segment = np.clip(last_started, 0, None)
     gains = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
     for place, k in enumerate(order):
-        in_segment = at == place
-        gains[in_segment] = _between(schedule.segments[k], t[in_segment] - starts[k])
+        in_segment = place_of_segment == place
+        gains[in_segment] = _interpolate(schedule.segments[k], t[in_segment] - starts[k])
     return gains
 
 
-def _between(segment: GainSegment, since: Floats) -> Floats:
+def _interpolate(segment: GainSegment, since: Floats) -> Floats:
     """Return the gains (n, n_measurement, n_state) at `since` (n,) s after the event of a segment, linear in time."""
     times = np.array([knot.since for knot in segment.knots])
     gains = np.array([knot.gain for knot in segment.knots])
@@ -159,19 +165,24 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
         (...,). Error that is always allowed, in the unit of the gain.
     """
     flat = gains.reshape(len(t), -1)
-    flat = flat / np.maximum(np.abs(flat).max(axis=0), np.maximum(np.ravel(negligible) / tolerance, 1e-300))
-    knots, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
+    # a scale of at least negligible / tolerance, so that an error of `negligible` is within the tolerance
+    least_scale = np.maximum(np.ravel(negligible) / tolerance, 1e-300)
+    scaled = flat / np.maximum(np.abs(flat).max(axis=0), least_scale)
+    knots = {0, len(t) - 1}
+    open_spans = [(0, len(t) - 1)]
     while open_spans:
         first, last = open_spans.pop()
         if last - first < 2:
             continue
         inner = np.arange(first + 1, last)
-        share = ((t[inner] - t[first]) / (t[last] - t[first]))[:, None]
-        error = np.abs(flat[inner] - (flat[first] + share * (flat[last] - flat[first]))).max(axis=1)
+        fraction = ((t[inner] - t[first]) / (t[last] - t[first]))[:, None]
+        line = scaled[first] + fraction * (scaled[last] - scaled[first])
+        error = np.abs(scaled[inner] - line).max(axis=1)
         if error.max() > tolerance:
             middle = int(inner[np.argmax(error)])
             knots.add(middle)
-            open_spans += [(first, middle), (middle, last)]
+            open_spans.append((first, middle))
+            open_spans.append((middle, last))
     return sorted(knots)
 
 
@@ -194,7 +205,7 @@ def schedule_of(
     name: str,
     source: str,
     by: Literal["event", "time"],
-    flown: GainHistory,
+    history: GainHistory,
     events: Mapping[str, float],
     tolerance: float = 0.02,
 ) -> GainSchedule:
@@ -208,46 +219,58 @@ def schedule_of(
         Name of the schedule, and of the flight that it was computed on.
     by
         Whether the times of a segment count from its event or from lift-off.
-    flown
+    history
         Gains along the flight.
     events
         s since lift-off, by name of the event.
     tolerance
         Largest error of the linear interpolation between knots, as a fraction of the largest gain in the segment.
     """
-    t, gains = flown.t, flown.gains
-    negligible = NEGLIGIBLE * np.abs(gains).max(axis=0)
-    gains = np.where(np.abs(gains) < negligible, 0.0, gains)
-    marks = [("liftoff", 0.0)] if by == "time" else sorted(events.items(), key=lambda item: (item[1], item[0]))
-    if by == "event":
-        ends = [*(start for _, start in marks[1:]), np.inf]
-        marks = [
-            (event, start)
-            for k, ((event, start), end) in enumerate(zip(marks, ends, strict=True))
-            if k == 0 or np.any((t >= start - 1e-6) & (t < end - 1e-6))
-        ]
+    t = history.t
+    negligible = NEGLIGIBLE * np.abs(history.gains).max(axis=0)
+    gains = np.where(np.abs(history.gains) < negligible, 0.0, history.gains)
+    starts = [("liftoff", 0.0)] if by == "time" else _segment_starts(t, events)
     segments = []
-    for k, (event, start) in enumerate(marks):
-        end = marks[k + 1][1] if k + 1 < len(marks) else np.inf
-        chosen = np.flatnonzero((t >= (start if k else -np.inf) - 1e-6) & (t < end - 1e-6))
-        if not chosen.size:
+    for k, (event, start) in enumerate(starts):
+        first_time = start if k > 0 else -np.inf  # gains before the first event belong to its segment
+        end = starts[k + 1][1] if k + 1 < len(starts) else np.inf
+        samples = np.flatnonzero(_is_within(t, first_time, end))
+        if not samples.size:
             continue
-        since = t[chosen] - (0.0 if by == "time" else start)
-        knots = [
-            GainKnot(since=round(float(since[i]), 6), gain=_rounded(gains[chosen[i]]))
-            for i in thin(since, gains[chosen], tolerance, negligible)
-        ]
+        segment_gains = gains[samples]
+        since = t[samples] - (0.0 if by == "time" else start)
+        knots = []
+        for i in thin(since, segment_gains, tolerance, negligible):
+            knots.append(GainKnot(since=round(float(since[i]), 6), gain=_round_gain(segment_gains[i])))
         segments.append(GainSegment(event=event, knots=tuple(knots)))
+    states = tuple(history.states)
     return GainSchedule(
         name=name,
         source=source,
         by=by,
-        states=tuple(flown.states),
-        measurements=tuple(flown.measurements),
+        states=states,
+        measurements=tuple(history.measurements),
         segments=tuple(segments),
-        digest=digest_of(tuple(flown.states), segments, flown.measurements),
+        digest=digest_of(states, segments, history.measurements),
     )
 
 
-def _rounded(gain: Floats) -> tuple[Column, ...]:
-    return tuple(tuple(float(f"{value:.3e}") for value in row) for row in gain)
+def _segment_starts(t: Floats, events: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return the events in order of time, with their times, without those (but the first) that no sample follows."""
+    ordered = sorted((start, event) for event, start in events.items())
+    starts = []
+    for k, (start, event) in enumerate(ordered):
+        end = ordered[k + 1][0] if k + 1 < len(ordered) else np.inf
+        if k == 0 or np.any(_is_within(t, start, end)):
+            starts.append((event, start))
+    return starts
+
+
+def _is_within(t: Floats, start: float, end: float) -> Bools:
+    """Return which times are in [start, end), (n,); a microsecond allows for rounding."""
+    return (t >= start - 1e-6) & (t < end - 1e-6)
+
+
+def _round_gain(gain: Floats) -> tuple[Column, ...]:
+    """Return the gains of a knot, rounded to four digits."""
+    return tuple(tuple(float(f"{value:.3e}") for value in column) for column in gain)

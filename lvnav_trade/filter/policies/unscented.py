@@ -19,15 +19,10 @@ from typing import NamedTuple
 
 from lvnav_trade.filter.ekf import (
     apply_robustness,
-    fill_receiver,
     fill_transition,
     inject,
-    n_measured,
-    place_antenna,
     propagate_estimates,
-    row_of,
 )
-from lvnav_trade.filter.policies.open_loop import fill_sensor_at_state
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import multiply
 from lvnav_trade.kernels.covariance import add_turned, finish_window
@@ -37,7 +32,6 @@ from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL, correct_motion
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.sensors.jacobian_row import H_ATT
 
 N_NAV = 9
 REACH = 3.0**0.5  # distance of a point in columns of the factor; matches the fourth moment of a normal distribution
@@ -54,7 +48,7 @@ class SigmaPoints(NamedTuple):
     state : (10,). Navigation state of a point.
     last : (6,) rad, m/s. Last increments of a point.
     sums : (18,). Strapdown integrals of a point over the window.
-    taken : (n_tick, 6) rad, m/s. Increments compensated by the parameters of a point.
+    compensated : (n_tick, 6) rad, m/s. Increments compensated by the IMU parameters of a point.
     par : (n_par, 3). IMU parameters of a point.
     tables : (2, N_TABLE). Compensation tables of gyro and accelerometer, from these parameters.
     x : (9,). Navigation error of a point relative to the estimate.
@@ -75,7 +69,7 @@ class SigmaPoints(NamedTuple):
     state: Floats
     last: Floats
     sums: Floats
-    taken: Floats
+    compensated: Floats
     par: Floats
     tables: Floats
     x: Floats
@@ -94,11 +88,26 @@ def new_sigma_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: i
     """Return the arrays of the points: one run, or `lanes` runs on the last axis."""
     n = N_NAV + 3 * n_par
     shapes = {
-        "nav": (10,), "previous": (6,), "increments": (n_tick, 6), "state": (10,), "last": (6,), "sums": (N_SUM,),
-        "taken": (n_tick, 6), "par": (max(1, n_par), 3), "tables": (2, processes.N_TABLE), "x": (N_NAV,),
-        "root": (n_state, n), "odd": (n, N_NAV), "even": (n, N_NAV), "centre": (N_NAV,), "mean": (N_NAV,),
-        "z": (n_row,), "row_odd": (n_row, N_NAV), "row_even": (n_row, N_NAV), "spread": (n_row,),
-    }  # fmt: skip
+        "nav": (10,),
+        "previous": (6,),
+        "increments": (n_tick, 6),
+        "state": (10,),
+        "last": (6,),
+        "sums": (N_SUM,),
+        "compensated": (n_tick, 6),
+        "par": (max(1, n_par), 3),
+        "tables": (2, processes.N_TABLE),
+        "x": (N_NAV,),
+        "root": (n_state, n),
+        "odd": (n, N_NAV),
+        "even": (n, N_NAV),
+        "centre": (N_NAV,),
+        "mean": (N_NAV,),
+        "z": (n_row,),
+        "row_odd": (n_row, N_NAV),
+        "row_even": (n_row, N_NAV),
+        "spread": (n_row,),
+    }
     return SigmaPoints(**zeros_of(shapes, lanes))
 
 
@@ -119,14 +128,16 @@ def hold_window(sigma_points, work, n_tick):
 
 
 @jit
-def _state(model, a):
+def _motion_state(model, a):
     """Return the index of the a-th state that the motion depends on: navigation errors, then IMU parameters."""
-    return a if a < N_NAV else model.par_offset[(a - N_NAV) // 3] + (a - N_NAV) % 3
+    if a < N_NAV:
+        return a
+    return model.par_offset[(a - N_NAV) // 3] + (a - N_NAV) % 3
 
 
 @jit
 def factorise(root, P, model, n):
-    """Set the first n columns of the Cholesky factor of P, with the states in the order of `_state`.
+    """Set the first n columns of the Cholesky factor of P, with the states in the order of `_motion_state`.
 
     root root' equals P for these n states, and for their covariance with all other states. The column of a state that
     the states before it determine completely is zero.
@@ -139,19 +150,28 @@ def factorise(root, P, model, n):
     n : number of columns
     """
     for a in range(n):
-        j = _state(model, a)
+        j = _motion_state(model, a)
         pivot = P[j, j]
         for b in range(a):
             pivot = pivot - root[j, b] * root[j, b]
-        fine = pivot > SMALLEST * P[j, j]
-        scale = where(fine, 1.0 / sqrt(where(fine, pivot, 1.0)), 0.0)
+        is_positive = pivot > SMALLEST * P[j, j]
+        scale = where(is_positive, 1.0 / sqrt(where(is_positive, pivot, 1.0)), 0.0)
         for i in range(P.shape[0]):
             value = P[i, j]
             for b in range(a):
                 value = value - root[i, b] * root[j, b]
             root[i, a] = value * scale
         for b in range(a):
-            root[_state(model, b), a] = 0.0 * pivot
+            root[_motion_state(model, b), a] = 0.0 * pivot
+
+
+@jit
+def _arcsine_series(square):
+    """Return asin(s) / s as a series in the square of s."""
+    return 1.0 + square * (
+        1 / 6
+        + square * (3 / 40 + square * (5 / 112 + square * (35 / 1152 + square * (63 / 2816 + square * (231 / 13312)))))
+    )
 
 
 @jit
@@ -161,11 +181,33 @@ def rotation_between(p, q):
     The vector is 2 asin(s) d / s with d the vector part of p q* and s its length; the series of the arc sine is
     accurate to 1e-5 at a rotation of one radian.
     """
-    d0, d1, d2, d3 = multiply(p[Q], p[Q + 1], p[Q + 2], p[Q + 3], q[Q], -q[Q + 1], -q[Q + 2], -q[Q + 3])
-    s = d1 * d1 + d2 * d2 + d3 * d3
-    series = 1.0 + s * (1 / 6 + s * (3 / 40 + s * (5 / 112 + s * (35 / 1152 + s * (63 / 2816 + s * (231 / 13312))))))
+    d0, d1, d2, d3 = multiply(
+        p[Q],
+        p[Q + 1],
+        p[Q + 2],
+        p[Q + 3],
+        q[Q],
+        -q[Q + 1],
+        -q[Q + 2],
+        -q[Q + 3],
+    )
+    series = _arcsine_series(d1 * d1 + d2 * d2 + d3 * d3)
     factor = where(d0 < 0.0, -2.0, 2.0) * series
     return factor * d1, factor * d2, factor * d3
+
+
+@jit
+def _fill_point(sigma_points, work, model, column, reach):
+    """Set navigation state and IMU parameters of a sigma point: estimate plus `reach` times a column of the factor."""
+    for i in range(N_NAV):
+        sigma_points.x[i] = work.x[i] + reach * sigma_points.root[i, column]
+    _copy(sigma_points.state, sigma_points.nav, 10)
+    correct_motion(sigma_points.state, sigma_points.x)
+    for b in range(model.par_offset.shape[0]):
+        for i in range(3):
+            state = model.par_offset[b] + i
+            sigma_points.par[b, i] = work.par[b, i] + work.x[state] + reach * sigma_points.root[state, column]
+    processes.gather(sigma_points.tables, sigma_points.par, model.par_sensor, model.par_driver)
 
 
 @jit
@@ -174,33 +216,29 @@ def _propagate_point(sigma_points, work, case, column, reach, w):
 
     The point lies at the estimate plus `reach` times a column of the Cholesky factor.
     """
-    model, n_tick = case.model, case.schedule.n_tick[w]
-    _copy(sigma_points.state, sigma_points.nav, 10)
+    model = case.model
+    n_tick = case.schedule.n_tick[w]
+    _fill_point(sigma_points, work, model, column, reach)
     _copy(sigma_points.last, sigma_points.previous, 6)
     for k in range(n_tick):
-        _copy(sigma_points.taken[k], sigma_points.increments[k], 6)
-    for i in range(N_NAV):
-        sigma_points.x[i] = work.x[i] + reach * sigma_points.root[i, column]
-    correct_motion(sigma_points.state, sigma_points.x)
-    for b in range(model.par_offset.shape[0]):
-        for i in range(3):
-            at = model.par_offset[b] + i
-            sigma_points.par[b, i] = work.par[b, i] + work.x[at] + reach * sigma_points.root[at, column]
-    processes.gather(sigma_points.tables, sigma_points.par, model.par_sensor, model.par_driver)
+        _copy(sigma_points.compensated[k], sigma_points.increments[k], 6)
     processes.compensate(
-        sigma_points.taken, n_tick, sigma_points.tables[0], sigma_points.tables[1], model.biases_only, case.tick
+        sigma_points.compensated,
+        n_tick,
+        sigma_points.tables[0],
+        sigma_points.tables[1],
+        model.biases_only,
+        case.tick,
     )
-    algorithm, start = model.strapdown, case.tick * case.schedule.first_tick[w]
-    n_step = n_tick // algorithm.subsamples
     mechanise(
         sigma_points.state,
         sigma_points.sums,
         sigma_points.last,
-        sigma_points.taken,
-        n_step,
+        sigma_points.compensated,
+        n_tick // model.strapdown.subsamples,
         case.step,
-        algorithm,
-        start,
+        model.strapdown,
+        case.tick * case.schedule.first_tick[w],
     )
     sigma_points.x[ATT], sigma_points.x[ATT + 1], sigma_points.x[ATT + 2] = rotation_between(
         sigma_points.state, work.nav
@@ -219,16 +257,18 @@ def _propagate_points(sigma_points, work, case, open_loop, w):
         _propagate_point(sigma_points, work, case, 0, 0.0, w)
         _copy(sigma_points.centre, sigma_points.x, N_NAV)
     _copy(sigma_points.mean, sigma_points.centre, N_NAV)
-    for a in range(sigma_points.odd.shape[0]):
-        _propagate_point(sigma_points, work, case, a, REACH, w)
-        _copy(sigma_points.odd[a], sigma_points.x, N_NAV)
-        _propagate_point(sigma_points, work, case, a, -REACH, w)
+    for column in range(sigma_points.odd.shape[0]):
+        odd = sigma_points.odd[column]
+        even = sigma_points.even[column]
+        _propagate_point(sigma_points, work, case, column, REACH, w)
+        _copy(odd, sigma_points.x, N_NAV)
+        _propagate_point(sigma_points, work, case, column, -REACH, w)
         for i in range(N_NAV):
-            plus, minus = sigma_points.odd[a, i], sigma_points.x[i]
+            plus, minus = odd[i], sigma_points.x[i]
             # the odd part is scaled to one column of the factor, so that sum (odd odd') replaces sum (o o') / 3
-            sigma_points.odd[a, i] = (0.5 / REACH) * (plus - minus)
-            sigma_points.even[a, i] = 0.5 * (plus + minus) - sigma_points.centre[i]
-            sigma_points.mean[i] = sigma_points.mean[i] + (1.0 / 3.0) * sigma_points.even[a, i]
+            odd[i] = (0.5 / REACH) * (plus - minus)
+            even[i] = 0.5 * (plus + minus) - sigma_points.centre[i]
+            sigma_points.mean[i] = sigma_points.mean[i] + (1.0 / 3.0) * even[i]
 
 
 @jit
@@ -238,13 +278,14 @@ def _set_navigation_covariance(P, sigma_points):
     for i in range(N_NAV):
         for j in range(i, n):
             total = like(P[0, 0], 0.0)
-            for a in range(sigma_points.odd.shape[0]):
+            for column in range(sigma_points.odd.shape[0]):
                 if j < N_NAV:
-                    total = total + sigma_points.odd[a, i] * sigma_points.odd[a, j]
-                    total = total + (1.0 / 3.0) * sigma_points.even[a, i] * sigma_points.even[a, j]
+                    total = total + sigma_points.odd[column, i] * sigma_points.odd[column, j]
+                    total = total + (1.0 / 3.0) * sigma_points.even[column, i] * sigma_points.even[column, j]
                 else:
-                    total = total + sigma_points.odd[a, i] * sigma_points.root[j, a]
-            P[i, j], P[j, i] = total, total
+                    total = total + sigma_points.odd[column, i] * sigma_points.root[j, column]
+            P[i, j] = total
+            P[j, i] = total
 
 
 @inlined
@@ -261,130 +302,22 @@ def propagate_by_points(work, case, sigma_points, open_loop, w):
     open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
     w : window
     """
-    model, length, injection = case.model, case.schedule.length[w], case.schedule.injection[w]
-    P, noise = work.P, model.noise[length]
+    model, P = case.model, work.P
+    length = case.schedule.length[w]
+    noise = model.noise[length]
+    seconds = model.seconds[length]
     fill_transition(work, model, length)  # the error state of an open loop and a backup strapdown need it
     apply_robustness(P, model, length)
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + 0.5 * noise[i]
-    add_turned(P, model.uneven, work.sums, model.seconds[length])
+    add_turned(P, model.uneven, work.sums, seconds)
     # the points spread by the covariance with half of the noise, about the estimate before the window
     factorise(sigma_points.root, P, model, sigma_points.odd.shape[0])
     _propagate_points(sigma_points, work, case, open_loop, w)
     _set_navigation_covariance(P, sigma_points)
-    finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
-    add_turned(P, model.uneven, work.sums, model.seconds[length])
-    inject(P, model, injection)
+    finish_window(P, model.decay[length], noise, model.clock, seconds)
+    add_turned(P, model.uneven, work.sums, seconds)
+    inject(P, model, case.schedule.injection[w])
     if open_loop is None:
         correct_motion(work.nav, sigma_points.mean)
     propagate_estimates(work, model, length)
-
-
-@jit
-def _set_state(work, sigma_points, column, reach):
-    """Set the navigation state to the sigma point at the estimate plus `reach` times a column of the factor."""
-    _copy(work.nav, sigma_points.state, 10)
-    for i in range(N_NAV):
-        sigma_points.x[i] = reach * sigma_points.root[i, column]
-    correct_motion(work.nav, sigma_points.x)
-
-
-@jit
-def _begin_regression(work, sigma_points, model):
-    """Store the navigation state, replace it by the estimate, and factorise the covariance of navigation errors."""
-    factorise(sigma_points.root, work.P, model, N_NAV)
-    _copy(sigma_points.nav, work.nav, 10)
-    correct_motion(work.nav, work.x)
-    _copy(sigma_points.state, work.nav, 10)
-
-
-@jit
-def _store_rows(work, sigma_points, column, is_plus, first, n_row):
-    """Store the innovations at a sigma point; after the second of a pair, odd and even parts of the prediction."""
-    for row in range(first, first + n_row):
-        if is_plus:
-            sigma_points.row_odd[row, column] = work.z[row]
-        else:
-            plus, minus = sigma_points.row_odd[row, column], work.z[row]
-            sigma_points.row_odd[row, column] = (-0.5 / REACH) * (plus - minus)
-            sigma_points.row_even[row, column] = sigma_points.z[row] - 0.5 * (plus + minus)
-
-
-@jit
-def _entry(state):
-    """Return the entry of a Jacobian row for a navigation error: rows begin with position, attitude, velocity."""
-    return (state + H_ATT - ATT) % N_NAV
-
-
-@jit
-def _regress(work, sigma_points, first, n_row):
-    """Set the navigation entries of Jacobian rows to the regression slope over the sigma points.
-
-    The slope solves root' h = odd part by back substitution. The innovation is shifted by the mean of the even parts;
-    it remains relative to the uncorrected state. `sigma_points.spread` is the variance that the slope does not explain.
-    """
-    for row in range(first, first + n_row):
-        h, unexplained, shift = work.H[row], like(work.x[0], 0.0), like(work.x[0], 0.0)
-        for column in range(N_NAV - 1, -1, -1):
-            slope = sigma_points.row_odd[row, column]
-            for later in range(column + 1, N_NAV):
-                slope = slope - h[_entry(later)] * sigma_points.root[later, column]
-            pivot = sigma_points.root[column, column]
-            h[_entry(column)] = where(pivot > 0.0, slope / where(pivot > 0.0, pivot, 1.0), 0.0)
-            even = sigma_points.row_even[row, column]
-            unexplained = unexplained + (1.0 / 3.0) * even * even
-            shift = shift - (1.0 / 3.0) * even + h[_entry(column)] * work.x[column]
-        work.z[row] = sigma_points.z[row] + shift
-        sigma_points.spread[row] = unexplained
-
-
-@jit
-def _fill_receiver_at_state(work, parts, case, epoch):
-    """Set the rows of the receiver's measurements at the present navigation state."""
-    place_antenna(work, parts.state_history, case.options.late, case.model, case.step, epoch)
-    fill_receiver(work, parts.previous_epoch, case.options.delayed, case.model, case.signals, epoch)
-
-
-@jit
-def clear_spread(sigma_points, first, n_row):
-    """Set the unexplained variance of rows that are linearised by Jacobians to zero."""
-    for row in range(first, first + n_row):
-        sigma_points.spread[row] = like(sigma_points.x[0], 0.0)
-
-
-@inlined
-def regress_receiver(work, parts, case, sigma_points, epoch):
-    """Set the rows of the receiver's measurements by regression over the sigma points."""
-    n_row = n_measured(case.model, case.signals, epoch)
-    _begin_regression(work, sigma_points, case.model)
-    _fill_receiver_at_state(work, parts, case, epoch)
-    _copy(sigma_points.z, work.z, n_row)
-    for column in range(N_NAV):
-        for side in range(2):
-            _set_state(work, sigma_points, column, (1.0 - 2.0 * side) * REACH)
-            _fill_receiver_at_state(work, parts, case, epoch)
-            _store_rows(work, sigma_points, column, side == 0, 0, n_row)
-    _copy(work.nav, sigma_points.state, 10)
-    _fill_receiver_at_state(work, parts, case, epoch)
-    _regress(work, sigma_points, 0, n_row)
-    _copy(work.nav, sigma_points.nav, 10)
-    place_antenna(work, parts.state_history, case.options.late, case.model, case.step, epoch)
-
-
-@inlined
-def regress_sensor(work, parts, case, sigma_points, k, epoch):
-    """Set the rows of sensor k by regression over the sigma points."""
-    n_row, at = case.sensors.scalars[k], row_of(case.model, work, case.sensors.channel[k])
-    _begin_regression(work, sigma_points, case.model)
-    fill_sensor_at_state(work, parts, case, k, epoch)
-    for row in range(at, at + n_row):
-        sigma_points.z[row] = work.z[row]
-    for column in range(N_NAV):
-        for side in range(2):
-            _set_state(work, sigma_points, column, (1.0 - 2.0 * side) * REACH)
-            fill_sensor_at_state(work, parts, case, k, epoch)
-            _store_rows(work, sigma_points, column, side == 0, at, n_row)
-    _copy(work.nav, sigma_points.state, 10)
-    fill_sensor_at_state(work, parts, case, k, epoch)
-    _regress(work, sigma_points, at, n_row)
-    _copy(work.nav, sigma_points.nav, 10)

@@ -136,10 +136,18 @@ def _misfit(receiver, y, satellite, used, n_used, ranges):
     for slot in range(n_used):
         weight, rho, _ = measured(ranges, slot)
         s = satellite[used[slot]]
-        dx, dy, dz = s[0] - receiver.near[0] - y[0], s[1] - receiver.near[1] - y[1], s[2] - receiver.near[2] - y[2]
+        dx = s[0] - receiver.near[0] - y[0]
+        dy = s[1] - receiver.near[1] - y[1]
+        dz = s[2] - receiver.near[2] - y[2]
         residual = rho - y[3] - sqrt(dx * dx + dy * dy + dz * dz)
         total = total + weight * (residual * residual + 1.0)
     return total
+
+
+@jit
+def _square(y):
+    """Return the square of the distance of a candidate from `near`."""
+    return y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
 
 
 @jit
@@ -149,22 +157,26 @@ def _choose(receiver, satellite, used, n_used, ranges):
     Returns whether the roots are real.
     """
     u, v = receiver.sides[0], receiver.sides[1]
-    a, b, c = _product(u, u), _product(u, v) - 1.0, _product(v, v)
-    square = b * b - a * c
-    real = square >= 0.0
-    root = sqrt(where(real, square, 0.0))
+    # a L^2 + 2 b L + c = 0
+    a = _product(u, u)
+    b = _product(u, v) - 1.0
+    c = _product(v, v)
+    discriminant = b * b - a * c
+    is_real = discriminant >= 0.0
+    root = sqrt(where(is_real, discriminant, 0.0))
+    # the roots are c / q and q / a: without the difference of nearly equal numbers
     q = where(b < 0.0, root - b, -root - b)
-    near, far = _candidate(receiver, c / q), _candidate(receiver, q / where(a == 0.0, 1.0, a))
-    near_cost = _misfit(receiver, near, satellite, used, n_used, ranges)
-    far_cost = _misfit(receiver, far, satellite, used, n_used, ranges)
-    near_square = near[0] * near[0] + near[1] * near[1] + near[2] * near[2]
-    far_square = far[0] * far[0] + far[1] * far[1] + far[2] * far[2]
-    either = (far_cost < _DECIDED * near_cost) & (far_square < near_square)
-    other = (_DECIDED * far_cost < near_cost) | either
+    first = _candidate(receiver, c / q)
+    second = _candidate(receiver, q / where(a == 0.0, 1.0, a))
+    first_misfit = _misfit(receiver, first, satellite, used, n_used, ranges)
+    second_misfit = _misfit(receiver, second, satellite, used, n_used, ranges)
+    is_nearer = _square(second) < _square(first)
+    similar_and_nearer = (second_misfit < _DECIDED * first_misfit) & is_nearer
+    is_second = (_DECIDED * second_misfit < first_misfit) | similar_and_nearer
     for i in range(3):
-        receiver.fix[FIX_POS + i] = receiver.near[i] + where(other, far[i], near[i])
-    receiver.fix[FIX_BIAS] = where(other, far[3], near[3])
-    return real
+        receiver.fix[FIX_POS + i] = receiver.near[i] + where(is_second, second[i], first[i])
+    receiver.fix[FIX_BIAS] = where(is_second, second[3], first[3])
+    return is_real
 
 
 @jit
@@ -176,11 +188,12 @@ def _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges):
     _clear(receiver)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
-        s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
+        s = satellite[used[slot]]
+        velocity = satellite_velocity[used[slot]]
         ux, uy, uz, distance = line_of_sight(s, receiver.fix)
         residual = rho - distance - receiver.fix[FIX_BIAS]
-        along = rate - (ux * moving[0] + uy * moving[1] + uz * moving[2])
-        _add_row(receiver, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, along)
+        receiver_rate = rate - (ux * velocity[0] + uy * velocity[1] + uz * velocity[2])
+        _add_row(receiver, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, receiver_rate)
     return factorise(receiver.normal)
 
 
@@ -190,17 +203,17 @@ def _normalised_residuals(receiver, satellite, satellite_velocity, used, n_used,
     total = like(receiver.near[0], 0.0)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
-        s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
+        s = satellite[used[slot]]
+        velocity = satellite_velocity[used[slot]]
         ux, uy, uz, distance = line_of_sight(s, receiver.fix)
-        residual = rho - distance - receiver.fix[FIX_BIAS]
-        wx, wy, wz = (
-            moving[0] - receiver.fix[FIX_VEL],
-            moving[1] - receiver.fix[FIX_VEL + 1],
-            moving[2] - receiver.fix[FIX_VEL + 2],
-        )
+        range_residual = rho - distance - receiver.fix[FIX_BIAS]
+        wx = velocity[0] - receiver.fix[FIX_VEL]
+        wy = velocity[1] - receiver.fix[FIX_VEL + 1]
+        wz = velocity[2] - receiver.fix[FIX_VEL + 2]
         rate_residual = rate - (ux * wx + uy * wy + uz * wz) - receiver.fix[FIX_DRIFT]
-        squares = residual * residual / model.range_variance + rate_residual * rate_residual / model.rate_variance
-        total = total + weight * squares
+        range_square = range_residual * range_residual / model.range_variance
+        rate_square = rate_residual * rate_residual / model.rate_variance
+        total = total + weight * (range_square + rate_square)
     return total
 
 
@@ -215,6 +228,26 @@ def _invert(receiver):
         solve(receiver.normal, receiver.sides[0])
         for i in range(4):
             receiver.inverse[i, column] = receiver.sides[0, i]
+
+
+@jit
+def _refine(receiver, satellite, satellite_velocity, used, n_used, ranges):
+    """Improve position and clock bias of the fix by a Newton step of least squares."""
+    _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)
+    solve(receiver.normal, receiver.sides[0])
+    for i in range(3):
+        receiver.fix[FIX_POS + i] = receiver.fix[FIX_POS + i] + receiver.sides[0, i]
+    receiver.fix[FIX_BIAS] = receiver.fix[FIX_BIAS] + receiver.sides[0, 3]
+
+
+@jit
+def _test_fix(count, squares, model, n_used):
+    """Return the quality of a fix by the number of satellites and the sum of squared normalised residuals."""
+    limit = like(squares, np.inf)
+    for n in range(5, n_used + 1):
+        limit = where(count == float(n), model.limits[n], limit)
+    quality = where(squares <= limit, CONSISTENT, INCONSISTENT)
+    return where(count == 4.0, UNTESTED, quality)
 
 
 @jit
@@ -244,11 +277,7 @@ def fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
     sound = (count >= 4.0) & (least > _SINGULAR)
     sound = sound & _choose(receiver, satellite, used, n_used, ranges)
     for _ in range(model.refinements):
-        _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)
-        solve(receiver.normal, receiver.sides[0])
-        for i in range(3):
-            receiver.fix[FIX_POS + i] = receiver.fix[FIX_POS + i] + receiver.sides[0, i]
-        receiver.fix[FIX_BIAS] = receiver.fix[FIX_BIAS] + receiver.sides[0, 3]
+        _refine(receiver, satellite, satellite_velocity, used, n_used, ranges)
     least = _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)
     solve(receiver.normal, receiver.sides[1])
     for i in range(3):
@@ -257,18 +286,33 @@ def fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
     _invert(receiver)
     squares = _normalised_residuals(receiver, satellite, satellite_velocity, used, n_used, ranges, model)
     sound = sound & (least > _SINGULAR) & (squares == squares)
-    limit = like(squares, np.inf)
-    for n in range(5, n_used + 1):
-        limit = where(count == float(n), model.limits[n], limit)
-    quality = where(squares <= limit, CONSISTENT, INCONSISTENT)
-    quality = where(sound, where(count == 4.0, UNTESTED, quality), NO_FIX)
+    quality = where(sound, _test_fix(count, squares, model, n_used), NO_FIX)
     for i in range(N_FIX):
         receiver.fix[i] = where(sound, receiver.fix[i], 0.0)
     for i in range(4):
         for j in range(4):
             receiver.inverse[i, j] = where(sound, receiver.inverse[i, j], 0.0)
-    receiver.verdict[0], receiver.verdict[1] = quality, count
+    receiver.verdict[0] = quality
+    receiver.verdict[1] = count
     return quality
+
+
+@jit
+def _report_covariance(receiver, model):
+    """Set the reported covariance of the solution: that of the point solution, or constant variances."""
+    reported = model.reported
+    zero = like(receiver.near[0], 0.0)
+    for i in range(3):
+        for j in range(3):
+            receiver.covariance[i, 3 + j] = zero
+            receiver.covariance[3 + i, j] = zero
+            if reported.own and (reported.correlated or i == j):
+                inverse = receiver.inverse[i, j]
+                receiver.covariance[i, j] = reported.factor * model.range_variance * inverse
+                receiver.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * inverse
+            else:
+                receiver.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
+                receiver.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
 
 
 @jit
@@ -279,19 +323,12 @@ def solution(receiver, model, satellite, satellite_velocity, used, n_used, range
     of `fix`.
     """
     quality = fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges)
-    good = quality >= model.least_quality
+    is_output = quality >= model.least_quality
     for i in range(3):
-        receiver.near[i] = where(good, receiver.fix[FIX_POS + i], receiver.near[i])
-        receiver.solution[i] = where(good, receiver.fix[FIX_POS + i], np.nan)
-        receiver.solution[3 + i] = where(good, receiver.fix[FIX_VEL + i], np.nan)
-    reported, zero = model.reported, like(quality, 0.0)
-    for i in range(3):
-        for j in range(3):
-            receiver.covariance[i, 3 + j], receiver.covariance[3 + i, j] = zero, zero
-            if reported.own and (reported.correlated or i == j):
-                receiver.covariance[i, j] = reported.factor * model.range_variance * receiver.inverse[i, j]
-                receiver.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * receiver.inverse[i, j]
-            else:
-                receiver.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
-                receiver.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
+        position = receiver.fix[FIX_POS + i]
+        velocity = receiver.fix[FIX_VEL + i]
+        receiver.near[i] = where(is_output, position, receiver.near[i])
+        receiver.solution[i] = where(is_output, position, np.nan)
+        receiver.solution[3 + i] = where(is_output, velocity, np.nan)
+    _report_covariance(receiver, model)
     return quality

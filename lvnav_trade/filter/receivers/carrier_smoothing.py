@@ -38,9 +38,11 @@ def gains(tracked: Bools, locked: Bools, longest: int) -> Floats:
     locked : (n_epoch, n_sat). Whether its carrier was tracked without interruption since the previous epoch.
     longest : Window in epochs.
     """
-    count, gain = np.zeros(tracked.shape[1]), np.zeros(tracked.shape)
+    count = np.zeros(tracked.shape[1])
+    gain = np.zeros(tracked.shape)
     for epoch in range(len(tracked)):
-        count = np.where(tracked[epoch], np.where(locked[epoch], count + 1.0, 1.0), 0.0)
+        epochs_of_lock = np.where(locked[epoch], count + 1.0, 1.0)
+        count = np.where(tracked[epoch], epochs_of_lock, 0.0)
         gain[epoch] = np.where(tracked[epoch], 1.0 / np.clip(count, 1.0, longest), 0.0)
     return gain
 
@@ -53,7 +55,8 @@ def smoothing_error(gain: Floats, difference: Floats) -> Floats:
     gain : (n_epoch, n_sat). Gain as from `gains`.
     difference : (n_epoch, n_sat) m. Code minus carrier: twice the ionospheric delay, less the accumulated cycle slips.
     """
-    average, error = np.zeros(gain.shape[1]), np.zeros(gain.shape)
+    average = np.zeros(gain.shape[1])
+    error = np.zeros(gain.shape)
     for epoch, a in enumerate(gain):
         average = a * difference[epoch] + (1.0 - a) * average
         error[epoch] = np.where(a > 0.0, average - difference[epoch], 0.0)
@@ -89,13 +92,17 @@ def smooth(receiver, work, smoothing, signals, word, epoch, key):
     """
     if smoothing is None:
         return
-    (k0, k1), run, ranges, errors = key, work.run[0], work.ranges, work.shared
+    k0, k1 = key
+    run = work.run[0]
+    ranges = work.ranges
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        code, _, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
-        phase, _, _, _ = normals(k0, k1, smoothing.source, run, word, signals.words[s])
-        difference = signals.sigma[epoch, 2 * s] * code - smoothing.sigma[epoch, s] * phase
-        difference = difference + _code_minus_carrier(signals.shared, errors, smoothing, epoch, s)
+        code_normal, _, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
+        phase_normal, _, _, _ = normals(k0, k1, smoothing.source, run, word, signals.words[s])
+        # code minus carrier: white noise of both, then correlated errors; range and clock are in both
+        difference = signals.sigma[epoch, 2 * s] * code_normal - smoothing.sigma[epoch, s] * phase_normal
+        difference = difference + _code_minus_carrier(signals.shared, work.shared, smoothing, epoch, s)
         gain = smoothing.gain[epoch, s]
-        receiver.average[s] = gain * difference + (1.0 - gain) * receiver.average[s]
-        ranges[slot, 0] = ranges[slot, 0] + receiver.average[s] - difference
+        average = gain * difference + (1.0 - gain) * receiver.average[s]
+        receiver.average[s] = average
+        ranges[slot, 0] = ranges[slot, 0] + average - difference

@@ -62,13 +62,12 @@ def adapted(ax, ay, az, model):
     covariance uses the difference of nominal velocities, Monte Carlo runs that of noisy point solutions.
     """
     size = sqrt(ax * ax + ay * ay + az * az)
-    return (
-        _larger(model.drive_gain * ax * ax, model.drive_floor),
-        _larger(model.drive_gain * ay * ay, model.drive_floor),
-        _larger(model.drive_gain * az * az, model.drive_floor),
-        _larger(model.range_gain * size, model.range_floor),
-        _larger(model.rate_gain * size, model.rate_floor),
-    )
+    drive_x = _larger(model.drive_gain * ax * ax, model.drive_floor)
+    drive_y = _larger(model.drive_gain * ay * ay, model.drive_floor)
+    drive_z = _larger(model.drive_gain * az * az, model.drive_floor)
+    range_variance = _larger(model.range_gain * size, model.range_floor)
+    rate_variance = _larger(model.rate_gain * size, model.rate_floor)
+    return drive_x, drive_y, drive_z, range_variance, rate_variance
 
 
 @jit
@@ -92,11 +91,22 @@ def propagate(receiver, model, x, y, z):
     """Propagate state and covariance over an interval, with driving variances x, y, z."""
     nav = receiver.nav
     for i in range(3):
-        nav[POS + i] = nav[POS + i] + model.interval * nav[VEL + i] + model.to_position * nav[ACC + i]
-        nav[VEL + i] = nav[VEL + i] + model.to_velocity * nav[ACC + i]
-        nav[ACC + i] = model.decay * nav[ACC + i]
+        velocity = nav[VEL + i]
+        acceleration = nav[ACC + i]
+        nav[POS + i] = nav[POS + i] + model.interval * velocity + model.to_position * acceleration
+        nav[VEL + i] = velocity + model.to_velocity * acceleration
+        nav[ACC + i] = model.decay * acceleration
     nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
-    predict(receiver.P, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval)
+    predict(
+        receiver.P,
+        model.blocks,
+        model.rows,
+        model.columns,
+        model.ones,
+        model.zeros,
+        BIAS,
+        model.interval,
+    )
     drive(receiver.P, model, x, y, z)
 
 
@@ -104,19 +114,19 @@ def propagate(receiver, model, x, y, z):
 def _update_acceleration(receiver, model, fixed):
     """Set the acceleration to the velocity difference of the last two point solutions over the time between them."""
     memory = receiver.memory
-    ever = memory[SINCE] >= 0.0
-    since = where(ever, memory[SINCE] + model.interval, model.interval)
-    has_both = fixed & ever
+    has_earlier = memory[SINCE] >= 0.0
+    seconds = where(has_earlier, memory[SINCE] + model.interval, model.interval)
+    has_both = fixed & has_earlier
     for i in range(3):
         velocity = receiver.fix[FIX_VEL + i]
-        slope = (velocity - memory[LAST_VELOCITY + i]) / since
-        memory[ACCELERATION + i] = where(has_both, slope, memory[ACCELERATION + i])
+        acceleration = (velocity - memory[LAST_VELOCITY + i]) / seconds
+        memory[ACCELERATION + i] = where(has_both, acceleration, memory[ACCELERATION + i])
         memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
-    memory[SINCE] = where(fixed, 0.0, where(ever, since, -1.0))
+    memory[SINCE] = where(fixed, 0.0, where(has_earlier, seconds, -1.0))
 
 
 @jit
-def _update_by_scalar(receiver, model, innovation, limit, variance, entries, columns):
+def _update_scalar(receiver, model, innovation, limit, variance, entries, columns):
     """Update by the scalar measurement with Jacobian row h, scaled to unit variance.
 
     Returns 1 if it was accepted (else 0), and the normalised innovation.
@@ -142,7 +152,23 @@ def _update_by_scalar(receiver, model, innovation, limit, variance, entries, col
 
 
 @jit
-def _update_by_ranges(receiver, model, satellite, satellite_velocity, used, n_used, ranges, variances):
+def _begin_update(receiver):
+    """Set the state at which the measurements of an epoch are linearised; clear error state and innovations."""
+    nav = receiver.nav
+    zero = like(nav[0], 0.0)
+    for i in range(3):
+        receiver.at[i] = nav[POS + i]
+        receiver.at[3 + i] = nav[VEL + i]
+        receiver.at[6 + i] = zero
+        receiver.at[9 + i] = zero
+    for i in range(N_STATE):
+        receiver.x[i] = zero
+    for channel in range(receiver.innovation.shape[0]):
+        receiver.innovation[channel] = like(zero, np.nan)
+
+
+@jit
+def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used, ranges, variances):
     """Process the measurements of the satellites in use, all linearised about the same state.
 
     Returns the numbers of measurements, of accepted measurements, and of satellites with an accepted measurement.
@@ -150,39 +176,53 @@ def _update_by_ranges(receiver, model, satellite, satellite_velocity, used, n_us
     variances : of a range (m^2) and of a range rate (m^2/s^2).
     """
     range_variance, rate_variance = variances
-    nav, x = receiver.nav, receiver.x
-    zero = like(nav[0], 0.0)
-    for i in range(3):
-        receiver.at[i], receiver.at[3 + i], receiver.at[6 + i], receiver.at[9 + i] = (
-            nav[POS + i],
-            nav[VEL + i],
-            zero,
-            zero,
-        )
-    for i in range(N_STATE):
-        x[i] = zero
-    count, accepted, satellites = zero, zero, zero
-    for channel in range(receiver.innovation.shape[0]):
-        receiver.innovation[channel] = like(zero, np.nan)
+    nav, h = receiver.nav, receiver.h
+    _begin_update(receiver)
+    count = like(nav[0], 0.0)
+    accepted = like(nav[0], 0.0)
+    satellites = like(nav[0], 0.0)
     for slot in range(n_used):
         s = used[slot]
         ux, uy, uz, distance = line_of_sight(satellite[s], receiver.at)
-        rho = where(receiver.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
-        rate = where(receiver.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
+        started = receiver.memory[STARTED] > 0.0
+        rho = where(started, ranges[slot, 0], np.nan)
+        rate = where(started, ranges[slot, 1], np.nan)
         count = count + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
-        innovation = rho - range_row(receiver.h, receiver.at, ux, uy, uz, distance, nav[BIAS])
-        range_accepted, receiver.innovation[2 * s] = _update_by_scalar(
-            receiver, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
+        innovation = rho - range_row(h, receiver.at, ux, uy, uz, distance, nav[BIAS])
+        range_accepted, receiver.innovation[2 * s] = _update_scalar(
+            receiver,
+            model,
+            innovation,
+            model.range_limit,
+            range_variance,
+            RANGE_ENTRIES,
+            RANGE_COLUMNS,
         )
-        innovation = rate - rate_row(receiver.h, receiver.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
-        rate_accepted, receiver.innovation[2 * s + 1] = _update_by_scalar(
-            receiver, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
+        innovation = rate - rate_row(h, receiver.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        rate_accepted, receiver.innovation[2 * s + 1] = _update_scalar(
+            receiver,
+            model,
+            innovation,
+            model.rate_limit,
+            rate_variance,
+            RATE_ENTRIES,
+            RATE_COLUMNS,
         )
         accepted = accepted + range_accepted + rate_accepted
         satellites = satellites + where(range_accepted + rate_accepted > 0.0, 1.0, 0.0)
     for i in range(N_STATE):
-        nav[i] = nav[i] + x[i]
+        nav[i] = nav[i] + receiver.x[i]
     return count, accepted, satellites
+
+
+@jit
+def _copy_block(P, inverse, variance, first, clock, begin):
+    """Set the covariance of three states and a clock state to a variance times the inverse normal matrix (4, 4)."""
+    for i in range(4):
+        row = first + i if i < 3 else clock
+        for j in range(4):
+            column = first + j if j < 3 else clock
+            P[row, column] = where(begin, variance * inverse[i, j], P[row, column])
 
 
 @jit
@@ -199,14 +239,9 @@ def _start(receiver, model, point, begin):
         P[ACC + i, ACC + i] = where(begin, model.start, P[ACC + i, ACC + i])
     nav[BIAS] = where(begin, receiver.fix[FIX_BIAS], nav[BIAS])
     nav[DRIFT] = where(begin, receiver.fix[FIX_DRIFT], nav[DRIFT])
-    for i in range(4):
-        for j in range(4):
-            a = POS + i if i < 3 else BIAS
-            b = POS + j if j < 3 else BIAS
-            P[a, b] = where(begin, point.range_variance * receiver.inverse[i, j], P[a, b])
-            a = VEL + i if i < 3 else DRIFT
-            b = VEL + j if j < 3 else DRIFT
-            P[a, b] = where(begin, point.rate_variance * receiver.inverse[i, j], P[a, b])
+    # position and bias, velocity and drift: covariance of the point solution by its inverse normal matrix
+    _copy_block(P, receiver.inverse, point.range_variance, POS, BIAS, begin)
+    _copy_block(P, receiver.inverse, point.rate_variance, VEL, DRIFT, begin)
 
 
 @jit
@@ -216,19 +251,20 @@ def _output(receiver, model, satellites):
     valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
     quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, PROPAGATED))
     receiver.used[0] = where(valid, quality, NO_FIX)
-    reported, zero = model.reported, like(satellites, 0.0)
+    reported = model.reported
+    zero = like(satellites, 0.0)
     for i in range(6):
-        a = POS + i if i < 3 else VEL + i - 3
-        receiver.solution[i] = where(valid, receiver.nav[a], np.nan)
+        row = POS + i if i < 3 else VEL + i - 3
+        receiver.solution[i] = where(valid, receiver.nav[row], np.nan)
         for j in range(6):
-            b = POS + j if j < 3 else VEL + j - 3
-            if reported.own:
-                receiver.covariance[i, j] = (
-                    reported.factor * receiver.P[a, b] if reported.correlated or i == j else zero
-                )
-            else:
+            column = POS + j if j < 3 else VEL + j - 3
+            if not reported.own:
                 constant = reported.position_variance if i < 3 else reported.velocity_variance
                 receiver.covariance[i, j] = zero + (constant if i == j else 0.0)
+            elif reported.correlated or i == j:
+                receiver.covariance[i, j] = reported.factor * receiver.P[row, column]
+            else:
+                receiver.covariance[i, j] = zero
 
 
 @jit
@@ -254,12 +290,23 @@ def step(receiver, model, point, satellite, satellite_velocity, used, n_used, ra
     memory = receiver.memory
     _update_acceleration(receiver, model, fixed)
     x, y, z, range_variance, rate_variance = adapted(
-        memory[ACCELERATION], memory[ACCELERATION + 1], memory[ACCELERATION + 2], model
+        memory[ACCELERATION],
+        memory[ACCELERATION + 1],
+        memory[ACCELERATION + 2],
+        model,
     )
     propagate(receiver, model, x, y, z)
-    count, accepted, satellites = _update_by_ranges(
-        receiver, model, satellite, satellite_velocity, used, n_used, ranges, (range_variance, rate_variance)
+    count, accepted, satellites = _update_ranges(
+        receiver,
+        model,
+        satellite,
+        satellite_velocity,
+        used,
+        n_used,
+        ranges,
+        (range_variance, rate_variance),
     )
+    # a filter that rejects most measurements of several fixes in succession has diverged
     memory[MISSES] = where(fixed & (accepted < 0.5 * count), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
     _start(receiver, model, point, begin)

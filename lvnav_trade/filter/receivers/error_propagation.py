@@ -37,6 +37,11 @@ from lvnav_trade.quantities.records import Bools, Floats
 SOLUTION = np.array([*range(POS, POS + 3), *range(VEL, VEL + 3)])
 # States of the point solution, in the order of `FIX_POS` to `FIX_DRIFT`.
 FIX_STATES = np.array([*SOLUTION, BIAS, DRIFT])
+# States that follow from ranges and from range rates, and their places in the point solution.
+POSITION_AND_BIAS = np.array([*range(POS, POS + 3), BIAS])
+VELOCITY_AND_DRIFT = np.array([*range(VEL, VEL + 3), DRIFT])
+POSITION_FIX = np.array([0, 1, 2, 6])
+VELOCITY_FIX = np.array([3, 4, 5, 7])
 
 
 class ErrorPropagation(NamedTuple):
@@ -54,22 +59,22 @@ class ErrorPropagation(NamedTuple):
     P: Floats
 
 
-def design(r_i: Floats, v_i: Floats, satellite: Floats, moving: Floats) -> Floats:
+def design(r_i: Floats, v_i: Floats, satellite: Floats, satellite_velocity: Floats) -> Floats:
     """Return the Jacobian H (2 n_sat, 11), satellite by satellite: pseudorange, range rate.
 
     Parameters
     ----------
     r_i, v_i : (3,) m, m/s, frame i
         Receiver.
-    satellite, moving : (n_sat, 3) m, m/s, frame i
+    satellite, satellite_velocity : (n_sat, 3) m, m/s, frame i
         Position of the satellites at transmission, and its derivative by reception time.
     """
-    seen = sight(satellite - r_i, moving - v_i)
+    line = sight(satellite - r_i, satellite_velocity - v_i)
     jacobian = np.zeros((2 * len(satellite), N_STATE))
-    jacobian[0::2, POS : POS + 3] = -seen.direction
+    jacobian[0::2, POS : POS + 3] = -line.direction
     jacobian[0::2, BIAS] = 1.0
-    jacobian[1::2, POS : POS + 3] = -seen.turning
-    jacobian[1::2, VEL : VEL + 3] = -seen.direction
+    jacobian[1::2, POS : POS + 3] = -line.turning
+    jacobian[1::2, VEL : VEL + 3] = -line.direction
     jacobian[1::2, DRIFT] = 1.0
     return jacobian
 
@@ -82,22 +87,24 @@ def point_gain(rows: Floats) -> Floats:
 
     rows : (n_row, 11). Jacobian as from `design`, of at least four satellites.
     """
-    ranges, rates = rows[0::2], rows[1::2]
-    place = np.linalg.pinv(ranges[:, [*range(POS, POS + 3), BIAS]])
-    speed = np.linalg.pinv(rates[:, [*range(VEL, VEL + 3), DRIFT]])
+    range_rows = rows[0::2]
+    rate_rows = rows[1::2]
+    position_gain = np.linalg.pinv(range_rows[:, POSITION_AND_BIAS])
+    velocity_gain = np.linalg.pinv(rate_rows[:, VELOCITY_AND_DRIFT])
     gain = np.zeros((N_FIX, len(rows)))
-    gain[np.ix_([0, 1, 2, 6], range(0, len(rows), 2))] = place
-    gain[np.ix_([3, 4, 5, 7], range(1, len(rows), 2))] = speed
-    gain[np.ix_([3, 4, 5, 7], range(0, len(rows), 2))] = -speed @ rates[:, POS : POS + 3] @ place[:3]
+    gain[POSITION_FIX, 0::2] = position_gain
+    gain[VELOCITY_FIX, 1::2] = velocity_gain
+    gain[VELOCITY_FIX, 0::2] = -velocity_gain @ rate_rows[:, POS : POS + 3] @ position_gain[:3]
     return gain
 
 
 def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
     """Return the filter's process noise (11, 11) and measurement variances (n_row,) for an acceleration (3,) m/s^2."""
-    x, y, z, ranges, rates = adapted(*(float(a) for a in acceleration), model)
+    ax, ay, az = acceleration.tolist()
+    x, y, z, range_variance, rate_variance = adapted(ax, ay, az, model)
     noise = np.zeros((N_STATE, N_STATE))
     drive(noise, model, x, y, z)
-    return noise, np.tile([ranges, rates], n_row // 2)
+    return noise, np.tile([range_variance, rate_variance], n_row // 2)
 
 
 def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
@@ -110,13 +117,15 @@ def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
     fixed : (n_epoch,). Whether the epoch has a point solution.
     interval : s. Time between epochs.
     """
-    acceleration, before = np.zeros_like(v_i), -1
+    acceleration = np.zeros_like(v_i)
+    last_fix = -1
     for k in range(len(v_i)):
-        acceleration[k] = acceleration[k - 1] if k else 0.0
+        if k > 0:
+            acceleration[k] = acceleration[k - 1]
         if fixed[k]:
-            if before >= 0:
-                acceleration[k] = (v_i[k] - v_i[before]) / (interval * (k - before))
-            before = k
+            if last_fix >= 0:
+                acceleration[k] = (v_i[k] - v_i[last_fix]) / (interval * (k - last_fix))
+            last_fix = k
     return acceleration
 
 
@@ -125,14 +134,17 @@ def point_solution(model: PointModel, rows: Floats) -> ErrorPropagation:
 
     rows : (n_row, 11). Jacobian as from `design`.
     """
-    P, gain = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, len(rows)))
+    gain = np.zeros((N_STATE, len(rows)))
     gain[FIX_STATES] = point_gain(rows)
-    for at, variance, part in (
-        ([*range(POS, POS + 3), BIAS], model.range_variance, rows[0::2]),
-        ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
+    P = np.zeros((N_STATE, N_STATE))
+    for columns, variance, measured in (
+        (POSITION_AND_BIAS, model.range_variance, rows[0::2]),
+        (VELOCITY_AND_DRIFT, model.rate_variance, rows[1::2]),
     ):
-        P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
-    return ErrorPropagation(np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), gain, P)
+        normal_matrix = measured[:, columns].T @ measured[:, columns]
+        P[np.ix_(columns, columns)] = variance * np.linalg.inv(normal_matrix)
+    none = np.zeros((N_STATE, N_STATE))  # the error of the previous epoch has no effect
+    return ErrorPropagation(none, none.copy(), gain, P)
 
 
 def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> ErrorPropagation:
@@ -162,9 +174,12 @@ def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Float
     noise, variance = noises(model, acceleration, len(rows))
     phi = transition(model)
     P = phi @ P @ phi.T + noise
-    gain = np.asarray(np.linalg.solve(rows @ P @ rows.T + np.diag(variance), rows @ P).T, dtype=np.float64)
+    innovation_covariance = rows @ P @ rows.T + np.diag(variance)
+    gain = np.asarray(np.linalg.solve(innovation_covariance, rows @ P).T, dtype=np.float64)
     keep = np.eye(N_STATE) - gain @ rows
-    return ErrorPropagation(phi, keep, gain, keep @ P @ keep.T + (gain * variance) @ gain.T)
+    # Joseph's form: (I - K H) P (I - K H)' + K R K'
+    P = keep @ P @ keep.T + (gain * variance) @ gain.T
+    return ErrorPropagation(phi, keep, gain, P)
 
 
 def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:
@@ -174,7 +189,9 @@ def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floa
     v_i, r_i : (n_epoch, 3) m/s, m. True velocity and position.
     """
     state = np.zeros((len(r_i), N_STATE))
-    state[:, ACC : ACC + 3], state[:, VEL : VEL + 3], state[:, POS : POS + 3] = acceleration, v_i, r_i
+    state[:, ACC : ACC + 3] = acceleration
+    state[:, VEL : VEL + 3] = v_i
+    state[:, POS : POS + 3] = r_i
     difference = state.copy()
     difference[1:] -= state[:-1] @ transition(model).T
     return difference

@@ -21,12 +21,13 @@ The order is defined here. Whether a measurement is processed depends on
 import numpy as np
 
 from lvnav_trade.filter import ekf
+from lvnav_trade.filter.decorrelation import decorrelate
 from lvnav_trade.filter.ekf import channel_of, correct, n_measured
+from lvnav_trade.filter.policies.back_propagation import recover_previous_epoch
 from lvnav_trade.filter.policies.epoch_differences import (
     clone_formal,
     correct_previous_epoch,
     is_present,
-    recover_previous_epoch,
     renew,
     store_estimate,
 )
@@ -192,7 +193,7 @@ def process_receiver(work, parts, case, joint, iteration, epoch, gate_squared, s
     `update_receiver`
     """
     options = case.options
-    ekf.decorrelate(work, parts, case, parts.receiver, options.late, epoch)
+    decorrelate(work, parts, case, parts.receiver, options.late, epoch)
     _assess(work, parts.sigma_points, case, joint, parts.monitor, gate_squared, epoch)  # may inflate the covariance
     store_prediction(iteration, work, epoch)  # so every pass starts from the inflated prediction
     update_receiver(work, parts, case, joint, options.direct, epoch, gate_squared, starts)

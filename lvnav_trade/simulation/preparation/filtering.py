@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.model import FilterModel, build_filter_model, initial_covariance
+from lvnav_trade.filter.initial_covariance import initial_covariance
+from lvnav_trade.filter.model import FilterModel, build_filter_model
 from lvnav_trade.filter.policies.stored_gains import StoredGains
 from lvnav_trade.filter.states import FilterMeasurements, state_layout
 from lvnav_trade.filter.strapdown_algorithm import strapdown_of

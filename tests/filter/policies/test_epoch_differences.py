@@ -1,4 +1,4 @@
-"""Clones, noises of an epoch and the inverse transition, against closed forms and dense matrices."""
+"""Clones and noises of an epoch, against closed forms."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from lvnav_trade.filter.ekf import apply_robustness
 from lvnav_trade.filter.policies.epoch_differences import (
     DifferenceProcessing,
-    accumulate_transition,
-    begin_transition,
     clone,
-    new_previous_epoch,
-    recover_previous_epoch,
     renew,
 )
-from lvnav_trade.kernels.covariance import predict, update_scalar
+from lvnav_trade.kernels.covariance import update_scalar
 
 N, T, SIGMA = 20, 0.5, 2e-3
 POSITION, SPEED, NOISE, EARLIER, EARLIER_NOISE = range(5)
@@ -77,52 +72,6 @@ def test_differences_whose_noise_is_a_state_give_the_straight_line_through_all_p
     formal, true = straight(noise_is_state=True)
     assert formal == pytest.approx(12.0 * SIGMA**2 / (N * (N + 1) * (N + 2) * T**2), rel=1e-4)
     assert true == pytest.approx(formal, rel=1e-4)
-
-
-@pytest.mark.parametrize("growth", [1.0, 1.02], ids=["all remembered", "fading memory"])
-def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
-    rng, n, cloned, first = np.random.default_rng(3), 12, [6, 7, 8, 9], 10
-    n = first + len(cloned)
-    root = rng.standard_normal((first, first))
-    P = np.zeros((n, n))
-    P[:first, :first] = root @ root.T
-    noise, decay = np.zeros(n), np.ones(n)
-    noise[:first], decay[9] = rng.uniform(0.1, 1.0, first), 0.9
-    blocks = np.zeros((3, 9))
-    blocks[0] = 0.3 * np.eye(3).ravel()
-    blocks[1:] = 0.2 * rng.standard_normal((2, 9))
-    rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
-    Model = namedtuple(
-        "Model",
-        "seconds block_rows block_columns decay noise clock injected inflation growth n_estimated n_state uneven",
-    )
-    model = Model(
-        np.array([0.3]),
-        rows,
-        columns,
-        decay[None],
-        noise[None],
-        -1,
-        np.zeros((0, n)),
-        np.array([growth]),
-        np.zeros((1, 9)),
-        n,
-        n,
-        None,
-    )
-    by_clone, by_inverse = P.copy(), P.copy()
-    clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
-    previous_epoch = new_previous_epoch(inverse, 1, 0, n)
-    clone(by_clone, clones)
-    begin_transition(previous_epoch, inverse)
-    for _ in range(4):
-        for one in (by_clone, by_inverse):
-            apply_robustness(one, model, 0)
-            predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
-        accumulate_transition(previous_epoch, inverse, blocks, np.zeros(18), model, 0, -1)
-    assert np.abs(by_inverse[first:]).max() == 0.0
-    recover_previous_epoch(by_inverse, previous_epoch, inverse)
-    np.testing.assert_allclose(by_inverse, by_clone, rtol=0, atol=1e-10 * np.abs(by_clone).max())
 
 
 def test_a_state_that_begins_anew_has_its_variance_and_is_independent():

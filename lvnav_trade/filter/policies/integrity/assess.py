@@ -27,6 +27,7 @@ RETURNING = 0.5
 
 @jit
 def _innovation_variance(P, h, entries, columns):
+    """Return h P h', the variance of an innovation due to the state."""
     total = like(P[0, 0], 0.0)
     for i in range(columns.shape[0]):
         for j in range(columns.shape[0]):
@@ -37,21 +38,27 @@ def _innovation_variance(P, h, entries, columns):
 @jit
 def _test_rows(monitor, P, H, case, epoch, n_row):
     """Set the squared normalised innovation and the weight (inverse noise variance) of every row in use."""
-    zero, z, model, signals = like(P[0, 0], 0.0), monitor.z, case.model, case.signals
-    tests, delayed = case.options.integrity, case.options.delayed
-    at = epoch // model.every % tests.window
+    model = case.model
+    z = monitor.z
+    zero = like(P[0, 0], 0.0)
+    place = epoch // model.every % case.options.integrity.window
     for row in range(n_row):
-        channel = channel_of(model, signals, epoch, row)
-        monitor.weight[row], monitor.square[row] = zero, zero
-        if not model.measured[channel] or not is_present(delayed, model, epoch, channel):
+        channel = channel_of(model, case.signals, epoch, row)
+        monitor.weight[row] = zero
+        monitor.square[row] = zero
+        if not model.measured[channel] or not is_present(case.options.delayed, model, epoch, channel):
             continue
         n = model.n_entry[channel]
-        entries, columns = model.entry[channel, :n], model.column[channel, :n]
-        s = _innovation_variance(P, H[row], entries, columns) + monitor.variance[row]
-        in_use = (monitor.out[channel] <= RETURNING) & (z[row] == z[row])
-        square = where(in_use, z[row] * z[row] / s, 0.0)
-        monitor.recent_squares[channel, at], monitor.square[row] = square, square
-        monitor.weight[row] = where(in_use, 1.0 / monitor.variance[row], 0.0)
+        entries = model.entry[channel, :n]
+        columns = model.column[channel, :n]
+        noise_variance = monitor.variance[row]
+        innovation_variance = _innovation_variance(P, H[row], entries, columns) + noise_variance
+        is_measured = z[row] == z[row]
+        in_use = (monitor.out[channel] <= RETURNING) & is_measured
+        square = where(in_use, z[row] * z[row] / innovation_variance, 0.0)
+        monitor.recent_squares[channel, place] = square
+        monitor.square[row] = square
+        monitor.weight[row] = where(in_use, 1.0 / noise_variance, 0.0)
 
 
 @jit
@@ -63,14 +70,24 @@ def _count_down(monitor, ends):
 
 
 @jit
-def _exclude(monitor, tests, wanted, n_kind, epoch, channel):
-    """Exclude the satellite of a channel in the runs where `wanted` is 1, and clear its stored innovations."""
+def _exclude(monitor, tests, selected, n_kind, epoch, channel):
+    """Exclude the satellite of a channel in the runs where `selected` is 1, and clear its stored innovations."""
     first = channel - channel % n_kind
     for c in range(first, first + n_kind):
-        monitor.out[c] = where(wanted > 0.0, tests.hold, monitor.out[c])
-        monitor.excluded[epoch, c] = where(wanted > 0.0, 1.0, monitor.excluded[epoch, c])
+        monitor.out[c] = where(selected > 0.0, tests.hold, monitor.out[c])
+        monitor.excluded[epoch, c] = where(selected > 0.0, 1.0, monitor.excluded[epoch, c])
         for k in range(monitor.recent_squares.shape[1]):
-            monitor.recent_squares[c, k] = where(wanted > 0.0, 0.0, monitor.recent_squares[c, k])
+            monitor.recent_squares[c, k] = where(selected > 0.0, 0.0, monitor.recent_squares[c, k])
+
+
+@jit
+def _largest_square(monitor, kind, n_kind, n_row):
+    """Return the largest squared normalised innovation of an observable over the rows in use."""
+    largest = like(monitor.fit[0], 0.0)
+    for row in range(kind, n_row, n_kind):
+        square = where(monitor.weight[row] > 0.0, monitor.square[row], 0.0)
+        largest = where(square > largest, square, largest)
+    return largest
 
 
 @jit
@@ -82,45 +99,49 @@ def _isolate_satellites(monitor, H, case, fails, first, kind, epoch, n_row):
 
     Returns
     -------
-    found : 1 where satellites were excluded
+    excluded_any : 1 where satellites were excluded
     agrees : 1 where the residuals of the remaining satellites are not significant
     """
-    excluded_any, agrees = like(fails, 0.0), like(fails, 0.0)
-    tests, model, z = case.options.integrity, case.model, monitor.z
+    tests = case.options.integrity
+    model = case.model
+    excluded_any = like(fails, 0.0)
+    agrees = like(fails, 0.0)
     for attempt in range(tests.exclusions + 1):
-        square, dof = fit(monitor, H, z, first, kind, model.n_kind, n_row)
-        beyond = where(square > limit(tests.consistent, dof), 1.0, 0.0)
-        agrees = where((dof >= 0.0) & (beyond == 0.0), 1.0, 0.0)
+        residuals, dof = fit(monitor, H, monitor.z, first, kind, model.n_kind, n_row)
+        significant = where(residuals > limit(tests.consistent, dof), 1.0, 0.0)
+        agrees = where((dof >= 0.0) & (significant == 0.0), 1.0, 0.0)
         if attempt < tests.exclusions:
-            worst = like(fails, 0.0)
+            largest = _largest_square(monitor, kind, model.n_kind, n_row)
+            # an exclusion takes one of the redundant satellites
+            faulty = where((fails > 0.0) & (significant > 0.0) & (dof >= 1.0), 1.0, 0.0)
+            excluded_any = where(faulty > 0.0, 1.0, excluded_any)
             for row in range(kind, n_row, model.n_kind):
-                square = where(monitor.weight[row] > 0.0, monitor.square[row], 0.0)
-                worst = where(square > worst, square, worst)
-            wanted = where((fails > 0.0) & (beyond > 0.0) & (dof >= 1.0), 1.0, 0.0)
-            excluded_any = where(wanted > 0.0, 1.0, excluded_any)
-            for row in range(kind, n_row, model.n_kind):
-                this = where((wanted > 0.0) & (monitor.square[row] == worst) & (monitor.weight[row] > 0.0), 1.0, 0.0)
-                _exclude_row(monitor, tests, this, model, case.signals, epoch, row)
+                is_largest = (monitor.square[row] == largest) & (monitor.weight[row] > 0.0)
+                selected = where((faulty > 0.0) & is_largest, 1.0, 0.0)
+                _exclude_row(monitor, tests, selected, model, case.signals, epoch, row)
     return excluded_any, agrees
 
 
 @jit
-def _exclude_row(monitor, tests, wanted, model, signals, epoch, row):
-    """Exclude the satellite of a row, with all its observables, in the runs where `wanted` is 1."""
-    base = row - row % model.n_kind
+def _exclude_row(monitor, tests, selected, model, signals, epoch, row):
+    """Exclude the satellite of a row, with all its observables, in the runs where `selected` is 1."""
+    first = row - row % model.n_kind
     for k in range(model.n_kind):
-        monitor.weight[base + k] = where(wanted > 0.0, 0.0, monitor.weight[base + k])
-    _exclude(monitor, tests, wanted, model.n_kind, epoch, channel_of(model, signals, epoch, row))
+        monitor.weight[first + k] = where(selected > 0.0, 0.0, monitor.weight[first + k])
+    channel = channel_of(model, signals, epoch, row)
+    _exclude(monitor, tests, selected, model.n_kind, epoch, channel)
 
 
 @jit
 def _count_out(monitor, model, signals, epoch, n_row):
     """Return the number of excluded satellites, and the number of satellites in use."""
-    excluded, used = like(monitor.fit[0], 0.0), like(monitor.fit[0], 0.0)
+    excluded = like(monitor.fit[0], 0.0)
+    in_use = like(monitor.fit[0], 0.0)
     for row in range(0, n_row, model.n_kind):
         out = monitor.out[channel_of(model, signals, epoch, row)]
-        excluded, used = where(out > 0.0, excluded + 1.0, excluded), where(out > 0.0, used, used + 1.0)
-    return excluded, used
+        excluded = where(out > 0.0, excluded + 1.0, excluded)
+        in_use = where(out > 0.0, in_use, in_use + 1.0)
+    return excluded, in_use
 
 
 @jit
@@ -132,13 +153,14 @@ def _readmit(monitor, tests, running, model, signals, epoch, n_row):
     Returns 1 where satellites were excluded again.
     """
     renewed = like(monitor.fit[0], 0.0)
-    _, sound = _count_out(monitor, model, signals, epoch, n_row)
-    trusted = where((sound > N_FIT) & (persists(monitor) == 0.0), running, 0.0)
+    _, healthy = _count_out(monitor, model, signals, epoch, n_row)
+    trusted = where((healthy > N_FIT) & (persists(monitor) == 0.0), running, 0.0)
     for row in range(n_row):
         returning = monitor.out[channel_of(model, signals, epoch, row)] == RETURNING
-        this = where(returning & (trusted > 0.0) & (monitor.square[row] > tests.single), 1.0, 0.0)
-        _exclude_row(monitor, tests, this, model, signals, epoch, row)
-        renewed = where(this > 0.0, 1.0, renewed)
+        disagrees = monitor.square[row] > tests.single
+        selected = where(returning & (trusted > 0.0) & disagrees, 1.0, 0.0)
+        _exclude_row(monitor, tests, selected, model, signals, epoch, row)
+        renewed = where(selected > 0.0, 1.0, renewed)
     for c in range(monitor.out.shape[0]):
         monitor.out[c] = where(monitor.out[c] == RETURNING, 0.0, monitor.out[c])
     return renewed
@@ -155,12 +177,38 @@ def _is_detected(monitor, tests, model, signals, epoch, kind, n_row):
         row_kind = row % model.n_kind if model.tight else -1
         if kind >= 0 and row_kind != kind and row_kind < 2:
             continue
-        channel, total = channel_of(model, signals, epoch, row), like(monitor.fit[0], 0.0)
+        channel = channel_of(model, signals, epoch, row)
+        window_sum = like(monitor.fit[0], 0.0)
         for k in range(monitor.recent_squares.shape[1]):
-            total = total + monitor.recent_squares[channel, k]
-        beyond = (monitor.square[row] > tests.single) | (total > tests.windowed)
+            window_sum = window_sum + monitor.recent_squares[channel, k]
+        beyond = (monitor.square[row] > tests.single) | (window_sum > tests.windowed)
         fails = where((monitor.weight[row] > 0.0) & beyond, 1.0, fails)
     return fails
+
+
+@jit
+def _readmit_mistaken(monitor, tests, isolated, in_use):
+    """Readmit satellites that were excluded before an inertial fault was isolated with four or fewer satellites in use:
+    these exclusions were due to the wrong prediction.
+    """
+    for c in range(monitor.out.shape[0]):
+        mistaken = (isolated == OF_INERTIAL) & (in_use <= N_FIT) & (monitor.out[c] < tests.hold)
+        monitor.out[c] = where(mistaken, 0.0, monitor.out[c])
+
+
+@jit
+def _exclude_beyond(monitor, case, fails, isolated, epoch, n_row):
+    """Exclude the satellites beyond their limits if the fault is neither a single satellite nor common to all; return
+    the kind of fault.
+    """
+    tests, model = case.options.integrity, case.model
+    not_isolated = where(isolated == 0.0, fails, 0.0)
+    for row in range(n_row):
+        beyond = (monitor.square[row] > tests.single) & (monitor.weight[row] > 0.0)
+        selected = where((not_isolated > 0.0) & beyond, 1.0, 0.0)
+        _exclude(monitor, tests, selected, model.n_kind, epoch, channel_of(model, case.signals, epoch, row))
+        isolated = where(selected > 0.0, OF_CHANNEL, isolated)
+    return isolated
 
 
 @jit
@@ -170,40 +218,44 @@ def _assess_ranges(monitor, work, case, running, epoch, n_row):
     Range rates come first: a fault of velocity or clock drift is then also tested in position or clock bias.
     """
     tests, P, model, signals = case.options.integrity, work.P, case.model, case.signals
-    factor, clock = tests.recovery * tests.recovery, model.clock
+    factor = tests.recovery * tests.recovery
     renewed = _readmit(monitor, tests, running, model, signals, epoch, n_row)
     fails = running * _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
     zero = like(fails, 0.0)
-    isolated, seen_motion, seen_clock, speed = zero, zero, zero, zero
+    isolated = zero
+    motion_fault = zero
+    clock_fault = zero
+    speed = zero
     for step in range(2):
         kind = 1 - step
-        first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
+        first, state = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
+        clock_state = model.clock + kind
         excluded_any, agrees = _isolate_satellites(monitor, work.H, case, fails, first, kind, epoch, n_row)
         isolated = where((excluded_any > 0.0) & (isolated == 0.0), OF_CHANNEL, isolated)
-        detected = agrees * fails * _is_detected(monitor, tests, model, signals, epoch, kind, n_row)
-        shift, drift, size, offset = compare(monitor, tests, P, at, clock + kind)
-        motion = where((shift > 1.0) & (agrees * fails * where(seen_motion > 0.0, 1.0, detected) > 0.0), 1.0, 0.0)
-        of_clock = where((drift > 1.0) & (agrees * fails * where(seen_clock > 0.0, 1.0, detected) > 0.0), 1.0, 0.0)
-        seen_clock = where(of_clock > 0.0, 1.0, seen_clock)
-        seen_motion = where((motion > 0.0) & ((of_clock == 0.0) | (shift > drift)), 1.0, seen_motion)
-        inflate(P, at, 3, motion, factor * size)
-        inflate(P, clock + kind, 1, of_clock, factor * offset)
-        speed = where(motion > 0.0, size, zero) if kind == 1 else speed
-    isolated = where(seen_clock > seen_motion, OF_CLOCK, where(seen_motion > 0.0, OF_INERTIAL, isolated))
-    excluded, used = _count_out(monitor, model, signals, epoch, n_row)
-    common, faster = find_common(monitor, work, case, where(isolated == 0.0, fails, 0.0), excluded, n_row)
-    isolated, speed = where(common > 0.0, common, isolated), where(common > 0.0, faster, speed)
+        suspected = agrees * fails
+        detected = suspected * _is_detected(monitor, tests, model, signals, epoch, kind, n_row)
+        shift, drift, size, offset = compare(monitor, tests, P, state, clock_state)
+        # a fault seen in the range rates need not be detected again in the ranges
+        motion_suspected = suspected * where(motion_fault > 0.0, 1.0, detected)
+        clock_suspected = suspected * where(clock_fault > 0.0, 1.0, detected)
+        motion_shifted = where((shift > 1.0) & (motion_suspected > 0.0), 1.0, 0.0)
+        clock_shifted = where((drift > 1.0) & (clock_suspected > 0.0), 1.0, 0.0)
+        clock_fault = where(clock_shifted > 0.0, 1.0, clock_fault)
+        is_motion = (clock_shifted == 0.0) | (shift > drift)
+        motion_fault = where((motion_shifted > 0.0) & is_motion, 1.0, motion_fault)
+        inflate(P, state, 3, motion_shifted, factor * size)
+        inflate(P, clock_state, 1, clock_shifted, factor * offset)
+        if kind == 1:
+            speed = where(motion_shifted > 0.0, size, zero)
+    isolated = where(clock_fault > motion_fault, OF_CLOCK, where(motion_fault > 0.0, OF_INERTIAL, isolated))
+    excluded, in_use = _count_out(monitor, model, signals, epoch, n_row)
+    not_isolated = where(isolated == 0.0, fails, 0.0)
+    common, common_speed = find_common(monitor, work, case, not_isolated, excluded, n_row)
+    isolated = where(common > 0.0, common, isolated)
+    speed = where(common > 0.0, common_speed, speed)
     learn(monitor, tests, P, model, where(isolated == OF_INERTIAL, 1.0, 0.0), speed)
-    # with four or fewer satellites in use and an inertial fault, earlier exclusions were due to the wrong prediction
-    for c in range(monitor.out.shape[0]):
-        mistaken = (isolated == OF_INERTIAL) & (used <= N_FIT) & (monitor.out[c] < tests.hold)
-        monitor.out[c] = where(mistaken, 0.0, monitor.out[c])
-    # the fault is neither a single satellite nor common to all: satellites beyond their limits are excluded
-    alone = where(isolated == 0.0, fails, 0.0)
-    for row in range(n_row):
-        this = where((alone > 0.0) & (monitor.square[row] > tests.single) & (monitor.weight[row] > 0.0), 1.0, 0.0)
-        _exclude(monitor, tests, this, model.n_kind, epoch, channel_of(model, signals, epoch, row))
-        isolated = where(this > 0.0, OF_CHANNEL, isolated)
+    _readmit_mistaken(monitor, tests, isolated, in_use)
+    isolated = _exclude_beyond(monitor, case, fails, isolated, epoch, n_row)
     clear_innovations(monitor, where(isolated > OF_CHANNEL, 1.0, 0.0))
     return where((isolated == 0.0) & (renewed > 0.0), OF_CHANNEL, isolated)
 
@@ -215,18 +267,20 @@ def _assess_solution(monitor, tests, P, fails, n_channel):
     If the disagreement lasts for the hold time, the inertial solution has failed: the variances of position and
     velocity are inflated by the largest normalised innovation, and the solution is used again.
     """
-    monitor.waited[0] = where(fails > 0.0, monitor.waited[0] + 1.0, 0.0)
-    over, worst = where(monitor.waited[0] >= tests.hold, 1.0, 0.0), like(fails, 0.0)
+    waited = where(fails > 0.0, monitor.waited[0] + 1.0, 0.0)
+    over = where(waited >= tests.hold, 1.0, 0.0)
+    largest = like(fails, 0.0)
     for row in range(6):
-        worst = where(monitor.square[row] > worst, monitor.square[row], worst)
-    growth = where(over > 0.0, tests.recovery * tests.recovery * worst, 0.0)
+        largest = where(monitor.square[row] > largest, monitor.square[row], largest)
+    growth = where(over > 0.0, tests.recovery * tests.recovery * largest, 0.0)
     for i in range(3):
         P[POS + i, POS + i] = P[POS + i, POS + i] * (1.0 + growth)
         P[VEL + i, VEL + i] = P[VEL + i, VEL + i] * (1.0 + growth)
+    rejected = (fails > 0.0) & (over == 0.0)
     for c in range(n_channel):
-        monitor.out[c] = where((fails > 0.0) & (over == 0.0), 1.0, monitor.out[c])
+        monitor.out[c] = where(rejected, 1.0, monitor.out[c])
     clear_innovations(monitor, over)
-    monitor.waited[0] = where(over > 0.0, 0.0, monitor.waited[0])
+    monitor.waited[0] = where(over > 0.0, 0.0, waited)
     return where(over > 0.0, OF_INERTIAL, where(fails > 0.0, OF_CHANNEL, 0.0))
 
 

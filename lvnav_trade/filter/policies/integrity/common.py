@@ -20,7 +20,7 @@ counts as persistent."""
 
 
 @jit
-def _shift_square(monitor, P, at):
+def _shift_square(monitor, P, first):
     """Return the square of the fitted shift of three states, normalised by the covariance of prediction plus fit."""
     for i in range(N_FIT):
         for j in range(N_FIT):
@@ -28,7 +28,7 @@ def _shift_square(monitor, P, at):
     # with the fourth row and column of the identity, the 4 x 4 inverse contains that of the 3 x 3 block
     for i in range(3):
         for j in range(3):
-            monitor.A[i, j] = P[at + i, at + j] + monitor.inverse[i, j]
+            monitor.A[i, j] = P[first + i, first + j] + monitor.inverse[i, j]
     invert(monitor.inverse, monitor.A)
     total = like(monitor.fit[0], 0.0)
     for i in range(3):
@@ -38,14 +38,14 @@ def _shift_square(monitor, P, at):
 
 
 @jit
-def compare(monitor, tests, P, at, clock):
+def compare(monitor, tests, P, first, clock):
     """Compare the fitted shift of motion and clock with their limits.
 
     Parameters
     ----------
     monitor, tests : Monitor, with a fit; FaultTests
     P : (n, n) covariance of the prediction
-    at : first of the three states, position or velocity
+    first : first of the three states, position or velocity
     clock : clock state, bias or drift
 
     Returns
@@ -54,19 +54,22 @@ def compare(monitor, tests, P, at, clock):
     size, offset : squares of the shifts, m^2 or (m/s)^2
     """
     offset = monitor.fit[3] * monitor.fit[3]
-    of_clock = offset / (tests.offset * (P[clock, clock] + monitor.inverse[3, 3]))
+    drift = offset / (tests.offset * (P[clock, clock] + monitor.inverse[3, 3]))
     size = monitor.fit[0] * monitor.fit[0] + monitor.fit[1] * monitor.fit[1] + monitor.fit[2] * monitor.fit[2]
-    return _shift_square(monitor, P, at) / tests.shift, of_clock, size, offset
+    shift = _shift_square(monitor, P, first) / tests.shift  # overwrites the inverse
+    return shift, drift, size, offset
 
 
 @jit
-def _joint_square(monitor, P, at, clock):
+def _joint_square(monitor, P, first, clock):
     """Return the square of the fitted shift of three states and clock together, normalised by the covariance of
     prediction plus fit.
     """
     for i in range(N_FIT):
+        row = first + i if i < 3 else clock
         for j in range(N_FIT):
-            monitor.A[i, j] = P[at + i if i < 3 else clock, at + j if j < 3 else clock] + monitor.inverse[i, j]
+            column = first + j if j < 3 else clock
+            monitor.A[i, j] = P[row, column] + monitor.inverse[i, j]
     invert(monitor.spare, monitor.A)
     total = like(monitor.fit[0], 0.0)
     for i in range(N_FIT):
@@ -76,10 +79,11 @@ def _joint_square(monitor, P, at, clock):
 
 
 @jit
-def inflate(P, at, count, wanted, variance):
-    """Add a variance to `count` states from `at` on, in the runs where `wanted` is 1."""
+def inflate(P, first, count, selected, variance):
+    """Add a variance to `count` states from `first` on, in the runs where `selected` is 1."""
     for i in range(count):
-        P[at + i, at + i] = P[at + i, at + i] + where(wanted > 0.0, variance, 0.0)
+        state = first + i
+        P[state, state] = P[state, state] + where(selected > 0.0, variance, 0.0)
 
 
 @jit
@@ -89,20 +93,25 @@ def _withhold(monitor, tests, model, n_row):
     A negative weight marks a withheld row. Returns the number of satellites beyond their limits, and 1 where four or
     fewer are in use.
     """
-    worst, beyond, used = like(monitor.fit[0], 0.0), like(monitor.fit[0], 0.0), like(monitor.fit[0], 0.0)
+    largest = like(monitor.fit[0], 0.0)
     for row in range(n_row):
-        worst = where((monitor.weight[row] > 0.0) & (monitor.square[row] > worst), monitor.square[row], worst)
+        is_larger = (monitor.weight[row] > 0.0) & (monitor.square[row] > largest)
+        largest = where(is_larger, monitor.square[row], largest)
+    in_use = like(monitor.fit[0], 0.0)
     for row in range(0, n_row, model.n_kind):
-        used = where(monitor.weight[row] > 0.0, used + 1.0, used)
-    few = where(used > N_FIT, 0.0, 1.0)
-    for base in range(0, n_row, model.n_kind):
-        this, fails = like(worst, 0.0), like(worst, 0.0)
-        for row in range(base, base + model.n_kind):
-            this = where((monitor.weight[row] > 0.0) & (monitor.square[row] == worst), 1.0, this)
-            fails = where((monitor.weight[row] > 0.0) & (monitor.square[row] > tests.single), 1.0, fails)
+        in_use = where(monitor.weight[row] > 0.0, in_use + 1.0, in_use)
+    few = where(in_use > N_FIT, 0.0, 1.0)
+    beyond = like(monitor.fit[0], 0.0)
+    for first in range(0, n_row, model.n_kind):
+        has_largest = like(largest, 0.0)
+        fails = like(largest, 0.0)
+        for row in range(first, first + model.n_kind):
+            row_in_use = monitor.weight[row] > 0.0
+            has_largest = where(row_in_use & (monitor.square[row] == largest), 1.0, has_largest)
+            fails = where(row_in_use & (monitor.square[row] > tests.single), 1.0, fails)
         beyond = beyond + fails
-        for row in range(base, base + model.n_kind):
-            monitor.weight[row] = where(this > few, -monitor.weight[row], monitor.weight[row])
+        for row in range(first, first + model.n_kind):
+            monitor.weight[row] = where(has_largest > few, -monitor.weight[row], monitor.weight[row])
     return beyond, few
 
 
@@ -121,13 +130,22 @@ def _is_steady(monitor, tests, model, n_row):
     """Return 1 where range rates are measured and none exceeds its limit: no error of velocity is visible."""
     steady = like(monitor.fit[0], 1.0 if model.n_kind > 1 else 0.0)
     for row in range(1, n_row, model.n_kind):
-        steady = where((monitor.weight[row] > 0.0) & (monitor.square[row] > tests.single), 0.0, steady)
+        beyond = (monitor.weight[row] > 0.0) & (monitor.square[row] > tests.single)
+        steady = where(beyond, 0.0, steady)
     return steady
 
 
 @jit
-def find_common(monitor, work, case, wanted, excluded, n_row):
-    """Isolate a fault that is common to all satellites and recover from it, in the runs where `wanted` is 1.
+def _restore_withheld(monitor, n_row):
+    """Restore the weights of the rows that `_withhold` withheld from fits."""
+    for row in range(n_row):
+        weight = monitor.weight[row]
+        monitor.weight[row] = where(weight < 0.0, -weight, weight)
+
+
+@jit
+def find_common(monitor, work, case, suspected, excluded, n_row):
+    """Isolate a fault that is common to all satellites and recover from it, in the runs where `suspected` is 1.
 
     The fault is common if the prediction disagrees with all satellites except the one with the largest innovation. With
     four or fewer satellites in use it is common if more than one of them disagrees, excluded satellites included.
@@ -139,38 +157,50 @@ def find_common(monitor, work, case, wanted, excluded, n_row):
     ----------
     monitor : Monitor, with innovations and weights of the epoch
     work, case : arrays of the run, FilterCase
-    wanted : 1 in the runs where a fault was detected and not yet isolated
+    suspected : 1 in the runs where a fault was detected and not yet isolated
     excluded : number of excluded satellites
     n_row : number of rows
 
     Returns
     -------
-    found : OF_INERTIAL or OF_CLOCK; 0 if the fault is not common
+    isolated : OF_INERTIAL or OF_CLOCK; 0 if the fault is not common
     speed : (m/s)^2. Square of the shift of velocity
     """
     tests, P, model, z = case.options.integrity, work.P, case.model, monitor.z
-    zero, factor = like(monitor.fit[0], 0.0), tests.recovery * tests.recovery
+    zero = like(monitor.fit[0], 0.0)
+    factor = tests.recovery * tests.recovery
     beyond, few = _withhold(monitor, tests, model, n_row)
-    several, steady = where(few * (beyond + excluded) > 1.0, wanted, 0.0), _is_steady(monitor, tests, model, n_row)
-    isolated, speed, jumped = zero, zero, zero
+    several = where(few * (beyond + excluded) > 1.0, suspected, 0.0)
+    steady = _is_steady(monitor, tests, model, n_row)
+    isolated = zero
+    speed = zero
+    jumped = zero  # 1 where four or fewer ranges are attributed to a clock jump
     for kind in range(2):
-        first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
+        first, state = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
+        clock_state = model.clock + kind
         _, dof = fit(monitor, work.H, z, first, kind, model.n_kind, n_row)
-        joint = _joint_square(monitor, P, at, model.clock + kind)
-        shift, drift, size, offset = compare(monitor, tests, P, at, model.clock + kind)
-        together = where(few > 0.0, where(jumped > 0.0, 0.0, several), where(joint > tests.joint, wanted, 0.0))
+        joint = _joint_square(monitor, P, state, clock_state)
+        shift, drift, size, offset = compare(monitor, tests, P, state, clock_state)
+        common_to_few = where(jumped > 0.0, 0.0, several)
+        common_to_many = where(joint > tests.joint, suspected, 0.0)
+        common = where(few > 0.0, common_to_few, common_to_many)
+        few_fit_clock = steady * where((dof >= 0.0) & (shift <= 1.0), 1.0, 0.0)
+        is_clock = where(few > 0.0, few_fit_clock, drift - shift) > 0.0
         # within the hold time of an inertial decision the fault counts as inertial again
-        larger = where(few > 0.0, steady * where((dof >= 0.0) & (shift <= 1.0), 1.0, 0.0), drift - shift) > 0.0
-        of_clock = where(larger & (monitor.waited[0] <= 0.0), together, 0.0)
+        clock_fault = where(is_clock & (monitor.waited[0] <= 0.0), common, 0.0)
+        motion_fault = common - clock_fault
+        # four or fewer satellites cannot separate motion and clock: the largest innovation bounds the shift of either
         largest = _largest(monitor, z, kind, model, n_row)
-        motion, size = together - of_clock, where(few > 0.0, largest, size)
-        jumped = where(few > 0.0, of_clock, jumped)
-        inflate(P, at, 3, motion, factor * size)
-        inflate(P, model.clock + kind, 1, of_clock, factor * where(few > 0.0, largest, offset))
-        isolated = where(motion > 0.0, OF_INERTIAL, where((of_clock > 0.0) & (isolated == 0.0), OF_CLOCK, isolated))
-        speed = where(motion > 0.0, size, speed) if kind == 1 else speed
-    for row in range(n_row):
-        monitor.weight[row] = where(monitor.weight[row] < 0.0, -monitor.weight[row], monitor.weight[row])
+        size = where(few > 0.0, largest, size)
+        offset = where(few > 0.0, largest, offset)
+        jumped = where(few > 0.0, clock_fault, jumped)
+        inflate(P, state, 3, motion_fault, factor * size)
+        inflate(P, clock_state, 1, clock_fault, factor * offset)
+        isolated = where((clock_fault > 0.0) & (isolated == 0.0), OF_CLOCK, isolated)
+        isolated = where(motion_fault > 0.0, OF_INERTIAL, isolated)
+        if kind == 1:
+            speed = where(motion_fault > 0.0, size, speed)
+    _restore_withheld(monitor, n_row)
     return isolated, speed
 
 
@@ -194,12 +224,15 @@ def learn(monitor, tests, P, model, inertial, speed):
     inertial : 1 in the runs with an inertial decision at this epoch
     speed : (m/s)^2. Square of the velocity shift
     """
-    remaining, count = monitor.waited[0], monitor.waited[1]
-    count = where(remaining > 0.0, count, 0.0) + inertial
-    monitor.waited[0] = where(inertial > 0.0, tests.hold, where(remaining > 0.0, remaining - 1.0, 0.0))
+    remaining = monitor.waited[0]
+    count = where(remaining > 0.0, monitor.waited[1], 0.0) + inertial
+    remaining_after = where(remaining > 0.0, remaining - 1.0, 0.0)
+    monitor.waited[0] = where(inertial > 0.0, tests.hold, remaining_after)
     monitor.waited[1] = count
-    wanted = where((inertial > 0.0) & (count >= N_PERSISTENT), 1.0, 0.0)
-    size = tests.recovery / tests.interval
+    persistent = where((inertial > 0.0) & (count >= N_PERSISTENT), 1.0, 0.0)
+    scale = tests.recovery / tests.interval
+    variance = scale * scale * speed
     for b in range(model.par_offset.shape[0]):
-        if model.par_sensor[b] == ACCEL and model.par_driver[b] == CONSTANT and model.par_offset[b] < model.n_estimated:
-            inflate(P, model.par_offset[b], 3, wanted, size * size * speed)
+        is_bias = model.par_sensor[b] == ACCEL and model.par_driver[b] == CONSTANT
+        if is_bias and model.par_offset[b] < model.n_estimated:
+            inflate(P, model.par_offset[b], 3, persistent, variance)

@@ -105,7 +105,8 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
 def begin_monitor(monitor):
     """Reset the monitor (Monitor, or None) at the start of a run: every channel is in use."""
     if monitor is not None:
-        monitor.waited[0], monitor.waited[1] = like(monitor.waited[0], 0.0), like(monitor.waited[0], 0.0)
+        monitor.waited[0] = like(monitor.waited[0], 0.0)
+        monitor.waited[1] = like(monitor.waited[0], 0.0)
         for c in range(monitor.out.shape[0]):
             monitor.out[c] = like(monitor.out[c], 0.0)
             for k in range(monitor.recent_squares.shape[1]):
@@ -113,20 +114,22 @@ def begin_monitor(monitor):
 
 
 @jit
-def clear_innovations(monitor, wanted):
-    """Clear the stored innovations in the runs where `wanted` is 1 (Monitor, or None).
+def clear_innovations(monitor, selected):
+    """Clear the stored innovations in the runs where `selected` is 1 (Monitor, or None).
 
     Called after a recovery or a restart of the filter: earlier innovations do not test the new estimate.
     """
     if monitor is not None:
         for c in range(monitor.recent_squares.shape[0]):
             for k in range(monitor.recent_squares.shape[1]):
-                monitor.recent_squares[c, k] = where(wanted > 0.0, 0.0, monitor.recent_squares[c, k])
+                monitor.recent_squares[c, k] = where(selected > 0.0, 0.0, monitor.recent_squares[c, k])
 
 
 def permitted(monitor: Any, channel: Any, gate_squared: Any) -> Any:
     """Return the gate for a channel: NOT_USED in the runs that exclude it (Monitor), otherwise `gate_squared`."""
-    return gate_squared if monitor is None else where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
+    if monitor is None:
+        return gate_squared
+    return where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
 
 
 @overload(permitted)
@@ -156,9 +159,10 @@ def decisions_of(isolated: Floats, excluded: Floats, t_epoch: Floats, first_run:
         (n, 4). Run, time (s), kind of fault, excluded channel (-1 none); one row per excluded channel.
     """
     decisions = []
-    for run, at in zip(*np.nonzero(isolated), strict=True):
-        channels = np.flatnonzero(excluded[run, at]).tolist() or [-1]
-        decisions += [(first_run + run, t_epoch[at], isolated[run, at], channel) for channel in channels]
+    for run, epoch in np.argwhere(isolated):
+        channels = np.flatnonzero(excluded[run, epoch]).tolist()
+        for channel in channels or [-1]:
+            decisions.append((first_run + run, t_epoch[epoch], isolated[run, epoch], channel))
     return np.array(decisions, dtype=float).reshape(-1, 4)
 
 
@@ -181,7 +185,8 @@ def invert(inverse, A):
     for k in range(n):
         scale = 1.0 / A[k, k]
         for j in range(n):
-            A[k, j], inverse[k, j] = A[k, j] * scale, inverse[k, j] * scale
+            A[k, j] = A[k, j] * scale
+            inverse[k, j] = inverse[k, j] * scale
         for i in range(n):
             if i != k:
                 factor = A[i, k]
@@ -194,6 +199,12 @@ def invert(inverse, A):
 def _direction(H, row, first, i):
     """Return the design-matrix element of a row for unknown i: position or velocity (0 to 2), clock (3)."""
     return H[row, first + i] if i < 3 else H[row, H_CLOCK]
+
+
+@jit
+def _fit_weight(monitor, row):
+    """Return the weight of a row in a fit; a negative weight marks a row that is withheld from fits."""
+    return where(monitor.weight[row] > 0.0, monitor.weight[row], 0.0)
 
 
 @jit
@@ -224,13 +235,13 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
             monitor.A[i, j] = zero + (1e-12 if i == j else 0.0)
     dof = zero - N_FIT
     for row in range(kind, n_row, n_kind):
-        w = where(monitor.weight[row] > 0.0, monitor.weight[row], 0.0)  # negative: withheld from the fit
-        dof = dof + where(w > 0.0, 1.0, 0.0)
+        weight = _fit_weight(monitor, row)
+        dof = dof + where(weight > 0.0, 1.0, 0.0)
         for i in range(N_FIT):
-            g = _direction(H, row, first, i)
-            monitor.b[i] = monitor.b[i] + w * g * z[row]
+            weighted = weight * _direction(H, row, first, i)
+            monitor.b[i] = monitor.b[i] + weighted * z[row]
             for j in range(N_FIT):
-                monitor.A[i, j] = monitor.A[i, j] + w * g * _direction(H, row, first, j)
+                monitor.A[i, j] = monitor.A[i, j] + weighted * _direction(H, row, first, j)
     invert(monitor.inverse, monitor.A)
     for i in range(N_FIT):
         total = zero
@@ -242,5 +253,5 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
         residual = z[row]
         for i in range(N_FIT):
             residual = residual - _direction(H, row, first, i) * monitor.fit[i]
-        square = square + where(monitor.weight[row] > 0.0, monitor.weight[row], 0.0) * residual * residual
+        square = square + _fit_weight(monitor, row) * residual * residual
     return square, dof

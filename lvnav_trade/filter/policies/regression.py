@@ -1,0 +1,134 @@
+"""Measurement rows of the unscented filter by regression over its sigma points, in place of Jacobians.
+
+The rows of an extended filter are evaluated at every sigma point of the navigation errors. The Jacobian row is the
+slope of the regression over the points; see `unscented.py` for odd and even parts.
+"""
+
+from lvnav_trade.filter.ekf import fill_receiver, n_measured, place_antenna, row_of
+from lvnav_trade.filter.policies.open_loop import fill_sensor_at_state
+from lvnav_trade.filter.policies.unscented import N_NAV, REACH, factorise
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.transition import ATT, correct_motion
+from lvnav_trade.sensors.jacobian_row import H_ATT
+
+
+@jit
+def _copy(to, source, n):
+    for i in range(n):
+        to[i] = source[i]
+
+
+@jit
+def _set_state(work, sigma_points, column, reach):
+    """Set the navigation state to the sigma point at the estimate plus `reach` times a column of the factor."""
+    _copy(work.nav, sigma_points.state, 10)
+    for i in range(N_NAV):
+        sigma_points.x[i] = reach * sigma_points.root[i, column]
+    correct_motion(work.nav, sigma_points.x)
+
+
+@jit
+def _begin_regression(work, sigma_points, model):
+    """Store the navigation state, replace it by the estimate, and factorise the covariance of navigation errors."""
+    factorise(sigma_points.root, work.P, model, N_NAV)
+    _copy(sigma_points.nav, work.nav, 10)
+    correct_motion(work.nav, work.x)
+    _copy(sigma_points.state, work.nav, 10)
+
+
+@jit
+def _store_rows(work, sigma_points, column, is_plus, first, n_row):
+    """Store the innovations at a sigma point; after the second of a pair, odd and even parts of the prediction."""
+    for row in range(first, first + n_row):
+        if is_plus:
+            sigma_points.row_odd[row, column] = work.z[row]
+        else:
+            plus = sigma_points.row_odd[row, column]
+            minus = work.z[row]
+            sigma_points.row_odd[row, column] = (-0.5 / REACH) * (plus - minus)
+            sigma_points.row_even[row, column] = sigma_points.z[row] - 0.5 * (plus + minus)
+
+
+@jit
+def _entry(state):
+    """Return the entry of a Jacobian row for a navigation error: rows begin with position, attitude, velocity."""
+    return (state + H_ATT - ATT) % N_NAV
+
+
+@jit
+def _regress(work, sigma_points, first, n_row):
+    """Set the navigation entries of Jacobian rows to the regression slope over the sigma points.
+
+    The slope solves root' h = odd part by back substitution. The innovation is shifted by the mean of the even parts;
+    it remains relative to the uncorrected state. `sigma_points.spread` is the variance that the slope does not explain.
+    """
+    for row in range(first, first + n_row):
+        h = work.H[row]
+        unexplained = like(work.x[0], 0.0)
+        shift = like(work.x[0], 0.0)
+        for column in range(N_NAV - 1, -1, -1):
+            slope = sigma_points.row_odd[row, column]
+            for later in range(column + 1, N_NAV):
+                slope = slope - h[_entry(later)] * sigma_points.root[later, column]
+            pivot = sigma_points.root[column, column]
+            entry = _entry(column)
+            h[entry] = where(pivot > 0.0, slope / where(pivot > 0.0, pivot, 1.0), 0.0)
+            even = sigma_points.row_even[row, column]
+            unexplained = unexplained + (1.0 / 3.0) * even * even
+            shift = shift - (1.0 / 3.0) * even + h[entry] * work.x[column]
+        work.z[row] = sigma_points.z[row] + shift
+        sigma_points.spread[row] = unexplained
+
+
+@jit
+def _fill_receiver(work, parts, case, epoch):
+    """Set the rows of the receiver's measurements at the present navigation state."""
+    place_antenna(work, parts.state_history, case.options.late, case.model, case.step, epoch)
+    fill_receiver(work, parts.previous_epoch, case.options.delayed, case.model, case.signals, epoch)
+
+
+@jit
+def clear_spread(sigma_points, first, n_row):
+    """Set the unexplained variance of rows that are linearised by Jacobians to zero."""
+    for row in range(first, first + n_row):
+        sigma_points.spread[row] = like(sigma_points.x[0], 0.0)
+
+
+@inlined
+def regress_receiver(work, parts, case, sigma_points, epoch):
+    """Set the rows of the receiver's measurements by regression over the sigma points."""
+    n_row = n_measured(case.model, case.signals, epoch)
+    _begin_regression(work, sigma_points, case.model)
+    _fill_receiver(work, parts, case, epoch)
+    _copy(sigma_points.z, work.z, n_row)
+    for column in range(N_NAV):
+        for side in range(2):
+            _set_state(work, sigma_points, column, (1.0 - 2.0 * side) * REACH)
+            _fill_receiver(work, parts, case, epoch)
+            _store_rows(work, sigma_points, column, side == 0, 0, n_row)
+    _copy(work.nav, sigma_points.state, 10)
+    _fill_receiver(work, parts, case, epoch)
+    _regress(work, sigma_points, 0, n_row)
+    _copy(work.nav, sigma_points.nav, 10)
+    place_antenna(work, parts.state_history, case.options.late, case.model, case.step, epoch)
+
+
+@inlined
+def regress_sensor(work, parts, case, sigma_points, k, epoch):
+    """Set the rows of sensor k by regression over the sigma points."""
+    n_row = case.sensors.scalars[k]
+    first = row_of(case.model, work, case.sensors.channel[k])
+    _begin_regression(work, sigma_points, case.model)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    for row in range(first, first + n_row):
+        sigma_points.z[row] = work.z[row]
+    for column in range(N_NAV):
+        for side in range(2):
+            _set_state(work, sigma_points, column, (1.0 - 2.0 * side) * REACH)
+            fill_sensor_at_state(work, parts, case, k, epoch)
+            _store_rows(work, sigma_points, column, side == 0, first, n_row)
+    _copy(work.nav, sigma_points.state, 10)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    _regress(work, sigma_points, first, n_row)
+    _copy(work.nav, sigma_points.nav, 10)
