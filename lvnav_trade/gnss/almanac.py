@@ -83,22 +83,25 @@ _SEM: tuple[tuple[_AlmanacField, ...], ...] = (
     (_AlmanacField("health", "health", _HEALTH),),
     (),  # satellite configuration
 )
-_HEAD = tuple(
-    _AlmanacField(*item)
-    for item in (("count", "number of records", _PRN), ("week", "week", _WEEK), ("applicability", "second", _SECONDS))
+_HEAD = (
+    _AlmanacField("count", "number of records", _PRN),
+    _AlmanacField("week", "week", _WEEK),
+    _AlmanacField("applicability", "second", _SECONDS),
 )
 
 
 def read_almanac(path: str | Path) -> tuple[AlmanacRecord, ...]:
     """Read a YUMA or a SEM almanac, distinguished by its first word: a SEM file begins with the number of its records.
 
-    InputError as of `read_yuma` and `read_sem`, and where the file is one of another kind.
+    InputError as of `read_yuma` and `read_sem`, and if the file is one of another kind.
     """
     lines = read_lines(path, "YUMA or SEM almanac")
     if lines and lines[0].rstrip().endswith("RINEX VERSION / TYPE"):
         raise InputError(f"{path}:1: a RINEX file; name it by {{rinex: ...}}, not {{almanac: ...}}")
-    words = next((line.split() for line in lines if line.strip()), [""])
-    return read_sem(path) if words[0].isdigit() else read_yuma(path)
+    words = "\n".join(lines).split(maxsplit=1)
+    if words and words[0].isdigit():
+        return read_sem(path)
+    return read_yuma(path)
 
 
 def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
@@ -106,13 +109,13 @@ def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
 
     Satellites of other systems (PRN above 63) and unhealthy satellites with a broken record are skipped.
     Records are 13 lines ``label: value``, each begun by a line of stars or by its ``ID``. InputError ``file:line:
-    what`` where the file cannot be read or is empty, a record lacks a field or states one twice, a value is not a
-    number or impossible, or a satellite comes twice.
+    what`` if the file cannot be read or is empty, a record lacks a field or has it twice, a value is not a number or
+    impossible, or a satellite comes twice.
     """
     records = _distinct(path, _yuma_records(path))
     if not records:
         raise InputError(f"{path}:1: no almanac record (a YUMA record begins with 'ID:')")
-    return _of_system(path, records)
+    return _own_system(path, records)
 
 
 def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
@@ -123,72 +126,87 @@ def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
     Number of records and title; week and second of applicability; then per satellite eight lines (PRN, serial number,
     accuracy, and with angles in semicircles: eccentricity, inclination offset, node rate; root of the axis, node,
     perigee; mean anomaly, clock bias and drift; health; configuration), set apart by blank lines. InputError
-    ``file:line: what`` where the file cannot be read, ends early, has more or fewer satellites than it says, a value is
+    ``file:line: what`` if the file cannot be read, ends early, has more or fewer satellites than it says, a value is
     not a number or impossible, or a satellite comes twice.
     """
-    rows = [(at, line.split()) for at, line in enumerate(read_lines(path, "SEM almanac"), start=1)]
+    lines = read_lines(path, "SEM almanac")
+    rows = [(line_number, line.split()) for line_number, line in enumerate(lines, start=1)]
     first = _next(rows, 0)
     second = _next(rows, first + 1)
     if second >= len(rows):
         raise InputError(f"{path}:{max(1, len(rows))}: no SEM almanac: number of records, week and second are missing")
-    count, week, seconds = _HEAD
-    stated = int(_one(path, rows[first], 0, count))
-    time = {"week": _one(path, rows[second], 0, week), "applicability": _one(path, rows[second], 1, seconds)}
+    count_field, week_field, second_field = _HEAD
+    count = int(_read_word(path, rows[first], 0, count_field))
+    time = {
+        "week": _read_word(path, rows[second], 0, week_field),
+        "applicability": _read_word(path, rows[second], 1, second_field),
+    }
     records = _distinct(path, _sem_records(path, rows, second + 1, time))
-    if len(records) != stated:
-        raise InputError(f"{path}:{len(rows)}: ends after {len(records)} satellites, but line 1 says {stated}")
-    return _of_system(path, records)
+    if len(records) != count:
+        raise InputError(f"{path}:{len(rows)}: ends after {len(records)} satellites, but line 1 says {count}")
+    return _own_system(path, records)
 
 
-def _of_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[AlmanacRecord, ...]:
+def _own_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[AlmanacRecord, ...]:
     """Return the records of the almanac's system; InputError if there are only records of other systems."""
-    own_system = tuple(record for record in records if record.prn <= HIGHEST_PRN)
-    if not own_system:
+    of_system = tuple(record for record in records if record.prn <= HIGHEST_PRN)
+    if not of_system:
         raise InputError(f"{path}: PRN {records[0].prn} and no other up to {HIGHEST_PRN}, so no satellite to take")
-    return own_system
+    return of_system
 
 
 def _distinct(path: str | Path, pairs: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
     """Return the records from pairs of first line and record; InputError if a satellite occurs twice."""
-    records: dict[int, tuple[int, AlmanacRecord]] = {}
+    records: list[AlmanacRecord] = []
+    first_lines: dict[int, int] = {}
     for line, record in pairs:
-        if record.prn in records:
-            raise InputError(f"{path}:{line}: PRN {record.prn} again (first on line {records[record.prn][0]})")
-        records[record.prn] = line, record
-    return tuple(record for _, record in records.values())
+        if record.prn in first_lines:
+            raise InputError(f"{path}:{line}: PRN {record.prn} again (first on line {first_lines[record.prn]})")
+        first_lines[record.prn] = line
+        records.append(record)
+    return tuple(records)
 
 
 _Lines = list[tuple[int, str, str]]  # number, label and value of each
 
 
 def _yuma_blocks(path: str | Path) -> list[_Lines]:
+    """Return the lines of each record of a YUMA almanac."""
     blocks: list[_Lines] = [[]]
-    for at, line in enumerate(read_lines(path, "YUMA almanac"), start=1):
+    for line_number, line in enumerate(read_lines(path, "YUMA almanac"), start=1):
         label, colon, value = line.partition(":")
-        if line.startswith("*") or label.strip().lower() == "id":
+        is_separator = line.startswith("*")
+        if is_separator or label.strip().lower() == "id":
             blocks.append([])
-        if line.startswith("*") or not line.strip():
+        if is_separator or not line.strip():
             continue
         if not colon:
-            raise InputError(f"{path}:{at}: {line.strip()!r} is not a line 'label: value' of a YUMA almanac")
-        blocks[-1].append((at, " ".join(label.lower().split()), value.strip()))
+            raise InputError(f"{path}:{line_number}: {line.strip()!r} is not a line 'label: value' of a YUMA almanac")
+        blocks[-1].append((line_number, " ".join(label.lower().split()), value.strip()))
     return [block for block in blocks if block]
 
 
 def _yuma_records(path: str | Path) -> Iterator[tuple[int, AlmanacRecord]]:
     """Yield the satellites, each with its first line, except unhealthy satellites with a broken record."""
     for block in _yuma_blocks(path):
+        first_line = block[0][0]
         try:
-            yield block[0][0], _yuma_record(path, block)
+            yield first_line, _yuma_record(path, block)
         except InputError:
-            if not any(label == "health" and value.strip("0") and value.isdigit() for _, label, value in block):
+            if not _is_unhealthy(block):
                 raise
 
 
+def _is_unhealthy(lines: _Lines) -> bool:
+    """Return whether a record states a health word other than zero."""
+    return any(label == "health" and value.strip("0") and value.isdigit() for _, label, value in lines)
+
+
 def _yuma_record(path: str | Path, lines: _Lines) -> AlmanacRecord:
+    """Return the satellite of a record; InputError if a field is unknown, missing, repeated or invalid."""
     values: dict[str, float] = {}
     for line, label, value in lines:
-        field = next((field for field in _YUMA if label.startswith(tuple(field.label.split("|")))), None)
+        field = _yuma_field(label)
         if field is None:
             raise InputError(f"{path}:{line}: {label!r} is not a field of a YUMA almanac")
         if field.name in values:
@@ -196,18 +214,32 @@ def _yuma_record(path: str | Path, lines: _Lines) -> AlmanacRecord:
         values[field.name] = number(f"{path}:{line}: {label}", value, field.bounds)
     missing = [repr(field.label.partition("|")[0]) for field in _YUMA if field.name not in values]
     if missing:
-        raise InputError(f"{path}:{lines[-1][0]}: the record ends without {', '.join(missing)}")
+        last_line = lines[-1][0]
+        raise InputError(f"{path}:{last_line}: the record ends without {', '.join(missing)}")
     return AlmanacRecord(**values)  # type: ignore[arg-type]
+
+
+def _yuma_field(label: str) -> _AlmanacField | None:
+    """Return the field of a YUMA almanac whose line begins with a label, None if there is none."""
+    for field in _YUMA:
+        if label.startswith(tuple(field.label.split("|"))):
+            return field
+    return None
 
 
 _Row = tuple[int, list[str]]  # number and words of a line
 
 
-def _next(rows: list[_Row], at: int) -> int:
-    return next((k for k in range(at, len(rows)) if rows[k][1]), max(at, len(rows)))
+def _next(rows: list[_Row], start: int) -> int:
+    """Return the index of the first line from `start` on that is not blank; the number of lines if there is none."""
+    for k in range(start, len(rows)):
+        if rows[k][1]:
+            return k
+    return max(start, len(rows))
 
 
-def _one(path: str | Path, row: _Row, index: int, field: _AlmanacField) -> float:
+def _read_word(path: str | Path, row: _Row, index: int, field: _AlmanacField) -> float:
+    """Return the number of a field from the words of a line, SI."""
     line, words = row
     if index >= len(words):
         raise InputError(f"{path}:{line}: {field.label} is missing")
@@ -216,19 +248,21 @@ def _one(path: str | Path, row: _Row, index: int, field: _AlmanacField) -> float
 
 
 def _sem_records(
-    path: str | Path, rows: list[_Row], at: int, time: dict[str, float]
+    path: str | Path, rows: list[_Row], start: int, time: dict[str, float]
 ) -> Iterator[tuple[int, AlmanacRecord]]:
     """Yield the satellites from a line on, each with its first line."""
-    while (at := _next(rows, at)) < len(rows):
-        lines = rows[at : at + len(_SEM)]
+    first = _next(rows, start)
+    while first < len(rows):
+        lines = rows[first : first + len(_SEM)]
         if len(lines) < len(_SEM):
             raise InputError(f"{path}:{lines[-1][0]}: the last satellite has {len(lines)} lines, not {len(_SEM)}")
         values = dict(time)
-        for row, wanted in zip(lines, _SEM, strict=True):
-            if wanted and len(row[1]) != len(wanted):
-                labels = ", ".join(field.label for field in wanted)
-                raise InputError(f"{path}:{row[0]}: {len(row[1])} numbers where {len(wanted)} should be ({labels})")
-            values |= {field.name: _one(path, row, index, field) for index, field in enumerate(wanted)}
+        for row, fields in zip(lines, _SEM, strict=True):
+            if fields and len(row[1]) != len(fields):
+                labels = ", ".join(field.label for field in fields)
+                raise InputError(f"{path}:{row[0]}: {len(row[1])} numbers where {len(fields)} should be ({labels})")
+            for index, field in enumerate(fields):
+                values[field.name] = _read_word(path, row, index, field)
         values["inclination"] += REFERENCE_INCLINATION
-        yield at + 1, AlmanacRecord(**values)  # type: ignore[arg-type]
-        at += len(_SEM)
+        yield first + 1, AlmanacRecord(**values)  # type: ignore[arg-type]
+        first = _next(rows, first + len(_SEM))

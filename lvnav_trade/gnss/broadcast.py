@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.constellation import (
+from lvnav_trade.gnss.kepler import (
     EARTH_RATE_BEIDOU,
     EARTH_RATE_GPS,
     GM_BEIDOU,
@@ -66,64 +66,94 @@ class BroadcastEphemerides(NamedTuple):
         The user algorithm of IS-GPS-200, table 20-IV, of the Galileo OS SIS ICD, table 58, and of the BDS-SIS-ICD,
         table 5-11, and its derivative.
         """
-        of, n = self.elements, self.mean_motion
-        elapsed, e = t - of["toe"], of["eccentricity"]
-        anomaly = eccentric_anomaly(of["mean_anomaly"] + n * elapsed, e)
-        cos_e, sin_e = np.cos(anomaly), np.sin(anomaly)
-        root, swell = np.sqrt(1.0 - e * e), 1.0 - e * cos_e
-        phase = np.arctan2(root * sin_e, cos_e - e) + of["perigee"]
-        phase_rate = n * root / swell**2
+        elements = self.elements
+        n = self.mean_motion
+        e = elements["eccentricity"]
+        elapsed = t - elements["toe"]
+        anomaly = eccentric_anomaly(elements["mean_anomaly"] + n * elapsed, e)
+        cos_e = np.cos(anomaly)
+        sin_e = np.sin(anomaly)
+        root = np.sqrt(1.0 - e * e)
+        radius_ratio = 1.0 - e * cos_e  # r / a
+        # argument of latitude without corrections: true anomaly plus perigee
+        phase = np.arctan2(root * sin_e, cos_e - e) + elements["perigee"]
+        phase_rate = n * root / radius_ratio**2
+        # second harmonics
         twice = np.stack([np.sin(2.0 * phase), np.cos(2.0 * phase)])
         twice_rate = 2.0 * phase_rate * np.stack([twice[1], -twice[0]])
+        du, du_rate = _harmonic(elements, "latitude", twice, twice_rate)
+        dr, dr_rate = _harmonic(elements, "radius", twice, twice_rate)
+        di, di_rate = _harmonic(elements, "inclination", twice, twice_rate)
+        latitude = phase + du
+        latitude_rate = phase_rate + du_rate
+        radius = self.semi_major_axis * radius_ratio + dr
+        radius_rate = self.semi_major_axis * e * sin_e * n / radius_ratio + dr_rate
+        cos_u = np.cos(latitude)
+        sin_u = np.sin(latitude)
+        x = radius * cos_u
+        y = radius * sin_u
+        x_rate = radius_rate * cos_u - y * latitude_rate
+        y_rate = radius_rate * sin_u + x * latitude_rate
+        r_e, v_e = earth_fixed(
+            np.stack([x, y]),
+            np.stack([x_rate, y_rate]),
+            self.node + self.node_rate * elapsed,
+            self.node_rate,
+            elements["inclination"] + di + elements["inclination_rate"] * elapsed,
+            elements["inclination_rate"] + di_rate,
+        )
+        if np.any(self.tilted):
+            return self._rotate_tilted(r_e, v_e, elapsed)
+        return r_e, v_e
 
-        def harmonic(of_what: str) -> tuple[Floats, Floats]:
-            pair = np.stack([of[f"{of_what}_sin"], of[f"{of_what}_cos"]])
-            return np.einsum("is,i...s->...s", pair, twice), np.einsum("is,i...s->...s", pair, twice_rate)
-
-        (du, du_rate), (dr, dr_rate), (di, di_rate) = map(harmonic, ("latitude", "radius", "inclination"))
-        latitude, latitude_rate = phase + du, phase_rate + du_rate
-        radius = self.semi_major_axis * swell + dr
-        radius_rate = self.semi_major_axis * e * sin_e * n / swell + dr_rate
-        cos_u, sin_u = np.cos(latitude), np.sin(latitude)
-        x, y = radius * cos_u, radius * sin_u
-        rate = np.stack([radius_rate * cos_u - y * latitude_rate, radius_rate * sin_u + x * latitude_rate])
-        inclination = of["inclination"] + di + of["inclination_rate"] * elapsed
-        node = self.node + self.node_rate * elapsed
-        tilting = of["inclination_rate"] + di_rate
-        r_e, v_e = earth_fixed(np.stack([x, y]), rate, node, self.node_rate, inclination, tilting)
-        return self._turned(r_e, v_e, elapsed) if np.any(self.tilted) else (r_e, v_e)
-
-    def _turned(self, r: Floats, v: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
+    def _rotate_tilted(self, r: Floats, v: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
         """Return positions and velocities (..., n_sat, 3) with those of tilted satellites rotated to Earth-fixed axes.
 
         The rotation is about x by TILT, then about z by the rotation of the Earth in `elapsed` (..., n_sat) s.
         """
-        down, across = math.cos(TILT), math.sin(TILT)
-        tilt = np.array([[1.0, 0.0, 0.0], [0.0, down, across], [0.0, -across, down]])
-        place, speed = r @ tilt.T, v @ tilt.T
+        cos_tilt = math.cos(TILT)
+        sin_tilt = math.sin(TILT)
+        tilt = np.array([[1.0, 0.0, 0.0], [0.0, cos_tilt, sin_tilt], [0.0, -sin_tilt, cos_tilt]])
         angle = self.earth_rate * elapsed
-        c, s = np.cos(angle), np.sin(angle)
-
-        def spun(x: Floats, y: Floats, z: Floats) -> Floats:
-            return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
-
-        r_e, v_e = spun(*np.moveaxis(place, -1, 0)), spun(*np.moveaxis(speed, -1, 0))
+        r_e = _rotate_z(r @ tilt.T, angle)
+        v_e = _rotate_z(v @ tilt.T, angle)
         v_e[..., 0] += self.earth_rate * r_e[..., 1]
         v_e[..., 1] -= self.earth_rate * r_e[..., 0]
-        chosen = self.tilted[:, None]
-        return np.where(chosen, r_e, r), np.where(chosen, v_e, v)
+        is_tilted = self.tilted[:, None]
+        return np.where(is_tilted, r_e, r), np.where(is_tilted, v_e, v)
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets from system time by polynomial, (..., n_sat) s, without the relativistic term."""
-        of = self.elements
-        elapsed = t - of["toc"]
-        return np.asarray(of["clock_bias"] + (of["clock_drift"] + of["clock_drift_rate"] * elapsed) * elapsed)
+        elements = self.elements
+        elapsed = t - elements["toc"]
+        drift = elements["clock_drift"] + elements["clock_drift_rate"] * elapsed
+        return np.asarray(elements["clock_bias"] + drift * elapsed)
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
-        of = self.elements
-        anomaly = eccentric_anomaly(of["mean_anomaly"] + self.mean_motion * (t - of["toe"]), of["eccentricity"])
-        return np.asarray(self.relativity_factor * of["eccentricity"] * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
+        e = self.elements["eccentricity"]
+        mean_anomaly = self.elements["mean_anomaly"] + self.mean_motion * (t - self.elements["toe"])
+        anomaly = eccentric_anomaly(mean_anomaly, e)
+        return np.asarray(self.relativity_factor * e * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
+
+
+def _harmonic(elements: Mapping[str, Floats], name: str, twice: Floats, twice_rate: Floats) -> tuple[Floats, Floats]:
+    """Return the second-harmonic correction of an orbit parameter, (..., n_sat), and its rate.
+
+    twice, twice_rate : (2, ..., n_sat). Sine and cosine of twice the argument of latitude, and their rates.
+    """
+    amplitudes = np.stack([elements[f"{name}_sin"], elements[f"{name}_cos"]])
+    correction = np.einsum("is,i...s->...s", amplitudes, twice)
+    rate = np.einsum("is,i...s->...s", amplitudes, twice_rate)
+    return correction, rate
+
+
+def _rotate_z(vector: Floats, angle: Floats) -> Floats:
+    """Return the components of vectors (..., 3) in axes rotated about z by an angle (...,) rad."""
+    c = np.cos(angle)
+    s = np.sin(angle)
+    x, y, z = np.moveaxis(vector, -1, 0)
+    return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
 
 
 def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEphemerides:
@@ -131,25 +161,42 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEp
 
     Galileo system time is treated as GPS time: they agree to some tens of nanoseconds, less than a millimetre of orbit.
     """
-    of = {name: np.array([item.elements[name] for item in ephemerides]) for name in ephemerides[0].elements}
-    toe, toc = (np.array([getattr(item, name) for item in ephemerides]) - reference for name in ("toe", "toc"))
-    axis = of["root_axis"] ** 2
-    galileo, beidou = (np.array([item.name[0] == letter for item in ephemerides], dtype=bool) for letter in "EC")
-    tilted = np.array([item.name in GEOSTATIONARY for item in ephemerides], dtype=bool)
-    gm = np.where(galileo, GM_GALILEO, np.where(beidou, GM_BEIDOU, GM_GPS))
-    rate = np.where(beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
+    names = tuple(item.name for item in ephemerides)
+    systems = tuple(name[0] for name in names)
+    elements = {}
+    for element in ephemerides[0].elements:
+        elements[element] = np.array([item.elements[element] for item in ephemerides])
+    toe = np.array([item.toe for item in ephemerides]) - reference
+    toc = np.array([item.toc for item in ephemerides]) - reference
+    axis = elements["root_axis"] ** 2
+    is_galileo = np.array([letter == "E" for letter in systems], dtype=bool)
+    is_beidou = np.array([letter == "C" for letter in systems], dtype=bool)
+    tilted = np.array([name in GEOSTATIONARY for name in names], dtype=bool)
+    gm = _system_constant(is_galileo, is_beidou, GM_GPS, GM_GALILEO, GM_BEIDOU)
+    rate = np.where(is_beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
     return BroadcastEphemerides(
-        names=tuple(item.name for item in ephemerides),
-        elements=of | {"toe": toe, "toc": toc},
+        names=names,
+        elements=elements | {"toe": toe, "toc": toc},
         semi_major_axis=axis,
-        mean_motion=np.sqrt(gm / axis**3) + of["mean_motion_difference"],
-        node=np.mod(of["node"] - rate * of["week_second"], 2.0 * np.pi),
-        node_rate=of["node_rate"] - np.where(tilted, 0.0, rate),
-        relativity_factor=np.where(galileo, RELATIVITY_GALILEO, np.where(beidou, RELATIVITY_BEIDOU, RELATIVITY_GPS)),
+        mean_motion=np.sqrt(gm / axis**3) + elements["mean_motion_difference"],
+        node=np.mod(elements["node"] - rate * elements["week_second"], 2.0 * np.pi),
+        node_rate=elements["node_rate"] - np.where(tilted, 0.0, rate),
+        relativity_factor=_system_constant(
+            is_galileo,
+            is_beidou,
+            RELATIVITY_GPS,
+            RELATIVITY_GALILEO,
+            RELATIVITY_BEIDOU,
+        ),
         tilted=tilted,
         earth_rate=rate,
-        systems=tuple(item.name[0] for item in ephemerides),
+        systems=systems,
     )
+
+
+def _system_constant(is_galileo: Bools, is_beidou: Bools, gps: float, galileo: float, beidou: float) -> Floats:
+    """Return the constant of the system of each satellite, (n_sat,)."""
+    return np.where(is_galileo, galileo, np.where(is_beidou, beidou, gps))
 
 
 class IntegratedStates(NamedTuple):
@@ -167,20 +214,22 @@ class IntegratedStates(NamedTuple):
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
 
-        Axes are those of PZ-90.11, which agree with WGS-84 within 2 cm. Between the steps of the integration stands
-        the polynomial of fifth degree that meets position, velocity and acceleration at both ends, so that velocity is
-        the derivative of position.
+        Axes are those of PZ-90.11, which agree with WGS-84 within 2 cm. Between the steps of the integration, a
+        polynomial of fifth degree matches position, velocity and acceleration at both ends, so that velocity is the
+        derivative of position.
         """
-        steps = np.broadcast_to(t - self.start, np.broadcast_shapes(np.shape(t), self.start.shape)) / STEP
+        shape = np.broadcast_shapes(np.shape(t), self.start.shape)
+        steps = np.broadcast_to(t - self.start, shape) / STEP
         if steps.size == 0:
-            return np.empty((*steps.shape, 3)), np.empty((*steps.shape, 3))
+            return np.empty((*shape, 3)), np.empty((*shape, 3))
         first = min(0, math.floor(steps.min()))
         last = max(1, math.ceil(steps.max()))
-        nodes = _nodes(self, first, last)
+        nodes = _integrate(self, first, last)
         below = np.clip(np.floor(steps).astype(np.int64), first, last - 1)
-        which = np.arange(self.start.size)
-        before = [part[below - first, which] for part in nodes]
-        return _between(before, [part[below - first + 1, which] for part in nodes], (steps - below)[..., None])
+        satellite = np.arange(self.start.size)
+        before = [values[below - first, satellite] for values in nodes]
+        after = [values[below - first + 1, satellite] for values in nodes]
+        return _interpolate_step(before, after, (steps - below)[..., None])
 
     def clock(self, t: Floats) -> Floats:
         """Return the broadcast clock offsets, (..., n_sat) s, which include the relativistic term."""
@@ -193,9 +242,16 @@ class IntegratedStates(NamedTuple):
 
 def integrated(states: Sequence[StateVector], reference: float) -> IntegratedStates:
     """Return the satellites of the states, times counted from `reference` (s of GPS time), in the order given."""
-    names, time, bias, drift, r_e, v_e, a_e, _ = zip(*states, strict=True)
-    systems, arrays = tuple(name[0] for name in names), map(np.array, (r_e, v_e, a_e, bias, drift))
-    return IntegratedStates(names, systems, np.array(time) - reference, *arrays)
+    return IntegratedStates(
+        names=tuple(state.name for state in states),
+        systems=tuple(state.name[0] for state in states),
+        start=np.array([state.time for state in states]) - reference,
+        r_e=np.array([state.r_e for state in states]),
+        v_e=np.array([state.v_e for state in states]),
+        a_e=np.array([state.a_e for state in states]),
+        clock_bias=np.array([state.clock_bias for state in states]),
+        clock_drift=np.array([state.clock_drift for state in states]),
+    )
 
 
 def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
@@ -207,33 +263,37 @@ def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
     attraction = -GM_PZ90 / (r2 * np.sqrt(r2))
     flattening = 1.5 * J2_PZ90 * EQUATOR_PZ90**2 / r2
     sine2 = 5.0 * r_e[..., 2:] ** 2 / r2
-    spherical = r_e * (attraction * (1.0 + flattening * (np.array([1.0, 1.0, 3.0]) - sine2)))
-    x, y = r_e[..., 0], r_e[..., 1]
+    gravitation = r_e * (attraction * (1.0 + flattening * (np.array([1.0, 1.0, 3.0]) - sine2)))
+    # centrifugal and Coriolis acceleration of the rotating axes
     rate = EARTH_RATE_PZ90
-    turning = np.stack(
-        [rate * (rate * x + 2.0 * v_e[..., 1]), rate * (rate * y - 2.0 * v_e[..., 0]), np.zeros_like(x)], axis=-1
-    )
-    return np.asarray(spherical + turning + a_e)
+    x, y = r_e[..., 0], r_e[..., 1]
+    rotation_x = rate * (rate * x + 2.0 * v_e[..., 1])
+    rotation_y = rate * (rate * y - 2.0 * v_e[..., 0])
+    rotation = np.stack([rotation_x, rotation_y, np.zeros_like(x)], axis=-1)
+    return np.asarray(gravitation + rotation + a_e)
 
 
-def _nodes(above: IntegratedStates, first: int, last: int) -> tuple[Floats, Floats, Floats]:
+def _integrate(satellites: IntegratedStates, first: int, last: int) -> tuple[Floats, Floats, Floats]:
     """Return position, velocity and acceleration (last - first + 1, n_sat, 3) at whole steps from the broadcast time.
 
     Classical Runge-Kutta, forwards and backwards in time.
     """
-    size = (last - first + 1, above.start.size, 3)
-    r, v = np.empty(size), np.empty(size)
-    r[-first], v[-first] = above.r_e, above.v_e
-    for sign, end in ((1, last), (-1, first)):
-        h = sign * STEP
-        here, moving = above.r_e, above.v_e
-        for k in range(sign, end + sign, sign) if end != 0 else ():
-            here, moving = _step(here, moving, above.a_e, h)
-            r[k - first], v[k - first] = here, moving
-    return r, v, acceleration(r, v, above.a_e)
+    size = (last - first + 1, satellites.start.size, 3)
+    r = np.empty(size)
+    v = np.empty(size)
+    r[-first] = satellites.r_e
+    v[-first] = satellites.v_e
+    for k in range(1, last + 1):
+        node = k - first
+        r[node], v[node] = _step(r[node - 1], v[node - 1], satellites.a_e, STEP)
+    for k in range(-1, first - 1, -1):
+        node = k - first
+        r[node], v[node] = _step(r[node + 1], v[node + 1], satellites.a_e, -STEP)
+    return r, v, acceleration(r, v, satellites.a_e)
 
 
 def _step(r: Floats, v: Floats, a: Floats, h: float) -> tuple[Floats, Floats]:
+    """Return position and velocity after a Runge-Kutta step of h (s); a: acceleration by Moon and Sun."""
     a1 = acceleration(r, v, a)
     v2 = v + 0.5 * h * a1
     a2 = acceleration(r + 0.5 * h * v, v2, a)
@@ -241,20 +301,30 @@ def _step(r: Floats, v: Floats, a: Floats, h: float) -> tuple[Floats, Floats]:
     a3 = acceleration(r + 0.5 * h * v2, v3, a)
     v4 = v + h * a3
     a4 = acceleration(r + h * v3, v4, a)
-    return r + h / 6.0 * (v + 2.0 * (v2 + v3) + v4), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+    r_after = r + h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
+    v_after = v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+    return r_after, v_after
 
 
-def _between(before: list[Floats], after: list[Floats], s: Floats) -> tuple[Floats, Floats]:
+def _interpolate_step(before: list[Floats], after: list[Floats], s: Floats) -> tuple[Floats, Floats]:
     """Return position and velocity at the fraction s of a step, by the quintic Hermite polynomial.
 
     before, after : position, velocity and acceleration at both ends.
     """
-    (r0, v0, a0), (r1, v1, a1) = before, after
-    # time in steps; the first three terms of the Taylor series at the start are subtracted
-    v0, v1, a0, a1 = v0 * STEP, v1 * STEP, a0 * STEP**2, a1 * STEP**2
-    gap, gap_v, gap_a = r1 - r0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
+    r0, v0, a0 = before
+    r1, v1, a1 = after
+    # time in steps
+    v0 = v0 * STEP
+    v1 = v1 * STEP
+    a0 = a0 * STEP**2
+    a1 = a1 * STEP**2
+    # remainder, at the end, of the Taylor series to second order at the start
+    gap = r1 - r0 - v0 - 0.5 * a0
+    gap_v = v1 - v0 - a0
+    gap_a = a1 - a0
     c3 = 10.0 * gap - 4.0 * gap_v + 0.5 * gap_a
     c4 = -15.0 * gap + 7.0 * gap_v - gap_a
     c5 = 6.0 * gap - 3.0 * gap_v + 0.5 * gap_a
     r = r0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-    return r, (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))) / STEP
+    v = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))
+    return r, v / STEP

@@ -2,12 +2,21 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
 from lvnav_trade.gnss.almanac import AlmanacRecord, read_almanac, read_yuma
+from lvnav_trade.gnss.kepler import (
+    EARTH_RATE_BEIDOU,
+    EARTH_RATE_GPS,
+    GM_BEIDOU,
+    GM_GPS,
+    RELATIVITY_BEIDOU,
+    RELATIVITY_GPS,
+    Orbits,
+)
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.errors import InputError
@@ -16,16 +25,6 @@ from lvnav_trade.quantities.times import gps_seconds, resolve_beidou_week, resol
 
 System = Literal["GPS", "Galileo", "GLONASS", "BeiDou"]
 LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R", "BeiDou": "C"}  # as in RINEX
-
-# Values prescribed by the GPS user algorithm (IS-GPS-200, table 20-IV); they differ from WGS-84 in the last digits.
-GM_GPS = 3.986005e14  # m^3/s^2
-EARTH_RATE_GPS = 7.2921151467e-5  # rad/s
-RELATIVITY_GPS = -4.442807633e-10  # s/m^0.5: -2 sqrt(GM) / c^2
-# CGCS2000 in the BeiDou user algorithm (BDS-SIS-ICD B1I 3.0, section 3.2 and table 5-11).
-GM_BEIDOU = 3.986004418e14  # m^3/s^2
-EARTH_RATE_BEIDOU = 7.2921150e-5  # rad/s
-RELATIVITY_BEIDOU = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
-
 
 Eccentricity = Annotated[units.Share, Field(ge=0.0, le=0.1)]
 
@@ -100,7 +99,7 @@ class NominalConstellation(SignalErrors, units.NamedCard):
 
     @field_validator("slots")
     @classmethod
-    def _own_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
+    def _refuse_equal_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
         names = [slot.name for slot in slots]
         repeated = [name for name in names if names.count(name) > 1]
         if repeated:  # draws are keyed by name
@@ -146,7 +145,7 @@ class RinexConstellation(SignalErrors):
 
     @field_validator("rinex", "systems")
     @classmethod
-    def _some(cls, value: Any) -> Any:
+    def _refuse_empty(cls, value: Any) -> Any:
         if value == ():
             raise ValueError("is an empty list")
         return value
@@ -167,7 +166,7 @@ class PreciseConstellation(SignalErrors):
 
     @field_validator("sp3", "systems")
     @classmethod
-    def _some(cls, value: Any) -> Any:
+    def _refuse_empty(cls, value: Any) -> Any:
         if value == ():
             raise ValueError("is an empty list")
         return value
@@ -193,55 +192,6 @@ def parts_of(constellation: Constellation) -> tuple[Part, ...]:
     return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
 
 
-class Orbits(NamedTuple):
-    """Keplerian elements of all satellites at a reference time, SI and radians.
-
-    The reference time is lift-off, because seconds since a distant epoch would round positions by a millimetre.
-    """
-
-    names: tuple[str, ...]  # (n_sat,), names of the satellites
-    semi_major_axis: Floats  # (n_sat,) m
-    eccentricity: Floats  # (n_sat,)
-    inclination: Floats  # (n_sat,) rad
-    node: Floats  # (n_sat,) rad, counted from Greenwich at the reference time
-    node_rate: Floats  # (n_sat,) rad/s, relative to inertial space
-    perigee: Floats  # (n_sat,) rad, argument of perigee
-    mean_anomaly: Floats  # (n_sat,) rad, at the reference time
-    mean_motion: Floats  # (n_sat,) rad/s
-    clock_bias: Floats  # (n_sat,) s
-    clock_drift: Floats  # (n_sat,) s/s
-    systems: tuple[str, ...]  # (n_sat,), letter of the system
-    relativity_factor: float = RELATIVITY_GPS  # s/m^0.5, factor of the relativistic clock term
-
-    def ecef(self, t: Floats | float) -> tuple[Floats, Floats]:
-        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
-
-        The user algorithm of IS-GPS-200, table 20-IV, with the terms of an almanac (no harmonic corrections), and its
-        derivative.
-
-        t : (..., n_sat) or (..., 1) s since the reference time of the elements.
-        """
-        a, e = self.semi_major_axis, self.eccentricity
-        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, e)
-        cos_e, sin_e, root = np.cos(anomaly), np.sin(anomaly), np.sqrt(1.0 - e * e)
-        speed = a * self.mean_motion / (1.0 - e * cos_e)
-        cos_w, sin_w = np.cos(self.perigee), np.sin(self.perigee)
-        turn = np.array([[cos_w, -sin_w], [sin_w, cos_w]])
-        own_axes = np.stack([a * (cos_e - e), a * root * sin_e]), np.stack([-speed * sin_e, speed * root * cos_e])
-        flat, flat_rate = (np.einsum("ijs,j...s->i...s", turn, part) for part in own_axes)
-        node_rate = self.node_rate - EARTH_RATE_GPS
-        return earth_fixed(flat, flat_rate, self.node + node_rate * t, node_rate, self.inclination)
-
-    def clock(self, t: Floats) -> Floats:
-        """Return the clock offsets from system time by polynomial, (..., n_sat) s, without the relativistic term."""
-        return np.asarray(self.clock_bias + self.clock_drift * t)
-
-    def relativity(self, t: Floats) -> Floats:
-        """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
-        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, self.eccentricity)
-        return np.asarray(self.relativity_factor * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
-
-
 def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:
     """Return the elements of all usable satellites with `epoch` (ISO 8601, UTC) as reference time.
 
@@ -253,20 +203,29 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
     """
     if isinstance(constellation, NominalConstellation):
         return _nominal_orbits(constellation, epoch)
-    beidou, file = constellation.system == "BeiDou", constellation.almanac
-    records = [record for record in (read_yuma(file) if beidou else read_almanac(file)) if record.health == 0]
-    if not records:
+    file = constellation.almanac
+    is_beidou = constellation.system == "BeiDou"
+    records = read_yuma(file) if is_beidou else read_almanac(file)
+    healthy = [record for record in records if record.health == 0]
+    if not healthy:
         raise InputError(f"{file}: no healthy satellite")
     lift_off = gps_seconds(epoch)
-    week = resolve_beidou_week if beidou else resolve_week
-    ages = [lift_off - week(record.week, record.applicability, lift_off) for record in records]
-    recent = [abs(age) <= constellation.longest_age for age in ages]
-    if not any(recent):
-        age, limit = min(ages, key=abs) / 86400.0, constellation.longest_age / 86400.0
-        when = f"{abs(age):.1f} days {'after' if age > 0.0 else 'before'} the time of applicability"
-        raise InputError(f"{file}: the lift-off {epoch} is {when}; longest_age allows {limit:g} days")
-    usable = [at for at, near in enumerate(recent) if near]
-    return _almanac_orbits([records[at] for at in usable], np.array([ages[at] for at in usable]), beidou)
+    resolve = resolve_beidou_week if is_beidou else resolve_week
+    usable = []
+    ages = []
+    usable_ages = []
+    for record in healthy:
+        age = lift_off - resolve(record.week, record.applicability, lift_off)
+        ages.append(age)
+        if abs(age) <= constellation.longest_age:
+            usable.append(record)
+            usable_ages.append(age)
+    if not usable:
+        days = min(ages, key=abs) / 86400.0
+        limit = constellation.longest_age / 86400.0
+        distance = f"{abs(days):.1f} days {'after' if days > 0.0 else 'before'} the time of applicability"
+        raise InputError(f"{file}: the lift-off {epoch} is {distance}; longest_age allows {limit:g} days")
+    return _almanac_orbits(usable, np.array(usable_ages), is_beidou)
 
 
 def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
@@ -275,11 +234,12 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     Rates of node, perigee and mean anomaly: Vallado, Fundamentals of Astrodynamics and Applications, section 9.6.
     """
     elapsed = gps_seconds(epoch) - gps_seconds(card.epoch)
+    n_slot = len(card.slots)
     axis, inclination, node_rate, latitude_rate = np.array([_orbit_of(card, slot) for slot in card.slots]).T
-    node = np.array([slot.node for slot in card.slots]) - card.greenwich + (node_rate - EARTH_RATE_GPS) * elapsed
-    latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
     eccentricity, perigee = np.array([_shape_of(card, slot) for slot in card.slots]).T
-    none = np.zeros(len(card.slots))
+    node_at_card_epoch = np.array([slot.node for slot in card.slots]) - card.greenwich
+    node = node_at_card_epoch + (node_rate - EARTH_RATE_GPS) * elapsed
+    latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
     return Orbits(
         names=tuple(slot.name for slot in card.slots),
         semi_major_axis=axis,
@@ -290,9 +250,9 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
         perigee=perigee,
         mean_anomaly=np.mod(latitude - perigee, 2.0 * math.pi),
         mean_motion=latitude_rate,
-        clock_bias=none,
-        clock_drift=none,
-        systems=(LETTERS[card.system],) * len(card.slots),
+        clock_bias=np.zeros(n_slot),
+        clock_drift=np.zeros(n_slot),
+        systems=(LETTERS[card.system],) * n_slot,
     )
 
 
@@ -301,10 +261,9 @@ def _shape_of(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
 
     The perigee is not propagated: it rotates by less than a degree in a month, and the argument of latitude is correct.
     """
-    return (
-        card.eccentricity if slot.eccentricity is None else slot.eccentricity,
-        card.perigee if slot.perigee is None else slot.perigee,
-    )
+    eccentricity = card.eccentricity if slot.eccentricity is None else slot.eccentricity
+    perigee = card.perigee if slot.perigee is None else slot.perigee
+    return eccentricity, perigee
 
 
 def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, float, float]:
@@ -314,82 +273,47 @@ def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, flo
     """
     axis = slot.semi_major_axis or card.semi_major_axis
     inclination = card.inclination if slot.inclination is None else slot.inclination
-    n = math.sqrt(GM_GPS / axis**3)
-    oblateness = 1.5 * n * J2 * (SEMI_MAJOR / axis) ** 2
-    sin2 = math.sin(inclination) ** 2
-    turning, running = -oblateness * math.cos(inclination), (2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2)
     common = card if slot.semi_major_axis is None else slot
     node_rate = common.node_rate if slot.node_rate is None else slot.node_rate
     latitude_rate = common.latitude_rate if slot.latitude_rate is None else slot.latitude_rate
-    return (
-        axis,
-        inclination,
-        turning if node_rate is None else node_rate,
-        n + oblateness * running if latitude_rate is None else latitude_rate,
-    )
+    n = math.sqrt(GM_GPS / axis**3)
+    oblateness = 1.5 * n * J2 * (SEMI_MAJOR / axis) ** 2
+    if node_rate is None:
+        node_rate = -oblateness * math.cos(inclination)
+    if latitude_rate is None:
+        sin2 = math.sin(inclination) ** 2
+        # rates of perigee and of mean anomaly
+        latitude_rate = n + oblateness * ((2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2))
+    return axis, inclination, node_rate, latitude_rate
 
 
-def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, beidou: bool) -> Orbits:
+def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bool) -> Orbits:
     """Propagate almanac elements by `elapsed` (n_sat,) s to the reference time.
 
     The node counts from Greenwich at the start of the week. All BeiDou satellites, including geostationary satellites,
     use the algorithm of GPS (BDS-SIS-ICD, table 5-16).
     """
-    gm, rate = (GM_BEIDOU, EARTH_RATE_BEIDOU) if beidou else (GM_GPS, EARTH_RATE_GPS)
-    letter = "C" if beidou else "G"
-    of = dict(zip(AlmanacRecord._fields, np.array(records, dtype=float).T, strict=True))
-    axis = of["root_axis"] ** 2
+    gm = GM_BEIDOU if is_beidou else GM_GPS
+    earth_rate = EARTH_RATE_BEIDOU if is_beidou else EARTH_RATE_GPS
+    letter = "C" if is_beidou else "G"
+    columns = np.array(records, dtype=float).T
+    elements = dict(zip(AlmanacRecord._fields, columns, strict=True))
+    axis = elements["root_axis"] ** 2
     mean_motion = np.sqrt(gm / axis**3)
+    node_at_applicability = elements["node"] - earth_rate * elements["applicability"]
+    node = node_at_applicability + (elements["node_rate"] - earth_rate) * elapsed
     return Orbits(
         names=tuple(f"{letter}{record.prn:02d}" for record in records),
         semi_major_axis=axis,
-        eccentricity=of["eccentricity"],
-        inclination=of["inclination"],
-        node=np.mod(of["node"] - rate * of["applicability"] + (of["node_rate"] - rate) * elapsed, 2.0 * math.pi),
-        node_rate=of["node_rate"],
-        perigee=of["perigee"],
-        mean_anomaly=np.mod(of["mean_anomaly"] + mean_motion * elapsed, 2.0 * math.pi),
+        eccentricity=elements["eccentricity"],
+        inclination=elements["inclination"],
+        node=np.mod(node, 2.0 * math.pi),
+        node_rate=elements["node_rate"],
+        perigee=elements["perigee"],
+        mean_anomaly=np.mod(elements["mean_anomaly"] + mean_motion * elapsed, 2.0 * math.pi),
         mean_motion=mean_motion,
-        clock_bias=of["clock_bias"] + of["clock_drift"] * elapsed,
-        clock_drift=of["clock_drift"],
+        clock_bias=elements["clock_bias"] + elements["clock_drift"] * elapsed,
+        clock_drift=elements["clock_drift"],
         systems=(letter,) * len(records),
-        relativity_factor=RELATIVITY_BEIDOU if beidou else RELATIVITY_GPS,
+        relativity_factor=RELATIVITY_BEIDOU if is_beidou else RELATIVITY_GPS,
     )
-
-
-def earth_fixed(
-    flat: Floats, flat_rate: Floats, node: Floats, node_rate: Floats, inclination: Floats, tilting: Floats | float = 0.0
-) -> tuple[Floats, Floats]:
-    """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of the time.
-
-    Parameters
-    ----------
-    flat, flat_rate : (2, ..., n_sat) m, m/s
-        Position and velocity in the orbital plane, first axis towards the ascending node.
-    node, node_rate : (..., n_sat) rad, rad/s
-        Longitude of the ascending node, and its rate relative to the Earth.
-    inclination, tilting : (..., n_sat) rad, rad/s
-        Inclination and its rate.
-    """
-    (x, y), (vx, vy) = flat, flat_rate
-    cos_n, sin_n, cos_i, sin_i = np.cos(node), np.sin(node), np.cos(inclination), np.sin(inclination)
-    across, across_rate = y * cos_i, vy * cos_i - y * sin_i * tilting  # in the equator, across the line of nodes
-    r_e = np.stack([x * cos_n - across * sin_n, x * sin_n + across * cos_n, y * sin_i], axis=-1)
-    v_x = vx * cos_n - across_rate * sin_n - node_rate * r_e[..., 1]
-    v_y = vx * sin_n + across_rate * cos_n + node_rate * r_e[..., 0]
-    return r_e, np.stack([v_x, v_y, vy * sin_i + y * cos_i * tilting], axis=-1)
-
-
-def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:
-    """Return the eccentric anomaly (rad) by Newton's method, to rounding; arguments broadcast.
-
-    The initial value E = M + 0.85 e sign(sin M) converges for every eccentricity below 1 (Danby and Burkardt, 1983).
-    """
-    mean = np.mod(mean_anomaly, 2.0 * math.pi)
-    anomaly = mean + 0.85 * eccentricity * np.sign(np.sin(mean))
-    for _ in range(30):
-        step = (mean - anomaly + eccentricity * np.sin(anomaly)) / (1.0 - eccentricity * np.cos(anomaly))
-        anomaly = anomaly + step
-        if np.max(np.abs(step), initial=0.0) < 1e-13:
-            break
-    return anomaly

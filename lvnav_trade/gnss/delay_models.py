@@ -43,28 +43,49 @@ def troposphere_delay(model: delay_cards.TroposphereModel, geometry: DelayGeomet
     Only `ray_traced` and `any_elevation` are valid below zero elevation; other models use their lowest elevation there.
     """
     elevation = np.asarray(geometry.elevation, dtype=float)
-    height, latitude = _column(geometry.height), _column(geometry.latitude)
+    height = _column(geometry.height)
+    latitude = _column(geometry.latitude)
     if isinstance(model, delay_cards.RayTracedTroposphere):
         lowest = lowest_height(latitude, height, geometry.azimuth, elevation)
         return interpolated(model, np.broadcast_to(height, elevation.shape), elevation, lowest)
     if isinstance(model, delay_cards.AnyElevationTroposphere):
-        settings = (model.gain, model.scale_height, model.offset, model.join, model.gain_law)
         radius = SEMI_MINOR / (1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2)  # Gaussian mean curvature of the ellipsoid
-        return troposphere.any_elevation(elevation, height, radius, *settings)
+        return troposphere.any_elevation(
+            elevation,
+            height,
+            radius,
+            model.gain,
+            model.scale_height,
+            model.offset,
+            model.join,
+            model.gain_law,
+        )
     if isinstance(model, delay_cards.SpilkerTroposphere):
         bounded = np.maximum(elevation, model.lowest)
         return troposphere.spilker(bounded, height, model.zenith, model.scale_height, model.offset)
     if isinstance(model, delay_cards.StanagTroposphere):
-        return troposphere.stanag(np.maximum(elevation, model.lowest), height, model.surface)
-    if isinstance(model, delay_cards.SaastamoinenTroposphere | delay_cards.NiellTroposphere):
         bounded = np.maximum(elevation, model.lowest)
-        air = troposphere.weather(height, model.pressure, model.temperature, model.humidity)
-        dry, wet = troposphere.saastamoinen_zenith(*air, latitude, height)
-        if isinstance(model, delay_cards.SaastamoinenTroposphere):
-            return np.asarray((dry + wet) / np.sin(bounded))
-        dry_map, wet_map = troposphere.niell(bounded, latitude, height, _column(geometry.day_of_year))
-        return np.asarray(dry * dry_map + wet * wet_map)
+        return troposphere.stanag(bounded, height, model.surface)
+    if isinstance(model, delay_cards.SaastamoinenTroposphere | delay_cards.NiellTroposphere):
+        return _weather_delay(model, geometry, elevation)
     return np.zeros(elevation.shape)
+
+
+def _weather_delay(
+    model: delay_cards.SaastamoinenTroposphere | delay_cards.NiellTroposphere,
+    geometry: DelayGeometry,
+    elevation: Floats,
+) -> Floats:
+    """Return the tropospheric delay (n_epoch, n_sat) in m from the weather on the ground: zenith delays and mapping."""
+    height = _column(geometry.height)
+    latitude = _column(geometry.latitude)
+    bounded = np.maximum(elevation, model.lowest)
+    pressure, temperature, vapour = troposphere.weather(height, model.pressure, model.temperature, model.humidity)
+    dry, wet = troposphere.saastamoinen_zenith(pressure, temperature, vapour, latitude, height)
+    if isinstance(model, delay_cards.SaastamoinenTroposphere):
+        return np.asarray((dry + wet) / np.sin(bounded))
+    dry_mapping, wet_mapping = troposphere.niell(bounded, latitude, height, _column(geometry.day_of_year))
+    return np.asarray(dry * dry_mapping + wet * wet_mapping)
 
 
 def ionosphere_delay(
@@ -75,18 +96,27 @@ def ionosphere_delay(
     It increases pseudoranges and decreases carrier ranges (and their rates): code is delayed, phase is advanced.
     """
     elevation = np.asarray(geometry.elevation, dtype=float)
+    height = _column(geometry.height)
+    # delay 40.3 TEC / f^2
+    delay_per_content = ionosphere.DISPERSION / frequency**2
     if isinstance(model, delay_cards.KlobucharIonosphere):
-        place = (_column(geometry.latitude), _column(geometry.longitude), geometry.azimuth, elevation)
-        delay = ionosphere.klobuchar(model.alpha, model.beta, _column(geometry.seconds_of_day), *place)
+        delay = ionosphere.klobuchar(
+            model.alpha,
+            model.beta,
+            _column(geometry.seconds_of_day),
+            _column(geometry.latitude),
+            _column(geometry.longitude),
+            geometry.azimuth,
+            elevation,
+        )
         return np.asarray(delay * (ionosphere.L1 / frequency) ** 2)
     if isinstance(model, delay_cards.ContentIonosphere | delay_cards.KlobucharContentIonosphere):
-        slant = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
-        share = slant(elevation, _column(geometry.height), model.peak, model.scale_height)
-        return np.asarray(ionosphere.DISPERSION / frequency**2 * _surface_content(model, geometry) * share)
+        slant_factor = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
+        slant = slant_factor(elevation, height, model.peak, model.scale_height)
+        return np.asarray(delay_per_content * _surface_content(model, geometry) * slant)
     if isinstance(model, delay_cards.EpsteinIonosphere):
-        layer = (model.peak, model.bottom, model.top)
-        share = ionosphere.epstein_slant(elevation, _column(geometry.height), *layer)
-        return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
+        slant = ionosphere.epstein_slant(elevation, height, model.peak, model.bottom, model.top)
+        return np.asarray(delay_per_content * model.vertical * slant)
     return np.zeros(elevation.shape)
 
 
@@ -99,9 +129,14 @@ def _surface_content(
     if isinstance(model, delay_cards.ContentIonosphere):
         return model.vertical
     height = _column(geometry.height)
-    median = ionosphere.median_height(height, model.peak, model.scale_height)
-    place = (_column(geometry.latitude), _column(geometry.longitude), height)
-    latitude, longitude = ionosphere.pierced(*place, geometry.azimuth, geometry.elevation, median)
+    latitude, longitude = ionosphere.pierced(
+        _column(geometry.latitude),
+        _column(geometry.longitude),
+        height,
+        geometry.azimuth,
+        geometry.elevation,
+        ionosphere.median_height(height, model.peak, model.scale_height),
+    )
     seconds = _column(geometry.seconds_of_day)
     return ionosphere.klobuchar_content(model.alpha, model.beta, seconds, latitude, longitude)
 
@@ -133,17 +168,23 @@ def _table(_: delay_cards.RayTracedTroposphere, card: delay_cards.RayTracedTropo
     distance to the lowest point. Both have the same heights and the same rays at zero elevation, so that they agree
     there.
     """
-    air, far = profile(card.profile), card.satellite_radius
+    air = profile(card.profile)
     heights = np.concatenate([np.arange(-1e3, 15e3, 500.0), np.arange(15e3, 30e3, 1e3), np.linspace(30e3, TOP, 37)])
-    bend = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
-    upwards = ray(air, heights[:, None], np.arcsin(np.minimum(_FLAT * np.sinh(bend), 1.0)), far).delay
+    height_column = heights[:, None]
+    # rising rays: uniform in asinh(sin(elevation) / _FLAT)
+    rise = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
+    elevation = np.arcsin(np.minimum(_FLAT * np.sinh(rise), 1.0))
+    rising_delay = ray(air, height_column, elevation, card.satellite_radius).delay
+    # descending rays, from the lowest point on: uniform in asinh(distance / _NEAR)
     reach = np.linspace(0.0, np.arcsinh(FARTHEST / _NEAR), 46)
     distance = _NEAR * np.sinh(reach)
-    radius = np.hypot(EARTH_RADIUS + heights[:, None], distance)
-    downwards = ray(air, radius - EARTH_RADIUS, -np.arctan2(distance, EARTH_RADIUS + heights[:, None]), far).delay
+    lowest_radius = EARTH_RADIUS + height_column
+    receiver_height = np.hypot(lowest_radius, distance) - EARTH_RADIUS
+    dip = -np.arctan2(distance, lowest_radius)
+    descending_delay = ray(air, receiver_height, dip, card.satellite_radius).delay
     return (
-        RectBivariateSpline(heights, bend, np.log(np.maximum(upwards, _LEAST))),
-        RectBivariateSpline(heights, reach, np.log(np.maximum(downwards, _LEAST))),
+        RectBivariateSpline(heights, rise, np.log(np.maximum(rising_delay, _LEAST))),
+        RectBivariateSpline(heights, reach, np.log(np.maximum(descending_delay, _LEAST))),
     )
 
 
@@ -164,12 +205,16 @@ def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevati
     -----
     Interpolation errors are below 0.3 mm and 1e-4 of the delay (tested).
     """
-    up, down = table(card)
+    rising, descending = table(card)
     delay = np.zeros(elevation.shape)
-    dips = (elevation < 0.0) & (lowest < TOP)
     rises = (elevation >= 0.0) & (height < TOP)
-    delay[rises] = np.exp(up.ev(np.maximum(height[rises], BOTTOM), np.arcsinh(np.sin(elevation[rises]) / _FLAT)))
-    low = np.maximum(lowest[dips], BOTTOM)
-    distance = np.sqrt(np.maximum(height[dips] - low, 0.0) * (2.0 * EARTH_RADIUS + height[dips] + low))
-    delay[dips] = np.exp(down.ev(low, np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)))
+    rise = np.arcsinh(np.sin(elevation[rises]) / _FLAT)
+    delay[rises] = np.exp(rising.ev(np.maximum(height[rises], BOTTOM), rise))
+    descends = (elevation < 0.0) & (lowest < TOP)
+    lowest_heights = np.maximum(lowest[descends], BOTTOM)
+    drop = np.maximum(height[descends] - lowest_heights, 0.0)
+    # Pythagoras: d^2 = (R + h)^2 - (R + l)^2
+    distance = np.sqrt(drop * (2.0 * EARTH_RADIUS + height[descends] + lowest_heights))
+    reach = np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)
+    delay[descends] = np.exp(descending.ev(lowest_heights, reach))
     return delay

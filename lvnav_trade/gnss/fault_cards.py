@@ -5,7 +5,7 @@ Their effects: `faults` (signals and receiver), `interference`, and for IMUs `si
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field
@@ -291,3 +291,21 @@ AnyFault = (
     | DroppedSamples
 )
 Fault = Annotated[AnyFault, Field(discriminator="kind")]
+
+
+def missing_antenna(number: int, n_antenna: int) -> str:
+    """Return the message that a receiver has no antenna of this number."""
+    if n_antenna == 0:
+        return "the receiver has no antennas; it sees all satellites above its mask"
+    return f"antenna {number}: the receiver has {n_antenna}, counted from 1"
+
+
+def missing_axis(number: int, n_axis: int) -> str:
+    """Return the message that an IMU has no sensing axis of this number."""
+    return f"axis {number}: the unit has {n_axis}, counted from 1"
+
+
+def missing_satellite(name: str, names: Sequence[str]) -> str:
+    """Return the message that a constellation has no satellite of this name, with some of its names."""
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"

@@ -21,6 +21,8 @@ from lvnav_trade.gnss.fault_cards import (
     SatelliteOutage,
     TimedSatelliteFault,
     WildSamples,
+    missing_antenna,
+    missing_satellite,
 )
 from lvnav_trade.quantities.conditions import ROUNDING, FlightProfile, Intervals, both, inside
 from lvnav_trade.quantities.errors import InputError, Mistake
@@ -61,24 +63,6 @@ def _about(number: int, field: str, message: str) -> InputError:
     return InputError(records=[Mistake(message, f"faults.{number}.{field}")])
 
 
-def missing_antenna(number: int, n_antenna: int) -> str:
-    """Return the message that a receiver has no antenna of this number."""
-    if n_antenna == 0:
-        return "the receiver has no antennas; it sees all satellites above its mask"
-    return f"antenna {number}: the receiver has {n_antenna}, counted from 1"
-
-
-def missing_axis(number: int, n_axis: int) -> str:
-    """Return the message that an IMU has no sensing axis of this number."""
-    return f"axis {number}: the unit has {n_axis}, counted from 1"
-
-
-def missing_satellite(name: str, names: Sequence[str]) -> str:
-    """Return the message that a constellation has no satellite of this name, with some of its names."""
-    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"
-
-
 def periods(number: int, fault: AnyFault, course: FlightProfile) -> Intervals:
     """Return the intervals (s) in which a fault is active.
 
@@ -102,11 +86,14 @@ def periods(number: int, fault: AnyFault, course: FlightProfile) -> Intervals:
         if isinstance(fault, JumpFault):
             if start is not None:
                 return ((start, start),)
-            return tuple((course.begin(first), course.begin(first)) for first, _ in course.holding(fault)[:1])
+            intervals = course.holding(fault)[:1]
+            return tuple((course.begin(first), course.begin(first)) for first, _ in intervals)
         if start is None or fault.duration is None:
             return course.holding(fault)
-        timed = (start, start + fault.duration)
-        return both((timed,), course.holding(fault)) if fault.stated else (timed,)
+        timed = ((start, start + fault.duration),)
+        if not fault.stated:
+            return timed
+        return both(timed, course.holding(fault))
     except InputError as error:
         raise _about(number, error.records[0].path, error.records[0].message) from None
 
@@ -141,17 +128,20 @@ def active(faults: Sequence[AnyFault], kind: type[Card], course: FlightProfile, 
     """
     for number, fault in enumerate(faults):
         intervals = periods(number, fault, course)
-        if t.size and not any(end >= t[0] - ROUNDING and t[-1] + ROUNDING >= start for start, end in intervals):
-            raise _about(number, "start" if fault.start else fault.stated[0], _outside(fault, intervals, t))
+        if t.size and all(end < t[0] - ROUNDING or t[-1] + ROUNDING < start for start, end in intervals):
+            field = "start" if fault.start else fault.stated[0]
+            raise _about(number, field, _outside(fault, intervals, t))
         if isinstance(fault, kind):
             for start, end in intervals:
-                yield number, fault, inside(((start, end),), t), course.begin(start), end
+                mask = inside(((start, end),), t)
+                yield number, fault, mask, course.begin(start), end
 
 
 def _outside(fault: AnyFault, intervals: Intervals, t: Floats) -> str:
-    what = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
-    when = f" from {intervals[0][0]:g} s to {intervals[0][1]:g} s" if intervals else ""
-    return f"the {what}{when} lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
+    """Return the message that a fault lies outside the flight."""
+    name = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
+    period = f" from {intervals[0][0]:g} s to {intervals[0][1]:g} s" if intervals else ""
+    return f"the {name}{period} lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
 
 
 def lost(faults: Sequence[AnyFault], course: FlightProfile, t: Floats, elevation: Floats, visible: Mask) -> Mask:
@@ -173,13 +163,13 @@ def lost(faults: Sequence[AnyFault], course: FlightProfile, t: Floats, elevation
     InputError
         As in `active`.
     """
-    gone = np.zeros_like(visible)
-    for number, fault, within, *_ in active(faults, SatelliteOutage, course, t):
-        if np.any(within):
-            first = int(np.argmax(within))
-            affected = _affected(number, fault, within, elevation, visible)
-            gone |= affected & ~highest(elevation[first], visible[first], fault.keep)
-    return gone
+    lost_satellites = np.zeros_like(visible)
+    for number, fault, mask, *_ in active(faults, SatelliteOutage, course, t):
+        if np.any(mask):
+            first = int(np.argmax(mask))
+            remaining = highest(elevation[first], visible[first], fault.keep)
+            lost_satellites |= _affected(number, fault, mask, elevation, visible) & ~remaining
+    return lost_satellites
 
 
 def antennas_alive(faults: Sequence[AnyFault], course: FlightProfile, t: Floats, n_antenna: int) -> Mask:
@@ -187,38 +177,39 @@ def antennas_alive(faults: Sequence[AnyFault], course: FlightProfile, t: Floats,
     alive = np.ones((t.size, n_antenna), dtype=bool)
     for number, fault, _, start, end in active(faults, AntennaFailure, course, t):
         # an epoch describes the interval before it, so that the epoch at which the failure starts is not affected
-        within = (t > start + ROUNDING) & (t <= end + ROUNDING)
+        affected = (t > start + ROUNDING) & (t <= end + ROUNDING)
         for antenna in fault.antennas:
             if antenna > n_antenna:
                 raise _about(number, "antennas", missing_antenna(antenna, n_antenna))
-            alive[within, antenna - 1] = False
+            alive[affected, antenna - 1] = False
     return alive
 
 
 def delay(faults: Sequence[AnyFault], course: FlightProfile, t: Floats) -> Floats:
     """Return the latency of the measurements beyond the latency assumed by the filter, (n_epoch,) s."""
-    late = np.zeros(t.size)
-    for _, fault, within, *_ in active(faults, LatencyChange, course, t):
-        late[within] += fault.by
-    return late
+    latency = np.zeros(t.size)
+    for _, fault, mask, *_ in active(faults, LatencyChange, course, t):
+        latency[mask] += fault.by
+    return latency
 
 
-def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask:
-    unknown = [name for name in wanted if name not in names]
+def _named(number: int, satellites: tuple[str, ...], names: tuple[str, ...]) -> Mask:
+    """Return which satellites (n_sat,) a fault names, all if it names none; InputError if one is unknown."""
+    unknown = [name for name in satellites if name not in names]
     if unknown:
         raise _about(number, "satellites", missing_satellite(unknown[0], names))
-    return np.array([not wanted or name in wanted for name in names])
+    return np.array([not satellites or name in satellites for name in names])
 
 
-def _affected(number: int, fault: TimedSatelliteFault, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
+def _affected(number: int, fault: TimedSatelliteFault, mask: Mask, elevation: Floats, candidates: Mask) -> Mask:
     """Return which satellites an active fault affects by their elevation, (n_epoch, n_sat) bool.
 
     InputError if it would affect none of the candidates (n_epoch, n_sat) at any time of the flight.
     """
-    sighted = fault.sights(elevation)
-    if fault.by_elevation and within.size and not np.any(sighted & candidates):
+    in_elevation = fault.sights(elevation)
+    if fault.by_elevation and mask.size and not np.any(in_elevation & candidates):
         raise _about(number, fault.by_elevation[0], "holds for no satellite that is received on the flight")
-    return within[:, None] & sighted
+    return mask[:, None] & in_elevation
 
 
 def singled_out(
@@ -239,10 +230,43 @@ def singled_out(
         affected = tuple(getattr(fault, "satellites", ()))
         if not affected and isinstance(fault, RangeBias | CycleSlip) and t.size:
             start = min((begin for begin, _ in periods(number, fault, course)), default=t[0])
-            first = min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)
-            affected = tuple(np.array(names)[np.asarray(highest(elevation[first], tracked[first], 1))].tolist())
+            first = _first_epoch(t, start)
+            is_highest = np.asarray(highest(elevation[first], tracked[first], 1))
+            affected = tuple(np.array(names)[is_highest].tolist())
         satellites.append(affected)
     return satellites
+
+
+def _first_epoch(t: Floats, start: float) -> int:
+    """Return the index of the first epoch at or after a time, the last epoch if there is none."""
+    return min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)
+
+
+class _FaultCase(NamedTuple):
+    """Faults of a case, the flight and the satellites; fields as the parameters of `failures`."""
+
+    faults: Sequence[AnyFault]
+    course: FlightProfile
+    t: Floats
+    names: tuple[str, ...]
+    elevation: Floats
+    tracked: Mask
+
+    def active(self, kind: type[Card]) -> Iterable[Any]:
+        """Return the active intervals of the faults of a class, see `active`."""
+        return active(self.faults, kind, self.course, self.t)
+
+    def affected(self, number: int, fault: TimedSatelliteFault, mask: Mask) -> Mask:
+        """Return which satellites an active fault affects by their elevation, (n_epoch, n_sat) bool."""
+        return _affected(number, fault, mask, self.elevation, self.tracked)
+
+    def named(self, number: int, fault: Any) -> Mask:
+        """Return which satellites (n_sat,) a fault names, all if it names none."""
+        return _named(number, fault.satellites, self.names)
+
+    def highest(self, epoch: int) -> Mask:
+        """Return the highest tracked satellite of an epoch, (n_sat,) bool."""
+        return np.asarray(highest(self.elevation[epoch], self.tracked[epoch], 1))
 
 
 def failures(
@@ -268,49 +292,99 @@ def failures(
     InputError
         As in `active`, or a fault names a satellite that the constellation does not have.
     """
-    n, shape = t.size, (t.size, len(names))
-    bias, drift, slip, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, shape, (n, 2), shape, n))
-    frozen, invalid = np.zeros(n, dtype=bool), np.zeros((n, len(FLAGS)), dtype=bool)
-    out = Failures(np.ones(shape), np.ones(n), bias, drift, slip, jump, wild, solution_wild, frozen, invalid)
-    for number, fault, within, *_ in active(faults, DegradedNoise, course, t):
-        affected = _affected(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
-        out.noise[affected] *= fault.factor
-        out.solution_noise[within] *= 1.0 if fault.satellites or fault.by_elevation else fault.factor
-    for number, fault, within, start, _ in active(faults, RangeBias, course, t):
-        hit = _named(number, fault.satellites, names)
-        if not fault.satellites and np.any(within):
-            first = int(np.argmax(within))
-            hit = np.asarray(highest(elevation[first], tracked[first], 1))
-        affected = _affected(number, fault, within, elevation, tracked) & hit
-        bias += np.where(affected, (fault.size + fault.drift * (t - start))[:, None], 0.0)
-        drift[affected] += fault.drift
-    for number, fault, _, start, _ in active(faults, CycleSlip, course, t):
-        first = min(int(np.searchsorted(t, start - ROUNDING)), n - 1)
-        hit = _named(number, fault.satellites, names)
-        slip[first:] += fault.size * (hit if fault.satellites else highest(elevation[first], tracked[first], 1))
-    for _, fault, _, start, _ in active(faults, ClockJump, course, t):
-        jump[min(int(np.searchsorted(t, start - ROUNDING)), n - 1), 0] += fault.size
-    for _, fault, _, start, end in active(faults, ClockDrift, course, t):
-        _add_drift(jump, t, start, fault.rate)
-        _add_drift(jump, t, end, -fault.rate)
-    for number, fault, within, *_ in active(faults, WildSamples, course, t):
-        affected = _affected(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
-        wild[affected] = np.hypot(wild[affected], fault.sigma)
+    case = _FaultCase(faults, course, t, names, elevation, tracked)
+    effects = _no_failures(t.size, len(names))
+    _scale_noise(case, effects)
+    _add_range_biases(case, effects)
+    _add_slips(case, effects)
+    _add_clock_faults(case, effects)
+    _add_wild_samples(case, effects)
+    _set_output_faults(case, effects)
+    return effects
+
+
+def _no_failures(n_epoch: int, n_sat: int) -> Failures:
+    """Return the effects of no fault, to which those of faults are added."""
+    shape = (n_epoch, n_sat)
+    return Failures(
+        noise=np.ones(shape),
+        solution_noise=np.ones(n_epoch),
+        bias=np.zeros(shape),
+        drift=np.zeros(shape),
+        slip=np.zeros(shape),
+        jump=np.zeros((n_epoch, 2)),
+        wild=np.zeros(shape),
+        solution_wild=np.zeros(n_epoch),
+        frozen=np.zeros(n_epoch, dtype=bool),
+        invalid=np.zeros((n_epoch, len(FLAGS)), dtype=bool),
+    )
+
+
+def _scale_noise(case: _FaultCase, effects: Failures) -> None:
+    """Multiply the noise of measurements and solution by the factors of degraded noise."""
+    for number, fault, mask, *_ in case.active(DegradedNoise):
+        affected = case.affected(number, fault, mask) & case.named(number, fault)
+        effects.noise[affected] *= fault.factor
+        of_all_satellites = not fault.satellites and not fault.by_elevation
+        if of_all_satellites:
+            effects.solution_noise[mask] *= fault.factor
+
+
+def _add_range_biases(case: _FaultCase, effects: Failures) -> None:
+    """Add the errors of range and range rate of biased satellites: those named, or the highest at the start."""
+    for number, fault, mask, start, _ in case.active(RangeBias):
+        biased = case.named(number, fault)
+        if not fault.satellites and np.any(mask):
+            biased = case.highest(int(np.argmax(mask)))
+        affected = case.affected(number, fault, mask) & biased
+        size = fault.size + fault.drift * (case.t - start)
+        effects.bias[...] += np.where(affected, size[:, None], 0.0)
+        effects.drift[affected] += fault.drift
+
+
+def _add_slips(case: _FaultCase, effects: Failures) -> None:
+    """Add cycle slips of the satellites named, or of the highest at the time of the slip, from that epoch on."""
+    for number, fault, _, start, _ in case.active(CycleSlip):
+        first = _first_epoch(case.t, start)
+        named = case.named(number, fault)
+        slipping = named if fault.satellites else case.highest(first)
+        effects.slip[first:] += fault.size * slipping
+
+
+def _add_clock_faults(case: _FaultCase, effects: Failures) -> None:
+    """Add jumps of the receiver's clock, and changes of its drift at start and end of a fault."""
+    for _, fault, _, start, _ in case.active(ClockJump):
+        effects.jump[_first_epoch(case.t, start), 0] += fault.size
+    for _, fault, _, start, end in case.active(ClockDrift):
+        _add_drift(effects.jump, case.t, start, fault.rate)
+        _add_drift(effects.jump, case.t, end, -fault.rate)
+
+
+def _add_wild_samples(case: _FaultCase, effects: Failures) -> None:
+    """Add the sigmas of wild ranges and solutions; sigmas of several faults add in quadrature."""
+    for number, fault, mask, *_ in case.active(WildSamples):
+        affected = case.affected(number, fault, mask) & case.named(number, fault)
+        effects.wild[affected] = np.hypot(effects.wild[affected], fault.sigma)
         if not fault.by_elevation:
-            solution_wild[within] = np.hypot(solution_wild[within], fault.sigma)
-    for _, _, within, *_ in active(faults, FrozenOutput, course, t):
-        frozen |= within
-    frozen[:1] = False  # the first epoch has no earlier output to repeat
-    for _, fault, within, *_ in active(faults, InvalidOutput, course, t):
-        invalid[within, FLAGS.index(fault.flag)] = True
-    return out
+            effects.solution_wild[mask] = np.hypot(effects.solution_wild[mask], fault.sigma)
+
+
+def _set_output_faults(case: _FaultCase, effects: Failures) -> None:
+    """Set the epochs with repeated output and with flags of the receiver."""
+    for _, _, mask, *_ in case.active(FrozenOutput):
+        effects.frozen[mask] = True
+    effects.frozen[:1] = False  # the first epoch has no earlier output to repeat
+    for _, fault, mask, *_ in case.active(InvalidOutput):
+        effects.invalid[mask, FLAGS.index(fault.flag)] = True
 
 
 def _add_drift(jump: Floats, t: Floats, since: float, rate: float) -> None:
     """Add a clock drift from a time on: at the next epoch the drift changes, and the bias by the drift accumulated."""
     if since <= t[-1] + ROUNDING:
         first = int(np.searchsorted(t, since - ROUNDING))
-        jump[first] += rate * max(0.0, t[first] - since), rate
+        seconds = max(0.0, t[first] - since)
+        jump[first, 0] += rate * seconds
+        jump[first, 1] += rate
 
 
 def highest(elevation: Floats, candidates: Mask, count: int) -> Any:

@@ -13,12 +13,12 @@ from lvnav_trade.gnss.receiver_cards import ReceiverCard
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.line_of_sight import Sight, sight
-from lvnav_trade.quantities.records import Floats, Motion
+from lvnav_trade.quantities.records import Bools, Floats, Motion
 from lvnav_trade.trajectory.flight import Trajectory
 
 
 def jamming_density(
-    faults: Sequence[AnyFault], link: LinkCard, receiver: ReceiverCard, trajectory: Trajectory, t: Floats, at: Motion
+    faults: Sequence[AnyFault], link: LinkCard, receiver: ReceiverCard, trajectory: Trajectory, t: Floats, state: Motion
 ) -> Floats:
     """Return the equivalent noise density (n, n_antenna) W/Hz of jammers at the output of each antenna.
 
@@ -30,7 +30,7 @@ def jamming_density(
     trajectory : Trajectory
     t : (n,) s since lift-off
         Times.
-    at : Motion
+    state : Motion
         Motion of the vehicle at these times.
 
     Notes
@@ -40,41 +40,48 @@ def jamming_density(
     horizon of the jammer receives nothing.
     """
     total = np.zeros((t.size, max(1, len(receiver.antennas))))
-    rate = LoopsCard.model_fields["code_rate"].default if receiver.loops is None else receiver.loops.code_rate
-    for _, card, within, *_ in active(faults, Jamming, trajectory.course, t):
-        line, up = _towards(card, trajectory.theta0, t, at.r_i)
-        seen = sight(line, np.zeros_like(line))
-        level = card.power - path_loss(link, seen.distance)
+    code_rate = LoopsCard.model_fields["code_rate"].default if receiver.loops is None else receiver.loops.code_rate
+    for _, card, mask, *_ in active(faults, Jamming, trajectory.course, t):
+        line, is_above_horizon = _jammer_line(card, trajectory.theta0, t, state.r_i)
+        line_of_sight = sight(line, np.zeros_like(line))
+        level = card.power - path_loss(link, line_of_sight.distance)
         if card.pattern is not None:
-            level = level + pattern_gain(card.pattern, _off_boresight(card, trajectory.theta0, t, -line))
-        direction_b = np.einsum("nij,ni->nj", frames.matrices(at.q_b_i), seen.direction)
-        heard = (within & up)[:, None]
+            off_boresight = _off_boresight(card, trajectory.theta0, t, -line)
+            level = level + pattern_gain(card.pattern, off_boresight)
+        direction_b = np.einsum("nij,ni->nj", frames.matrices(state.q_b_i), line_of_sight.direction)
         power = 10.0 ** (0.1 * (level[:, None] + gains(receiver.antennas, direction_b)))
-        total += np.where(heard, power / (card.quality * rate), 0.0)
+        is_received = (mask & is_above_horizon)[:, None]
+        total += np.where(is_received, power / (card.quality * code_rate), 0.0)
     return total
 
 
-def _place(card: Jamming, theta0: float, t: Floats) -> Floats:
+def _jammer_position(card: Jamming, theta0: float, t: Floats) -> Floats:
     """Return the position of a jammer (n, 3) m, frame i, at times t (n,) s."""
-    place = np.array(frames.ecef_from_geodetic(card.latitude, card.longitude, card.height))
-    return frames.eci_from_ecef(np.tile(place, (t.size, 1)), frames.earth_angle(theta0, t))
+    r_e = np.array(frames.ecef_from_geodetic(card.latitude, card.longitude, card.height))
+    return frames.eci_from_ecef(np.tile(r_e, (t.size, 1)), frames.earth_angle(theta0, t))
 
 
-def _towards(card: Jamming, theta0: float, t: Floats, r_i: Floats) -> tuple[Floats, Floats]:
+def _jammer_line(card: Jamming, theta0: float, t: Floats, r_i: Floats) -> tuple[Floats, Bools]:
     """Return the lines (n, 3) m, frame i, from a vehicle to a jammer, and whether the vehicle is above its horizon."""
-    place = _place(card, theta0, t)
-    down = frames.rotation_i_n(place, frames.earth_angle(theta0, t))[:, 2]
-    line = place - r_i
+    jammer_i = _jammer_position(card, theta0, t)
+    down = frames.rotation_i_n(jammer_i, frames.earth_angle(theta0, t))[:, 2]
+    line = jammer_i - r_i
     return line, np.sum(line * down, axis=1) > 0.0
 
 
 def _off_boresight(card: Jamming, theta0: float, t: Floats, outward: Floats) -> Floats:
     """Return the angle (n,) rad between the boresight of a jammer and the lines `outward` (n, 3) from it, frame i."""
-    level = math.cos(card.elevation)
-    axis = np.array([level * math.cos(card.azimuth), level * math.sin(card.azimuth), -math.sin(card.elevation)])
-    axes = frames.rotation_i_n(_place(card, theta0, t), frames.earth_angle(theta0, t))
-    along = np.einsum("nij,nj,i->n", axes, outward, axis) / np.linalg.norm(outward, axis=1)
-    return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+    horizontal = math.cos(card.elevation)
+    boresight_n = np.array(
+        [
+            horizontal * math.cos(card.azimuth),
+            horizontal * math.sin(card.azimuth),
+            -math.sin(card.elevation),
+        ]
+    )
+    C_i_n = frames.rotation_i_n(_jammer_position(card, theta0, t), frames.earth_angle(theta0, t))
+    cosine = np.einsum("nij,nj,i->n", C_i_n, outward, boresight_n) / np.linalg.norm(outward, axis=1)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def effective(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
@@ -89,9 +96,12 @@ def effective(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
     density : (...,) W/Hz
         Density J / (Q R_c) of the jammers at the same antenna, as from `jamming_density`.
     """
-    result, jammed = np.array(cn0), density > 0.0
-    result[jammed] = -10.0 * np.log10(10.0 ** (-0.1 * cn0[jammed]) + density[jammed] * 10.0 ** (-0.1 * carrier[jammed]))
-    return result
+    is_jammed = density > 0.0
+    noise_to_carrier = 10.0 ** (-0.1 * cn0[is_jammed])
+    jamming_to_carrier = density[is_jammed] * 10.0 ** (-0.1 * carrier[is_jammed])
+    effective_cn0 = np.array(cn0)
+    effective_cn0[is_jammed] = -10.0 * np.log10(noise_to_carrier + jamming_to_carrier)
+    return effective_cn0
 
 
 def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: Floats, true: Sight) -> Floats:
@@ -110,13 +120,14 @@ def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: 
     true : Sight, (n_epoch, n_sat)
         True lines of sight.
     """
-    added = np.zeros((*true.distance.shape, 2))
-    for _, card, within, start, _ in active(faults, Spoofing, trajectory.course, t):
+    errors = np.zeros((*true.distance.shape, 2))
+    for _, card, mask, start, _ in active(faults, Spoofing, trajectory.course, t):
         theta = frames.earth_angle(trajectory.theta0, t)
-        velocity = np.einsum("nij,i->nj", frames.rotation_i_n(r_i, theta), np.array(card.velocity))
-        offset = velocity * (t - start)[:, None]
-        moving = velocity + np.cross([0.0, 0.0, OMEGA], offset)
-        false = sight(true.line - offset[:, None], true.moving - moving[:, None])
-        of_both = np.stack([false.distance - true.distance, false.rate - true.rate], axis=2)
-        added += np.where(within[:, None, None], of_both, 0.0)
-    return added
+        # false position and velocity relative to the true ones
+        earth_velocity = np.einsum("nij,i->nj", frames.rotation_i_n(r_i, theta), np.array(card.velocity))
+        offset = earth_velocity * (t - start)[:, None]
+        velocity = earth_velocity + np.cross([0.0, 0.0, OMEGA], offset)
+        false = sight(true.line - offset[:, None], true.moving - velocity[:, None])
+        error = np.stack([false.distance - true.distance, false.rate - true.rate], axis=2)
+        errors += np.where(mask[:, None, None], error, 0.0)
+    return errors

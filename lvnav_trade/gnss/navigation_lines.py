@@ -31,8 +31,8 @@ def number(where: str, text: str, bounds: NumberBounds) -> float:
     try:
         value = bounds.read(text.strip().upper().replace("D", "E"))
     except ValueError:
-        kind = "a whole number" if bounds.read is whole else "a number"
-        raise InputError(f"{where}: {quoted(text)} is not {kind}") from None
+        expected = "a whole number" if bounds.read is whole else "a number"
+        raise InputError(f"{where}: {quoted(text)} is not {expected}") from None
     if not bounds.low <= value <= bounds.high:  # also refuses nan and inf
         raise InputError(f"{where}: {text.strip()} is outside {bounds.low:g} to {bounds.high:g}")
     return value
@@ -46,7 +46,8 @@ def read_lines(path: str | Path, what: str) -> list[str]:
     """
     data = read_bytes(path, DATA_BYTES)
     try:
-        data = _unpacked(path, data) if data.startswith(GZIP_MAGIC) else data
+        if data.startswith(GZIP_MAGIC):
+            data = _unpack(path, data)
     except (EOFError, gzip.BadGzipFile, zlib.error):
         raise InputError(f"{path}: a broken or truncated gzip file") from None
     if data.startswith(COMPRESS_MAGIC):
@@ -56,7 +57,8 @@ def read_lines(path: str | Path, what: str) -> list[str]:
     return data.decode("latin-1").splitlines()
 
 
-def _unpacked(path: str | Path, data: bytes) -> bytes:
+def _unpack(path: str | Path, data: bytes) -> bytes:
+    """Return the content of a gzip file; InputError if it is larger than `DATA_BYTES`."""
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
         content = packed.read(DATA_BYTES + 1)
     if len(content) > DATA_BYTES:

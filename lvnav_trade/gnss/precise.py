@@ -63,24 +63,28 @@ class PreciseEphemerides(NamedTuple):
 
         InputError for times outside the nodes.
         """
-        first, off = self._place(t)
-        which = np.arange(len(self.names))
+        first, steps = self._locate(t)
+        satellite = np.arange(len(self.names))
         values, slopes = _polynomials()
-        r_e, v_e = np.zeros((*off.shape, 3)), np.zeros((*off.shape, 3))
+        r_e = np.zeros((*steps.shape, 3))
+        v_e = np.zeros((*steps.shape, 3))
         for node in range(NODES):
-            place = self.r_e[first + node, which]
-            r_e += place * np.polyval(values[node], off)[..., None]
-            v_e += place * np.polyval(slopes[node], off)[..., None]
+            position = self.r_e[first + node, satellite]
+            r_e += position * np.polyval(values[node], steps)[..., None]
+            v_e += position * np.polyval(slopes[node], steps)[..., None]
         return r_e, v_e / (self.t[1] - self.t[0])
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets, linear between nodes, (..., n_sat) s, without the relativistic term."""
+        n_sat = len(self.names)
         step = self.t[1] - self.t[0]
-        at = np.broadcast_to((t - self.t[0]) / step, np.broadcast_shapes(np.shape(t), (len(self.names),)))
-        below = np.clip(np.floor(at).astype(int), 0, self.t.size - 2)
-        which = np.arange(len(self.names))
-        share = at - below
-        return np.asarray((1.0 - share) * self.clocks[below, which] + share * self.clocks[below + 1, which])
+        place = np.broadcast_to((t - self.t[0]) / step, np.broadcast_shapes(np.shape(t), (n_sat,)))
+        below = np.clip(np.floor(place).astype(int), 0, self.t.size - 2)
+        satellite = np.arange(n_sat)
+        fraction = place - below
+        before = self.clocks[below, satellite]
+        after = self.clocks[below + 1, satellite]
+        return np.asarray((1.0 - fraction) * before + fraction * after)
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term -2 r.v / c^2, (..., n_sat) s, which SP3 clocks do not contain."""
@@ -88,27 +92,29 @@ class PreciseEphemerides(NamedTuple):
         # r.v is the same in rotating axes
         return np.asarray(-2.0 * np.sum(r_e * v_e, axis=-1) / SPEED_OF_LIGHT**2)
 
-    def _place(self, t: Floats) -> tuple[np.ndarray, Floats]:
+    def _locate(self, t: Floats) -> tuple[np.ndarray, Floats]:
         """Return the first node of the polynomial at each time, and the time from its centre in steps."""
-        at = (np.asarray(t, dtype=float) - self.t[0]) / (self.t[1] - self.t[0])
-        at = np.broadcast_to(at, np.broadcast_shapes(at.shape, (len(self.names),)))
-        if at.size and not (-1e-9 <= at.min() and at.max() <= self.t.size - 1 + 1e-9):
+        place = (np.asarray(t, dtype=float) - self.t[0]) / (self.t[1] - self.t[0])
+        place = np.broadcast_to(place, np.broadcast_shapes(place.shape, (len(self.names),)))
+        if place.size and not (-1e-9 <= place.min() and place.max() <= self.t.size - 1 + 1e-9):
             raise InputError(
                 f"orbits: the flight goes beyond them, {self.t[0]:g} to {self.t[-1]:g} s from its lift-off"
             )
-        first = np.clip(np.floor(at).astype(int) - NODES // 2 + 1, 0, self.t.size - NODES)
-        return first, at - first - 0.5 * (NODES - 1)
+        first = np.clip(np.floor(place).astype(int) - NODES // 2 + 1, 0, self.t.size - NODES)
+        centre = 0.5 * (NODES - 1)
+        return first, place - first - centre
 
 
 @lru_cache(maxsize=1)
 def _polynomials() -> tuple[Floats, Floats]:
     """Return the coefficients (by rows) of the Lagrange polynomials for unit steps about zero, and of derivatives."""
-    at = np.arange(NODES) - 0.5 * (NODES - 1)
+    nodes = np.arange(NODES) - 0.5 * (NODES - 1)
     values = []
     for k in range(NODES):
-        others = np.delete(at, k)
-        values.append(np.poly(others) / np.prod(at[k] - others))
-    return np.array(values), np.array([np.polyder(polynomial) for polynomial in values])
+        roots = np.delete(nodes, k)
+        values.append(np.poly(roots) / np.prod(nodes[k] - roots))
+    slopes = [np.polyder(polynomial) for polynomial in values]
+    return np.array(values), np.array(slopes)
 
 
 def read_positions(path: str | Path) -> PreciseFile:
@@ -116,31 +122,54 @@ def read_positions(path: str | Path) -> PreciseFile:
     lines = read_lines(path, "SP3 file")
     if not lines or lines[0][:1] != "#" or lines[0][1:2] not in "abcd":
         raise InputError(f"{path}:1: not an SP3 file of version a to d")
-    system = next((line[9:12].strip() for line in lines if line.startswith("%c")), "")
-    if system not in _TIMES:
-        raise InputError(f"{path}: times are of {system}; GPS or Galileo time is read")
+    _check_time_system(path, lines)
     times: list[float] = []
-    nodes: dict[str, dict[float, tuple[list[float], float]]] = {}
-    for at, line in enumerate(lines, 1):
+    nodes: dict[str, dict[float, _Node]] = {}
+    for line_number, line in enumerate(lines, 1):
+        where = f"{path}:{line_number}"
         if line.startswith("* "):
-            times.append(_time(f"{path}:{at}", line))
+            times.append(_time(where, line))
         elif line.startswith("P") and times:
             name = f"{line[1:2].strip() or 'G'}{line[2:4].strip():0>2}"
-            x, y, z, clock = (_number(f"{path}:{at}", line, k) for k in range(4))
-            nodes.setdefault(name, {})[times[-1]] = ([1e3 * x, 1e3 * y, 1e3 * z], clock)
+            nodes.setdefault(name, {})[times[-1]] = _read_node(where, line)
     t = np.array(times)
     if t.size < 2 * _MARGIN or np.ptp(np.diff(t)) > 1e-6 or t[1] <= t[0]:
         raise InputError(f"{path}: {t.size} epochs; at least {2 * _MARGIN} are needed, evenly spaced")
-    missing = ([0.0, 0.0, 0.0], math.nan)
-    rows = {name: [places.get(time, missing) for time in times] for name, places in nodes.items()}
-    return PreciseFile(
-        t,
-        {
-            name: np.array([place if any(place) else [math.nan] * 3 for place, _ in places])
-            for name, places in rows.items()
-        },
-        {name: np.array([clock for _, clock in places]) for name, places in rows.items()},
-    )
+    r_e = {}
+    clock = {}
+    for name, satellite_nodes in nodes.items():
+        series = [satellite_nodes.get(time, _MISSING) for time in times]
+        r_e[name] = np.array([node.r_e for node in series])
+        clock[name] = np.array([node.clock for node in series])
+    return PreciseFile(t, r_e, clock)
+
+
+class _Node(NamedTuple):
+    """Position (m, frame e) and clock offset (s) of a satellite at a node; NaN if missing."""
+
+    r_e: tuple[float, float, float]
+    clock: float
+
+
+_MISSING = _Node((math.nan, math.nan, math.nan), math.nan)
+
+
+def _read_node(where: str, line: str) -> _Node:
+    """Return the numbers of a position line; a position of zeros is missing."""
+    x, y, z, clock = (_number(where, line, k) for k in range(4))
+    if x == y == z == 0.0:
+        return _Node(_MISSING.r_e, clock)
+    return _Node((1e3 * x, 1e3 * y, 1e3 * z), clock)
+
+
+def _check_time_system(path: str | Path, lines: list[str]) -> None:
+    """Raise InputError if the first line %c names a time system other than those that agree with GPS time."""
+    for line in lines:
+        if line.startswith("%c"):
+            system = line[9:12].strip()
+            if system not in _TIMES:
+                raise InputError(f"{path}: times are of {system}; GPS or Galileo time is read")
+            return
 
 
 def _number(where: str, line: str, k: int) -> float:
@@ -152,10 +181,13 @@ def _number(where: str, line: str, k: int) -> float:
 
 
 def _time(where: str, line: str) -> float:
+    """Return the time of an epoch line, s of GPS time."""
+    words = line[1:].split()
     try:
-        year, month, day, hour, minute = map(whole, line[1:].split()[:5])
-        seconds = decimal(line.split()[6])
-        return (datetime(year, month, day, hour, minute, tzinfo=UTC) - GPS_ORIGIN).total_seconds() + seconds
+        year, month, day, hour, minute = map(whole, words[:5])
+        seconds = decimal(words[5])
+        moment = datetime(year, month, day, hour, minute, tzinfo=UTC)
+        return (moment - GPS_ORIGIN).total_seconds() + seconds
     except (ValueError, IndexError, OverflowError):
         raise InputError(f"{where}: not a time of an SP3 file") from None
 
@@ -178,24 +210,32 @@ def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float
         The nodes of the files are not evenly spaced, the reference is near their ends, or there is no satellite.
     """
     files = sorted(files, key=lambda file: file.t[0])
-    t = np.concatenate([file.t for file in files])
-    t, kept = np.unique(t, return_index=True)
+    all_times = np.concatenate([file.t for file in files])
+    t, first_of_equal = np.unique(all_times, return_index=True)  # consecutive files may share a node
     steps = np.diff(t)
     if np.ptp(steps) > 1e-6:
         raise InputError("the files are not consecutive with equal steps")
-    at = (reference - t[0]) / steps[0]
-    if not _MARGIN - 1 <= at <= t.size - _MARGIN:
-        raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it is at epoch {at:.1f}")
-    near = slice(max(0, int(at) - NODES), int(at) + 2 * NODES)
-    r_e, clocks, taken = [], [], []
+    place = (reference - t[0]) / steps[0]
+    if not _MARGIN - 1 <= place <= t.size - _MARGIN:
+        raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it is at epoch {place:.1f}")
+    near = slice(max(0, int(place) - NODES), int(place) + 2 * NODES)
+    nodes = first_of_equal[near]
+    complete_names = []
+    positions = []
+    clocks = []
     for name in names:
-        place = np.concatenate([file.r_e.get(name, np.full((file.t.size, 3), np.nan)) for file in files])[kept][near]
-        ahead = np.concatenate([file.clock.get(name, np.full(file.t.size, np.nan)) for file in files])[kept][near]
-        if np.isfinite(place).all() and np.isfinite(ahead).all():
-            taken.append(name)
-            r_e.append(place)
-            clocks.append(ahead)
-    if not taken:
+        position = np.concatenate([file.r_e.get(name, np.full((file.t.size, 3), np.nan)) for file in files])[nodes]
+        clock = np.concatenate([file.clock.get(name, np.full(file.t.size, np.nan)) for file in files])[nodes]
+        if np.isfinite(position).all() and np.isfinite(clock).all():
+            complete_names.append(name)
+            positions.append(position)
+            clocks.append(clock)
+    if not complete_names:
         raise InputError("no satellite has position and clock at every epoch near the lift-off")
-    shown = tuple(taken), tuple(name[0] for name in taken)
-    return PreciseEphemerides(*shown, t[near] - reference, np.stack(r_e, axis=1), np.stack(clocks, axis=1))
+    return PreciseEphemerides(
+        names=tuple(complete_names),
+        systems=tuple(name[0] for name in complete_names),
+        t=t[near] - reference,
+        r_e=np.stack(positions, axis=1),
+        clocks=np.stack(clocks, axis=1),
+    )

@@ -38,13 +38,20 @@ def dynamics_at(trajectory: Trajectory, t: Floats) -> Dynamics:
 
     Jerk is the change of specific force in frame i over 0.1 s, which covers jumps of thrust.
     """
-    at = motion(trajectory, t)
-    height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(trajectory.theta0, t)))[2]
-    ends = [np.clip(t + shift, trajectory.start, trajectory.end) for shift in (-HALF_STEP, HALF_STEP)]
-    before, after = (motion(trajectory, end) for end in ends)
-    first, last = (np.einsum("nij,nj->ni", matrices(end.q_b_i), end.f_b) for end in (before, after))
-    jerk = np.linalg.norm(last - first, axis=1) / (ends[1] - ends[0])
-    return Dynamics(np.asarray(height), np.linalg.norm(at.f_b, axis=1), jerk)
+    state = motion(trajectory, t)
+    r_e = ecef_from_eci(state.r_i, earth_angle(trajectory.theta0, t))
+    height = geodetic_from_ecef(r_e)[2]
+    t_before = np.clip(t - HALF_STEP, trajectory.start, trajectory.end)
+    t_after = np.clip(t + HALF_STEP, trajectory.start, trajectory.end)
+    change = _specific_force_i(trajectory, t_after) - _specific_force_i(trajectory, t_before)
+    jerk = np.linalg.norm(change, axis=1) / (t_after - t_before)
+    return Dynamics(np.asarray(height), np.linalg.norm(state.f_b, axis=1), jerk)
+
+
+def _specific_force_i(trajectory: Trajectory, t: Floats) -> Floats:
+    """Return the specific force (n, 3) m/s^2, frame i, at times t (n,) s."""
+    state = motion(trajectory, t)
+    return np.asarray(np.einsum("nij,nj->ni", matrices(state.q_b_i), state.f_b))
 
 
 def factors(
@@ -53,8 +60,8 @@ def factors(
     """Return the factor (n, 1) on the sigma of each measurement at times t (n,) s; the number 1 without tables."""
     if not tables:
         return [1.0 for _ in measurements]
-    at = dynamics_at(trajectory, t)
-    return [noise_factor(tables, measurement, at)[:, None] for measurement in measurements]
+    dynamics = dynamics_at(trajectory, t)
+    return [noise_factor(tables, measurement, dynamics)[:, None] for measurement in measurements]
 
 
 LONGEST_STEP = 0.1  # s; longest step of the channels and their signals
@@ -104,12 +111,12 @@ class _Steps(NamedTuple):
 
     t : (n_step,) s since lift-off.
     owner : (n_step,). Epoch at the end of the interval that the step lies in.
-    each : Number of steps per interval.
+    per_interval : Number of steps per interval.
     """
 
     t: Floats
     owner: Ints
-    each: int
+    per_interval: int
 
 
 class _ReceivedSignals(NamedTuple):
@@ -117,16 +124,16 @@ class _ReceivedSignals(NamedTuple):
 
     antenna : Antenna that receives the satellite best.
     cn0 : dB-Hz. C/N0 in the tracking loops.
-    heard : Whether an antenna receives the signal.
-    held : Whether the loops keep lock.
-    calm : Whether they would keep lock if the vehicle were at rest.
+    received : Whether an antenna receives the signal.
+    locked : Whether the loops keep lock.
+    locked_at_rest : Whether they would keep lock if the vehicle were at rest.
     """
 
     antenna: Ints
     cn0: Floats
-    heard: Bools
-    held: Bools
-    calm: Bools
+    received: Bools
+    locked: Bools
+    locked_at_rest: Bools
 
 
 def receive(
@@ -152,58 +159,95 @@ def receive(
     n_epoch = arrival.t.size
     simple = not receiver.antennas and receiver.link is None and receiver.tracking is None
     if n_epoch == 0 or (simple and antenna_alive is None):
-        return _plain(receiver, arrival)
+        return _simple_reception(receiver, arrival)
     steps = _steps(arrival.t, receiver)
-    heard = _hear(receiver, trajectory, arrival, steps, antenna_alive, faults)
-    at = np.arange(n_epoch) * steps.each
-    cn0 = heard.cn0[at]
+    signals = _receive_signals(receiver, trajectory, arrival, steps, antenna_alive, faults)
+    epoch_steps = np.arange(n_epoch) * steps.per_interval
+    locked = signals.locked[epoch_steps]
     transitions: tuple[ChannelTransition, ...] = ()
     if receiver.tracking is None:  # every step is an epoch
-        tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & heard.held[at], receiver.channels)
+        tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & locked, receiver.channels)
         state = np.where(tracked, TRACK, IDLE).astype(np.int8)
-        held = tracked
+        tracked_at_steps = tracked
     else:
-        signals = _signals(receiver, receiver.tracking, arrival, steps, heard)
-        states, transitions = track(receiver.tracking, receiver.channels, arrival.names, signals)
-        state = states[at]
+        channel_signals = _channel_signals(receiver, receiver.tracking, arrival, steps, signals)
+        states, transitions = track(receiver.tracking, receiver.channels, arrival.names, channel_signals)
+        state = states[epoch_steps]
         # A channel that waits for its signal to return is still in state TRACK but measures nothing.
-        tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
-        held = (states == TRACK) & heard.held & ~arrival.faulty[steps.owner]
-    shown = np.where(heard.heard[at] & (receiver.link is not None), cn0, np.nan)
-    lock = continuous(receiver.cycle_slips, arrival.names, steps.t, steps.owner, held, heard.antenna, heard.cn0)
-    return Reception(tracked, heard.antenna[at], shown, cn0, lock, state, transitions)
+        tracked = (state == TRACK) & locked & ~arrival.faulty
+        tracked_at_steps = (states == TRACK) & signals.locked & ~arrival.faulty[steps.owner]
+    cn0 = signals.cn0[epoch_steps]
+    has_cn0 = signals.received[epoch_steps] & (receiver.link is not None)
+    return Reception(
+        tracked=tracked,
+        antenna=signals.antenna[epoch_steps],
+        cn0=np.where(has_cn0, cn0, np.nan),
+        every_cn0=cn0,
+        continuous=continuous(
+            receiver.cycle_slips,
+            arrival.names,
+            steps.t,
+            steps.owner,
+            tracked_at_steps,
+            signals.antenna,
+            signals.cn0,
+        ),
+        state=state,
+        transitions=transitions,
+    )
 
 
-def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
+def _simple_reception(receiver: ReceiverCard, arrival: Arrival) -> Reception:
     """Return the reception of a receiver that always measures the highest satellites above its mask."""
     tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
-    antenna, state = np.zeros(tracked.shape, dtype=np.int64), np.where(tracked, TRACK, IDLE).astype(np.int8)
+    antenna = np.zeros(tracked.shape, dtype=np.int64)
     unknown = np.full(tracked.shape, np.nan)
-    lock = continuous(
-        receiver.cycle_slips, arrival.names, arrival.t, np.arange(arrival.t.size), tracked, antenna, unknown
+    epochs = np.arange(arrival.t.size)
+    return Reception(
+        tracked=tracked,
+        antenna=antenna,
+        cn0=unknown,
+        every_cn0=unknown,
+        continuous=continuous(
+            receiver.cycle_slips,
+            arrival.names,
+            arrival.t,
+            epochs,
+            tracked,
+            antenna,
+            unknown,
+        ),
+        state=np.where(tracked, TRACK, IDLE).astype(np.int8),
+        transitions=(),
     )
-    return Reception(tracked, antenna, unknown, unknown, lock, state, ())
 
 
 def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
     """Divide all intervals between epochs into the same number of steps; without channels that number is one."""
-    longest = float(np.max(np.diff(t), initial=0.0))
-    count = max(1, math.ceil(longest / LONGEST_STEP - 1e-6)) if receiver.tracking is not None else 1
-    fine, owner = _divided(t, count)
-    return _Steps(np.concatenate([t[:1], fine]), np.concatenate([[0], owner]), count)
+    count = 1
+    if receiver.tracking is not None:
+        longest = float(np.max(np.diff(t), initial=0.0))
+        count = max(1, math.ceil(longest / LONGEST_STEP - 1e-6))
+    ends, owner = _divide(t, count)
+    return _Steps(
+        t=np.concatenate([t[:1], ends]),
+        owner=np.concatenate([[0], owner]),
+        per_interval=count,
+    )
 
 
-def _divided(t: Floats, count: int) -> tuple[Floats, Ints]:
+def _divide(t: Floats, count: int) -> tuple[Floats, Ints]:
     """Return the ends of `count` equal parts of every interval of t, and the index of the end of the interval.
 
     The last part ends exactly at the epoch.
     """
-    fine = t[:-1, None] + np.diff(t)[:, None] * (np.arange(1, count + 1) / count)
-    fine[:, -1] = t[1:]
-    return fine.ravel(), np.repeat(np.arange(1, t.size), count)
+    fractions = np.arange(1, count + 1) / count
+    ends = t[:-1, None] + np.diff(t)[:, None] * fractions
+    ends[:, -1] = t[1:]
+    return ends.ravel(), np.repeat(np.arange(1, t.size), count)
 
 
-def _hear(
+def _receive_signals(
     receiver: ReceiverCard,
     trajectory: Trajectory,
     arrival: Arrival,
@@ -211,33 +255,36 @@ def _hear(
     antenna_alive: Bools | None,
     faults: Sequence[AnyFault],
 ) -> _ReceivedSignals:
-    at = motion(trajectory, steps.t)
+    """Return the signals of all satellites at the steps: best antenna, C/N0 and lock of the loops."""
+    link, loops = receiver.link, receiver.loops
+    state = motion(trajectory, steps.t)
     # u_i' C_b_i: components of the direction in body axes
-    level = gains(receiver.antennas, arrival.direction_i[steps.owner] @ matrices(at.q_b_i))
+    direction_b = arrival.direction_i[steps.owner] @ matrices(state.q_b_i)
+    antenna_gains = gains(receiver.antennas, direction_b)
     if antenna_alive is not None:
-        level = np.where(antenna_alive[steps.owner][:, None, :], level, -np.inf)
-    antenna = np.argmax(level, axis=-1)
-    gain = np.take_along_axis(level, antenna[..., None], axis=-1)[..., 0]
-    heard, link, loops = np.isfinite(gain), receiver.link, receiver.loops
+        antenna_gains = np.where(antenna_alive[steps.owner][:, None, :], antenna_gains, -np.inf)
+    antenna = np.argmax(antenna_gains, axis=-1)
+    gain = np.take_along_axis(antenna_gains, antenna[..., None], axis=-1)[..., 0]
+    received = np.isfinite(gain)
     if link is None:
-        return _ReceivedSignals(antenna, gain, heard, heard, heard)
-    carrier = received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain
-    quiet = carrier_to_noise(link, carrier)
+        return _ReceivedSignals(antenna, gain, received, received, received)
+    power = received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain
+    cn0_at_rest = carrier_to_noise(link, power)
     if any(isinstance(fault, Jamming) for fault in faults):
-        density = jamming_density(faults, link, receiver, trajectory, steps.t, at)
-        quiet = effective(quiet, carrier, np.take_along_axis(density, antenna, axis=1))
+        density = jamming_density(faults, link, receiver, trajectory, steps.t, state)
+        cn0_at_rest = effective(cn0_at_rest, power, np.take_along_axis(density, antenna, axis=1))
     floor = -np.inf if receiver.tracking is None else receiver.tracking.track_above
+    strong_at_rest = received & (cn0_at_rest >= floor)
     if loops is None:
-        held = heard & (quiet >= floor)
-        return _ReceivedSignals(antenna, quiet, heard, held, held)
-    still = np.zeros(quiet.shape)
-    calm = heard & (quiet >= floor) & holds(loops, quiet, still, still + loops.jitter, still)
+        return _ReceivedSignals(antenna, cn0_at_rest, received, strong_at_rest, strong_at_rest)
+    zero = np.zeros(cn0_at_rest.shape)
+    locked_at_rest = strong_at_rest & holds(loops, cn0_at_rest, zero, zero + loops.jitter, zero)
     acceleration, jerk = _dynamics(receiver, loops, trajectory, arrival, steps, antenna)
-    trail = lag(loops, acceleration, jerk, link.wavelength)
-    jitter = shaking(loops, np.linalg.norm(at.f_b, axis=-1))[:, None] + still
-    cn0 = quiet - coherence_loss(loops, trail, jitter)
-    held = heard & (cn0 >= floor) & holds(loops, cn0, trail, jitter, acceleration)
-    return _ReceivedSignals(antenna, cn0, heard, held, calm)
+    loop_lag = lag(loops, acceleration, jerk, link.wavelength)
+    jitter = shaking(loops, np.linalg.norm(state.f_b, axis=-1))[:, None] + zero
+    cn0 = cn0_at_rest - coherence_loss(loops, loop_lag, jitter)
+    locked = received & (cn0 >= floor) & holds(loops, cn0, loop_lag, jitter, acceleration)
+    return _ReceivedSignals(antenna, cn0, received, locked, locked_at_rest)
 
 
 def _dynamics(
@@ -253,44 +300,70 @@ def _dynamics(
     They are means over the response time of the carrier loop, so that a jump of thrust becomes a jerk over that time,
     as in the loop. Rotation contributes through the lever arms of the antennas.
     """
-    shape = antenna.shape
+    acceleration = np.zeros(antenna.shape)
+    jerk = np.zeros(antenna.shape)
     if arrival.t.size < 2:
-        return np.abs(arrival.pull), np.zeros(shape)
-    interval = float(np.max(np.diff(arrival.t))) / steps.each
-    part = max(1, math.ceil(SAMPLES * interval * loops.natural_frequency - 1e-6))
-    fine = np.concatenate([arrival.t[:1], _divided(arrival.t, steps.each * part)[0]])
-    span = np.diff(fine)[:, None]
-    at = motion(trajectory, fine)
-    C_b_i = matrices(at.q_b_i)
-    acceleration, jerk = np.zeros(shape), np.zeros(shape)
+        return np.abs(arrival.pull), jerk
+    longest_step = float(np.max(np.diff(arrival.t))) / steps.per_interval
+    per_step = max(1, math.ceil(SAMPLES * longest_step * loops.natural_frequency - 1e-6))
+    n_interval = arrival.t.size - 1
+    per_interval = steps.per_interval * per_step
+    ends, _ = _divide(arrival.t, per_interval)
+    t = np.concatenate([arrival.t[:1], ends])
+    span = np.diff(t)[:, None]
+    state = motion(trajectory, t)
+    C_b_i = matrices(state.q_b_i)
     towards = np.swapaxes(arrival.direction_i[1:], 1, 2)
-    blocks = (arrival.t.size - 1, steps.each * part, 3)
-    unique, which = np.unique(np.array(receiver.lever_arms), axis=0, return_inverse=True)
-    for number, lever_b in enumerate(unique):
-        v_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
-        # Epochs that latency moves before the start of the flight coincide: no motion over an interval of zero length.
-        mean = np.divide(np.diff(v_i, axis=0), span, out=np.zeros((span.size, 3)), where=span > 0.0)
-        change = np.divide(np.diff(mean, axis=0, prepend=mean[:1]), span, out=np.zeros_like(mean), where=span > 0.0)
-        along = arrival.pull[1:, None, :] - mean.reshape(blocks) @ towards
-        most = (
-            np.abs(value).reshape(-1, part, shape[1]).max(axis=1) for value in (along, change.reshape(blocks) @ towards)
-        )
-        mine = which.ravel()[antenna] == number
-        for whole, largest in zip((acceleration, jerk), most, strict=True):
-            np.copyto(whole[1:], largest, where=mine[1:])
-            np.copyto(whole[:1], largest[:1], where=mine[:1])
+    lever_arms, arm_of_antenna = np.unique(np.array(receiver.lever_arms), axis=0, return_inverse=True)
+    arm = arm_of_antenna.ravel()[antenna]
+    for number, lever_b in enumerate(lever_arms):
+        v_i = state.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(state.w_ib_b, lever_b))
+        mean_acceleration = _rate(np.diff(v_i, axis=0), span)
+        acceleration_change = np.diff(mean_acceleration, axis=0, prepend=mean_acceleration[:1])
+        mean_jerk = _rate(acceleration_change, span)
+        along_line = mean_acceleration.reshape(n_interval, per_interval, 3) @ towards
+        range_acceleration = arrival.pull[1:, None, :] - along_line
+        range_jerk = mean_jerk.reshape(n_interval, per_interval, 3) @ towards
+        _copy_largest(acceleration, range_acceleration, per_step, arm == number)
+        _copy_largest(jerk, range_jerk, per_step, arm == number)
     return acceleration, jerk
 
 
-def _signals(
-    receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, heard: _ReceivedSignals
+def _rate(change: Floats, span: Floats) -> Floats:
+    """Return changes (n, 3) over time spans (n, 1) s; zero over spans of zero length.
+
+    Epochs that latency moves before the start of the flight coincide: no motion over an interval of zero length.
+    """
+    return np.divide(change, span, out=np.zeros_like(change), where=span > 0.0)
+
+
+def _copy_largest(largest: Floats, values: Floats, per_step: int, selected: Bools) -> None:
+    """Set the selected (n_step, n_sat) elements to the largest magnitude of the `per_step` values of each step.
+
+    The first epoch, which no interval precedes, has the value of the first step.
+    """
+    of_step = np.abs(values).reshape(-1, per_step, largest.shape[1]).max(axis=1)
+    np.copyto(largest[1:], of_step, where=selected[1:])
+    np.copyto(largest[:1], of_step[:1], where=selected[:1])
+
+
+def _channel_signals(
+    receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, signals: _ReceivedSignals
 ) -> ChannelSignals:
     """Return the signals as the channels see them; of several causes of loss only the dominant cause is given."""
-    expected, faulty = arrival.expected[steps.owner], arrival.faulty[steps.owner]
-    causes = ((~expected, HIDDEN), (faulty, FAULT), (~heard.heard, DEAF), (heard.held, HELD), (~heard.calm, WEAK))
-    cause = np.select([mask for mask, _ in causes], [code for _, code in causes], DYNAMICS).astype(np.int8)
-    strong = (cause == HELD) & (receiver.link is None or heard.cn0 >= tracking.acquire_above)
-    return ChannelSignals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
+    expected = arrival.expected[steps.owner]
+    # in order of precedence: the first condition that is true gives the cause
+    conditions = [~expected, arrival.faulty[steps.owner], ~signals.received, signals.locked, ~signals.locked_at_rest]
+    causes = [HIDDEN, FAULT, DEAF, HELD, WEAK]
+    cause = np.select(conditions, causes, DYNAMICS).astype(np.int8)
+    strong = (cause == HELD) & (receiver.link is None or signals.cn0 >= tracking.acquire_above)
+    return ChannelSignals(
+        t=steps.t,
+        expected=expected,
+        cause=cause,
+        strong=strong,
+        elevation=arrival.elevation[steps.owner],
+    )
 
 
 def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:
@@ -303,19 +376,24 @@ def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Flo
     cn0 : (n_epoch, n_sat) dB-Hz. C/N0, used with tracking loops only.
     """
     measurements = ("pseudorange", "range_rate", "carrier_phase")
-    of_range, of_rate, of_phase = factors(receiver.noise_by, measurements, trajectory, t)
+    range_factor, rate_factor, phase_factor = factors(receiver.noise_by, measurements, trajectory, t)
     code, rate, phase = _thermal(receiver, cn0)
-    same = receiver.amplification * np.ones(cn0.shape)
-    return code * (of_range * same), rate * (of_rate * same), phase * (of_phase * same)
+    amplification = receiver.amplification * np.ones(cn0.shape)
+    return (
+        code * (range_factor * amplification),
+        rate * (rate_factor * amplification),
+        phase * (phase_factor * amplification),
+    )
 
 
 def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
     """Return the sigmas of range, range rate and carrier phase at one frequency, before the noise tables."""
     loops, link = receiver.loops, receiver.link
-    stated = receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.carrier_phase_sigma
+    card_sigmas = receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.carrier_phase_sigma
     if loops is None or link is None:
-        return stated
+        return card_sigmas
     bounded = np.maximum(cn0, 0.0)  # no loop tracks weaker signals; the bound keeps their sigmas finite
-    code, rate = code_sigma(loops, bounded), rate_sigma(loops, bounded, link.wavelength)
+    code = code_sigma(loops, bounded)
+    rate = rate_sigma(loops, bounded, link.wavelength)
     phase = phase_sigma(loops, bounded) * link.wavelength / (2.0 * math.pi)
-    return np.hypot(stated[0], code), np.hypot(stated[1], rate), np.hypot(stated[2], phase)
+    return np.hypot(card_sigmas[0], code), np.hypot(card_sigmas[1], rate), np.hypot(card_sigmas[2], phase)

@@ -36,14 +36,19 @@ class _ErrorColumns(Card):
 
     def _faults(self) -> Iterator[str]:
         if not self.known_unit:
-            names, known = ", ".join(self.columns), ", ".join(f"_{ending}" for ending in _ENDINGS[self.SI])
-            yield f"unit is missing, and the columns {names} do not all end in one of {known}"
+            names = ", ".join(self.columns)
+            endings = ", ".join(f"_{ending}" for ending in _ENDINGS[self.SI])
+            yield f"unit is missing, and the columns {names} do not all end in one of {endings}"
 
     @property
     def known_unit(self) -> str:
         """Unit of the card, or else the common ending of the columns' names."""
-        common = (end for end in _ENDINGS[self.SI] if all(name.endswith(f"_{end}") for name in self.columns))
-        return self.unit or next(common, "").replace("_", "/")
+        if self.unit:
+            return self.unit
+        for ending in _ENDINGS[self.SI]:
+            if all(name.endswith(f"_{ending}") for name in self.columns):
+                return ending.replace("_", "/")
+        return ""
 
 
 class PositionErrorColumns(_ErrorColumns):
@@ -117,8 +122,10 @@ def recording(card: ErrorTable) -> ErrorRecording:
 @remembered(4)
 def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
     """Return the rows of a card, cached by `identity`: the card and the digest of its file."""
-    parts = [part for part in (card.position, card.velocity) if part is not None]
-    names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
+    names = [card.time.column, *card.position.columns]
+    if card.velocity is not None:
+        names += card.velocity.columns
+    names = list(dict.fromkeys(names))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
     t = (table[:, names.index(card.time.column)] - card.time.liftoff) * si(card.time.unit, "s")
     interval = refuse_unordered(t, card.file, places)
@@ -134,17 +141,37 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
         ),
     )
     errors = np.zeros((t.size, 6))
-    for at, part in zip((0, 3), parts, strict=False):
-        columns = table[:, [names.index(name) for name in part.columns]]
-        errors[:, at : at + 3] = columns * si(part.known_unit, part.SI) * (-1.0 if card.truth_minus_solution else 1.0)
-    with np.errstate(over="ignore"):  # an infinite size is refused as any other beyond the bound
-        size, speed = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
-    for wrong, fault in (
-        (size > _LARGEST, lambda k: f"a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?"),
-        (speed > _FASTEST, lambda k: f"a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?"),
-    ):
-        refuse_first(wrong, card.file, places, fault)
+    errors[:, :3] = _read_errors(table, names, card.position, card.truth_minus_solution)
+    if card.velocity is not None:
+        errors[:, 3:] = _read_errors(table, names, card.velocity, card.truth_minus_solution)
+    _refuse_large(errors, card.file, places)
     return ErrorRecording(t, errors * card.factor, float(t[-1] - t[0]) + median)
+
+
+def _read_errors(table: Floats, names: list[str], columns: _ErrorColumns, truth_minus_solution: bool) -> Floats:
+    """Return the errors (n, 3), solution minus truth, SI, of three columns of a table with columns `names`."""
+    values = table[:, [names.index(name) for name in columns.columns]]
+    sign = -1.0 if truth_minus_solution else 1.0
+    return np.asarray(values * si(columns.known_unit, columns.SI) * sign)
+
+
+def _refuse_large(errors: Floats, file: str, places: list[str]) -> None:
+    """Raise InputError at the first row of errors (n, 6) that cannot be errors of position or velocity."""
+    with np.errstate(over="ignore"):  # an infinite size is refused as any other beyond the bound
+        size = np.linalg.norm(errors[:, :3], axis=1)
+        speed = np.linalg.norm(errors[:, 3:], axis=1)
+    refuse_first(
+        size > _LARGEST,
+        file,
+        places,
+        lambda k: f"a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?",
+    )
+    refuse_first(
+        speed > _FASTEST,
+        file,
+        places,
+        lambda k: f"a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?",
+    )
 
 
 def refuse_short(card: ErrorTable, start: float, end: float) -> None:
@@ -160,16 +187,19 @@ def refuse_short(card: ErrorTable, start: float, end: float) -> None:
 def sampled(card: ErrorTable, t: Floats) -> Floats:
     """Return the errors (n_start, n, 6) for each start at times t (n,) s since lift-off, frame of the table, SI."""
     rows = recording(card)
-    shifts = rows.period * np.arange(card.starts) / card.starts
-    times, errors = rows.t, rows.errors
+    times = rows.t
+    errors = rows.errors
+    sample_times = t[None, :]
     if card.outside == "repeat":
-        times, errors = np.append(times, times[0] + rows.period), np.vstack([errors, errors[:1]])
-        wanted = times[0] + np.mod(t[None, :] + shifts[:, None] - times[0], rows.period)
-    else:
-        wanted = t[None, :]
-    samples = np.stack([np.interp(wanted, times, column) for column in errors.T], axis=-1)
+        start_shifts = rows.period * np.arange(card.starts) / card.starts
+        sample_times = times[0] + np.mod(t[None, :] + start_shifts[:, None] - times[0], rows.period)
+        # the first row again, after a period
+        times = np.append(times, times[0] + rows.period)
+        errors = np.vstack([errors, errors[:1]])
+    samples = np.stack([np.interp(sample_times, times, column) for column in errors.T], axis=-1)
     if card.outside == "zero":
-        samples[(wanted < times[0] - _SLACK) | (wanted > times[-1] + _SLACK)] = 0.0
+        is_outside = (sample_times < times[0] - _SLACK) | (sample_times > times[-1] + _SLACK)
+        samples[is_outside] = 0.0
     return samples
 
 
@@ -190,6 +220,8 @@ def in_frame_i(errors: Floats, frame: str, r_i: Floats, theta: Floats) -> Floats
     """
     if frame == "eci":
         return errors
-    axes = rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)  # from frame i
-    place, speed = (np.einsum("nji,...nj->...ni", axes, part) for part in (errors[..., :3], errors[..., 3:]))
-    return np.concatenate([place, speed + np.cross([0.0, 0.0, OMEGA], place)], axis=-1)
+    rotation_from_i = rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
+    position = np.einsum("nji,...nj->...ni", rotation_from_i, errors[..., :3])
+    velocity = np.einsum("nji,...nj->...ni", rotation_from_i, errors[..., 3:])
+    inertial_velocity = velocity + np.cross([0.0, 0.0, OMEGA], position)
+    return np.concatenate([position, inertial_velocity], axis=-1)

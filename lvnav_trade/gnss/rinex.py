@@ -92,7 +92,7 @@ class NavigationFile(NamedTuple):
 class _RinexField(NamedTuple):
     name: str
     label: str
-    line: int  # of the record, the one of the epoch being 0
+    line: int  # of the record; that of the epoch is 0
     column: int  # 0 to 3; on the first line 1 to 3, behind the epoch
     bounds: NumberBounds
 
@@ -138,6 +138,9 @@ _GLONASS = (
 _ORBIT, _SPEED = (1e7, 5e7), (5e2, 1e4)  # m from the Earth's centre, m/s: those of GLONASS are 2.55e7 and some 3.6e3
 # Differences of a system's time and GPS time in the header, and the letter of the system.
 _OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R", "BDGP": "C"}
+_OFFSET_BOUNDS = NumberBounds(-1e-3, 1e-3)  # s, s/s
+# Coefficients of the Klobuchar model in the header of version 3 and of version 2.
+_COEFFICIENTS = {"GPSA": "alpha", "ION ALPHA": "alpha", "GPSB": "beta", "ION BETA": "beta"}
 # Lines of a record, the epoch's included; later versions of the format add lines at the end.
 _LENGTH = {"G": 8, "E": 8, "C": 8, "R": 4}
 
@@ -176,13 +179,11 @@ def read_navigation(path: str | Path) -> NavigationFile:
     """
     lines = read_lines(path, "RINEX navigation file")
     form = _format(path, lines)
-    end = next((at for at, line in enumerate(lines) if line[LABEL:].strip() == "END OF HEADER"), None)
-    if end is None:
-        raise InputError(f"{path}:{max(1, len(lines))}: ends without 'END OF HEADER'")
+    header = _header(path, lines)
     ephemerides: list[Ephemeris] = []
     states: list[StateVector] = []
     broken: list[BrokenRecord] = []
-    for record in _records(path, form, lines, end + 1):
+    for record in _records(path, form, lines, len(header) + 1):
         try:
             if record.name[0] == "R":
                 states.append(_state(record, form))
@@ -192,107 +193,135 @@ def read_navigation(path: str | Path) -> NavigationFile:
             broken.append(BrokenRecord(record.name, str(error), _is_unhealthy(record, form)))
     if not ephemerides and not states:
         raise InputError(broken[0].fault if broken else f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
-    alpha_beta, offsets = _klobuchar(path, lines[:end]), _offsets(path, lines[:end])
-    return NavigationFile(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets), tuple(broken))
+    return NavigationFile(
+        ephemerides=tuple(ephemerides),
+        states=tuple(states),
+        klobuchar=_klobuchar(path, header),
+        offsets=tuple(_offsets(path, header)),
+        broken=tuple(broken),
+    )
+
+
+def _header(path: str | Path, lines: list[str]) -> list[str]:
+    """Return the lines of the header, without its last line; InputError if it has no end."""
+    for index, line in enumerate(lines):
+        if line[LABEL:].strip() == "END OF HEADER":
+            return lines[:index]
+    raise InputError(f"{path}:{max(1, len(lines))}: ends without 'END OF HEADER'")
 
 
 def _is_unhealthy(record: _Record, form: _Format) -> bool:
     """Return whether a broken record has a readable health word other than zero."""
-    field = next(
-        candidate for candidate in (_GLONASS if record.name[0] == "R" else _KEPLERIAN) if candidate.name == "health"
-    )
+    fields = _GLONASS if record.name[0] == "R" else _KEPLERIAN
+    health = tuple(field for field in fields if field.name == "health")
     try:
-        return _values(record, form, (field,))["health"] != 0.0
+        return _values(record, form, health)["health"] != 0.0
     except InputError:
         return False
 
 
 def _format(path: str | Path, lines: list[str]) -> _Format:
+    """Return the format of the records by the first line; InputError if it is not that of a navigation file."""
     first = lines[0] if lines else ""
     if first[LABEL:].strip() != "RINEX VERSION / TYPE":
         raise InputError(f"{path}:1: not a RINEX file (the first line should end with 'RINEX VERSION / TYPE')")
     version = int(number(f"{path}:1: version", first[:9], NumberBounds(1.0, 9.99)))
-    kind = first[20:21].upper()
     if version not in (2, 3):
         raise InputError(f"{path}:1: RINEX version {first[:9].strip()}; versions 2 and 3 can be read")
-    if kind != "N" and not (version == 2 and kind == "G"):
+    file_type = first[20:21].upper()
+    is_glonass = version == 2 and file_type == "G"
+    if file_type != "N" and not is_glonass:
         raise InputError(f"{path}:1: {first[20:40].strip() or 'no type'!r} is not a RINEX navigation file")
-    return _Format(3, "", 4) if version == 3 else _Format(2, "R" if kind == "G" else "G", 3)
+    return _Format(3, "", 4) if version == 3 else _Format(2, "R" if is_glonass else "G", 3)
 
 
 def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
     """Return alpha and beta if the header has both, else None."""
     coefficients: dict[str, tuple[float, ...]] = {}
-    for at, line in enumerate(header, start=1):
+    for line_number, line in enumerate(header, start=1):
         label = line[LABEL:].strip()
-        name = line[:4] if label == "IONOSPHERIC CORR" else label
-        key = {"GPSA": "alpha", "ION ALPHA": "alpha", "GPSB": "beta", "ION BETA": "beta"}.get(name)
-        if key is not None:
-            start = 5 if label == "IONOSPHERIC CORR" else 2
-            texts = (line[start + 12 * k : start + 12 * (k + 1)] for k in range(4))
-            coefficients[key] = tuple(number(f"{path}:{at}: {label}", text, _ANY) for text in texts)
-    return (coefficients["alpha"], coefficients["beta"]) if len(coefficients) == 2 else None
+        is_version_3 = label == "IONOSPHERIC CORR"
+        key = _COEFFICIENTS.get(line[:4] if is_version_3 else label)
+        if key is None:
+            continue
+        start = 5 if is_version_3 else 2
+        where = f"{path}:{line_number}: {label}"
+        texts = [line[start + 12 * k : start + 12 * (k + 1)] for k in range(4)]
+        coefficients[key] = tuple(number(where, text, _ANY) for text in texts)
+    if len(coefficients) < 2:
+        return None
+    return coefficients["alpha"], coefficients["beta"]
 
 
 def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
-    """Yield the offsets from GPS time that lines TIME SYSTEM CORR of the header state; those from UTC are passed over.
+    """Yield the offsets from GPS time in the lines TIME SYSTEM CORR of the header; those from UTC are passed over.
 
     GAGP, in files before 3.04 named GPGA, is Galileo minus GPS (A0G and A1G of the Galileo OS SIS ICD, section 5.1.8);
     GLGP is GLONASS minus GPS (minus tau_GPS of the GLONASS ICD, section 4.5), constant and without a reference time;
     BDGP is BeiDou minus GPS (A0GPS and A1GPS of the BDS-SIS-ICD, section 5.2.4.17), at second and week of BeiDou time.
     """
-    for at, line in enumerate(header, start=1):
+    for line_number, line in enumerate(header, start=1):
         if line[LABEL:].strip() != "TIME SYSTEM CORR" or line[:4] not in _OFFSETS:
             continue
-        where = f"{path}:{at}: {line[:4]}"
-        bias, drift = (number(where, text, NumberBounds(-1e-3, 1e-3)) for text in (line[5:22], line[22:38]))
-        second, week = (
-            number(where, text, bounds) if text.strip() else 0.0
-            for text, bounds in (
-                (line[38:45], NumberBounds(0.0, SECONDS_PER_WEEK)),
-                (line[45:50], NumberBounds(0.0, 9999.0)),
-            )
-        )
-        letter = _OFFSETS[line[:4]]
+        where = f"{path}:{line_number}: {line[:4]}"
+        bias = number(where, line[5:22], _OFFSET_BOUNDS)
+        drift = number(where, line[22:38], _OFFSET_BOUNDS)
+        second = _number_or_zero(where, line[38:45], NumberBounds(0.0, SECONDS_PER_WEEK))
+        week = _number_or_zero(where, line[45:50], NumberBounds(0.0, 9999.0))
         time = week * SECONDS_PER_WEEK + second
-        yield TimeOffset(letter, bias, drift, time + (BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND) * (letter == "C"))
+        if line[:4] == "BDGP":
+            time += BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND
+        yield TimeOffset(_OFFSETS[line[:4]], bias, drift, time)
+
+
+def _number_or_zero(where: str, text: str, bounds: NumberBounds) -> float:
+    """Return the number in a text, zero if the text is blank."""
+    return number(where, text, bounds) if text.strip() else 0.0
 
 
 def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:
     """Split the lines after the header into the records of the systems that are read."""
     records: list[_Record] = []
-    for at, line in enumerate(lines[start:], start=start + 1):
+    for line_number, line in enumerate(lines[start:], start=start + 1):
         if not line.strip():
             continue
         if form.begins(line):
-            records.append(_Record(str(path), _name(path, at, form, line), at, [line]))
+            name = _name(path, line_number, form, line)
+            records.append(_Record(str(path), name, line_number, [line]))
         elif not records:
-            raise InputError(f"{path}:{at}: a record should begin here with a satellite and a time")
+            raise InputError(f"{path}:{line_number}: a record should begin here with a satellite and a time")
         else:
             records[-1].lines.append(line)
     return [record for record in records if record.name[0] in _LENGTH]
 
 
-def _name(path: str | Path, at: int, form: _Format, line: str) -> str:
+def _name(path: str | Path, line_number: int, form: _Format, line: str) -> str:
+    """Return the name of the satellite at the beginning of a record, such as G05."""
     text = line[: form.margin - 1]
-    system, digits = (form.system, text) if form.system else (text[0], text[1:])
+    system = form.system or text[0]
+    digits = text if form.system else text[1:]
     if not (text.isascii() and system.isalpha() and digits.strip().isdigit()):
-        raise InputError(f"{path}:{at}: {text.strip()!r} is not a satellite{'' if form.system else ' such as G05'}")
+        raise InputError(
+            f"{path}:{line_number}: {text.strip()!r} is not a satellite{'' if form.system else ' such as G05'}"
+        )
     return f"{system}{int(digits):02d}"
 
 
-def _values(record: _Record, form: _Format, wanted: tuple[_RinexField, ...]) -> dict[str, float]:
+def _values(record: _Record, form: _Format, fields: tuple[_RinexField, ...]) -> dict[str, float]:
+    """Return the numbers of some fields of a record, by name; InputError if it is too short or a number is invalid."""
     length = _LENGTH[record.name[0]]
     if len(record.lines) < length:
         last = record.first + len(record.lines) - 1
-        lines = f"{len(record.lines)} lines, not {length}"
-        raise InputError(f"{record.where}:{last}: the record of {record.name} has {lines}")
+        raise InputError(
+            f"{record.where}:{last}: the record of {record.name} has {len(record.lines)} lines, not {length}"
+        )
     values: dict[str, float] = {}
-    for field in wanted:
+    for field in fields:
         start = form.margin + WIDTH * field.column
         where = f"{record.where}:{record.first + field.line}: {record.name} {field.label}"
         text = record.lines[field.line][start : start + WIDTH]
-        values[field.name] = 0.0 if field.bounds is _ANY and not text.strip() else number(where, text, field.bounds)
+        read = _number_or_zero if field.bounds is _ANY else number
+        values[field.name] = read(where, text, field.bounds)
     return values
 
 
@@ -316,25 +345,56 @@ def _moment(record: _Record, form: _Format) -> tuple[datetime, float]:
 
 
 def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
+    """Return the ephemeris of a record of GPS, Galileo or BeiDou."""
     minute, second = _moment(record, form)
     toc = (minute - GPS_ORIGIN).total_seconds() + second
     values = _values(record, form, _KEPLERIAN)
     ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
     if record.name[0] != "E":
         values["data_source"] = 0.0  # for GPS the field tells codes on L2
-    accuracy = values.pop("accuracy")
-    toc += BDT_BEHIND * (record.name[0] == "C")  # its records are in BeiDou time, whose weeks begin with those of GPS
-    return Ephemeris(record.name, toc, toc + ahead, values.pop("health"), values, accuracy)
+    if record.name[0] == "C":
+        toc += BDT_BEHIND  # its records are in BeiDou time, whose weeks begin with those of GPS
+    return Ephemeris(
+        name=record.name,
+        toc=toc,
+        toe=toc + ahead,
+        health=values.pop("health"),
+        accuracy=values.pop("accuracy"),
+        elements=values,
+    )
 
 
 def _state(record: _Record, form: _Format) -> StateVector:
+    """Return the state vector of a record of GLONASS."""
     minute, second = _moment(record, form)
     values = _values(record, form, _GLONASS)
-    r_e, v_e, a_e = ((1e3 * values[f"{q}x"], 1e3 * values[f"{q}y"], 1e3 * values[f"{q}z"]) for q in "rva")
-    for what, vector, (low, high), unit in (("position", r_e, _ORBIT, "m"), ("velocity", v_e, _SPEED, "m/s")):
-        size = math.hypot(*vector)
-        if not low <= size <= high:  # as of a state of zeros
-            where = f"{record.where}:{record.first}: {record.name} {what}"
-            raise InputError(f"{where}: its size of {size:.6g} {unit} is outside {low:g} to {high:g}")
-    time = (minute - GPS_ORIGIN).total_seconds() + leap_seconds(minute) + second
-    return StateVector(record.name, time, values["clock_bias"], values["clock_drift"], r_e, v_e, a_e, values["health"])
+    r_e = _vector(values, "r")
+    v_e = _vector(values, "v")
+    _refuse_size(record, "position", r_e, _ORBIT, "m")
+    _refuse_size(record, "velocity", v_e, _SPEED, "m/s")
+    return StateVector(
+        name=record.name,
+        time=(minute - GPS_ORIGIN).total_seconds() + leap_seconds(minute) + second,
+        clock_bias=values["clock_bias"],
+        clock_drift=values["clock_drift"],
+        r_e=r_e,
+        v_e=v_e,
+        a_e=_vector(values, "a"),
+        health=values["health"],
+    )
+
+
+def _vector(values: dict[str, float], letter: str) -> tuple[float, float, float]:
+    """Return a vector of a GLONASS record in m, m/s or m/s^2; the record has kilometres."""
+    return 1e3 * values[f"{letter}x"], 1e3 * values[f"{letter}y"], 1e3 * values[f"{letter}z"]
+
+
+def _refuse_size(
+    record: _Record, name: str, vector: tuple[float, float, float], limits: tuple[float, float], unit: str
+) -> None:
+    """Raise InputError if the length of a vector is outside its limits, as that of a state of zeros."""
+    size = math.hypot(*vector)
+    low, high = limits
+    if not low <= size <= high:
+        where = f"{record.where}:{record.first}: {record.name} {name}"
+        raise InputError(f"{where}: its size of {size:.6g} {unit} is outside {low:g} to {high:g}")

@@ -12,15 +12,15 @@ from lvnav_trade.gnss.constellation import (
     AlmanacConstellation,
     CombinedConstellation,
     Constellation,
-    Orbits,
     Part,
     PreciseConstellation,
     RinexConstellation,
     orbits,
     parts_of,
 )
+from lvnav_trade.gnss.kepler import Orbits
 from lvnav_trade.gnss.precise import PreciseEphemerides, precise, read_positions
-from lvnav_trade.gnss.rinex import Ephemeris, NavigationFile, StateVector, read_navigation
+from lvnav_trade.gnss.rinex import Ephemeris, NavigationFile, StateVector, TimeOffset, read_navigation
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.input_files import read_bytes
@@ -61,8 +61,13 @@ class CombinedSatellites(NamedTuple):
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
-        r_e, v_e = zip(*(part.ecef(times) for part, times in self._split(t)), strict=True)
-        return np.concatenate(r_e, axis=-2), np.concatenate(v_e, axis=-2)
+        positions = []
+        velocities = []
+        for part, times in self._split(t):
+            r_e, v_e = part.ecef(times)
+            positions.append(r_e)
+            velocities.append(v_e)
+        return np.concatenate(positions, axis=-2), np.concatenate(velocities, axis=-2)
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets from system time, (..., n_sat) s, without the relativistic term."""
@@ -94,27 +99,31 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
         reference time near lift-off; two parts have the same system or satellite; or a time cannot be read.
     """
     if not isinstance(constellation, CombinedConstellation):
-        return _part(constellation, epoch)
-    parts = tuple(_part(part, epoch) for part in constellation.parts)
-    letters = [letter for part in parts for letter in sorted(set(part.systems))]
-    twice = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
-    if twice:
-        raise InputError(f"two parts of the combined constellation give {twice[0]}")
-    whole = CombinedSatellites(parts)
-    repeated = [name for name in whole.names if whole.names.count(name) > 1]
+        return _part_satellites(constellation, epoch)
+    combined = CombinedSatellites(tuple(_part_satellites(part, epoch) for part in constellation.parts))
+    letters: list[str] = []
+    for part in combined.parts:
+        letters += sorted(set(part.systems))
+    shared = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
+    if shared:
+        raise InputError(f"two parts of the combined constellation give {shared[0]}")
+    repeated = [name for name in combined.names if combined.names.count(name) > 1]
     if repeated:  # draws are keyed by name
         raise InputError(f"two parts of the combined constellation name a satellite {repeated[0]}")
-    return whole
+    return combined
 
 
 def content(constellation: Constellation) -> str:
     """Return digests of the files of a constellation, empty without files; InputError if a file cannot be read."""
-    parts = constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
-    files = [file for part in parts for file in _files(part)]
-    return " ".join(hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest() for file in files)
+    digests = []
+    for part in parts_of(constellation):
+        for file in _files(part):
+            digests.append(hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest())
+    return " ".join(digests)
 
 
 def _files(card: Part) -> tuple[str, ...]:
+    """Return the paths of the files of a constellation card."""
     if isinstance(card, RinexConstellation):
         return (card.rinex,) if isinstance(card.rinex, str) else card.rinex
     if isinstance(card, PreciseConstellation):
@@ -122,19 +131,22 @@ def _files(card: Part) -> tuple[str, ...]:
     return (card.almanac,) if isinstance(card, AlmanacConstellation) else ()
 
 
-def _part(card: Part, epoch: str) -> Satellites:
+def _part_satellites(card: Part, epoch: str) -> Satellites:
+    """Return the usable satellites of a constellation that is not combined."""
     if isinstance(card, PreciseConstellation):
-        return _precise_part(card, epoch)
-    return _broadcast_part(card, epoch) if isinstance(card, RinexConstellation) else orbits(card, epoch)
+        return _precise_satellites(card, epoch)
+    if isinstance(card, RinexConstellation):
+        return _broadcast_satellites(card, epoch)
+    return orbits(card, epoch)
 
 
-def _precise_part(card: PreciseConstellation, epoch: str) -> Satellites:
+def _precise_satellites(card: PreciseConstellation, epoch: str) -> Satellites:
     """Return the satellites of files of precise orbits, in the order of their names."""
     files = [read_positions(file) for file in _files(card)]
     letters = [LETTERS[system] for system in card.systems or LETTERS]
-    names = sorted({name for file in files for name in file.r_e if name[0] in letters})
+    names = {name for file in files for name in file.r_e if name[0] in letters}
     try:
-        return precise(files, names, gps_seconds(epoch))
+        return precise(files, sorted(names), gps_seconds(epoch))
     except InputError as error:
         raise InputError(f"{', '.join(_files(card))}: {error}") from None
 
@@ -145,35 +157,49 @@ def _contents(card: RinexConstellation) -> tuple[str, list[NavigationFile], list
     navigation = [read_navigation(file) for file in files]
     records: list[Ephemeris | StateVector] = []
     for file in navigation:
-        records += [*file.ephemerides, *file.states]
-    known = sorted({item.name[0] for item in records})
-    letters = known if card.systems is None else [LETTERS[system] for system in card.systems]
+        records += file.ephemerides
+        records += file.states
+    if card.systems is None:
+        letters = sorted({record.name[0] for record in records})
+    else:
+        letters = [LETTERS[system] for system in card.systems]
     return ", ".join(files), navigation, records, letters
 
 
-def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
+def _broadcast_satellites(card: RinexConstellation, epoch: str) -> Satellites:
     """Return the satellites of navigation files in the order of their names, GLONASS after the other systems."""
     lift_off = gps_seconds(epoch)
-    shown, navigation, records, letters = _contents(card)
-    taken: list[Ephemeris | StateVector] = []
+    files, navigation, records, letters = _contents(card)
+    usable: list[Ephemeris | StateVector] = []
     for letter in letters:
-        latest = nearest((item for item in records if item.name[0] == letter), lift_off)
-        healthy = {name: item for name, item in latest.items() if is_usable(item)}
+        latest = nearest((record for record in records if record.name[0] == letter), lift_off)
+        healthy = [record for record in latest.values() if is_usable(record)]
         if not healthy:
-            broken = next((bad.fault for file in navigation for bad in file.broken if bad.name[0] == letter), "")
-            raise InputError(broken if broken and not latest else f"{shown}: no healthy satellite of {_NAMES[letter]}")
+            fault = "" if latest else _first_fault(navigation, letter)
+            raise InputError(fault or f"{files}: no healthy satellite of {_NAMES[letter]}")
         limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
-        recent = [item for item in healthy.values() if abs(_time(item) - lift_off) <= limit]
+        recent = [record for record in healthy if abs(_time(record) - lift_off) <= limit]
         if not recent:
-            ages = (lift_off - _time(item) for item in healthy.values())
-            raise InputError(f"{shown}: {_too_far(min(ages, key=abs), epoch, _NAMES[letter], limit)}")
-        taken += recent
-    taken.sort(key=lambda item: item.name)
-    keplerian = [item for item in taken if isinstance(item, Ephemeris)]
-    states = [item for item in taken if isinstance(item, StateVector)]
-    if keplerian and states:
-        return CombinedSatellites((broadcast(keplerian, lift_off), integrated(states, lift_off)))
-    return broadcast(keplerian, lift_off) if keplerian else integrated(states, lift_off)
+            ages = [lift_off - _time(record) for record in healthy]
+            raise InputError(f"{files}: {_too_far(min(ages, key=abs), epoch, _NAMES[letter], limit)}")
+        usable += recent
+    usable.sort(key=lambda record: record.name)
+    ephemerides = [record for record in usable if isinstance(record, Ephemeris)]
+    states = [record for record in usable if isinstance(record, StateVector)]
+    if not states:
+        return broadcast(ephemerides, lift_off)
+    if not ephemerides:
+        return integrated(states, lift_off)
+    return CombinedSatellites((broadcast(ephemerides, lift_off), integrated(states, lift_off)))
+
+
+def _first_fault(navigation: list[NavigationFile], letter: str) -> str:
+    """Return the fault of the first broken record of a system, empty if there is none."""
+    for file in navigation:
+        for record in file.broken:
+            if record.name[0] == letter:
+                return record.fault
+    return ""
 
 
 def is_usable(item: Ephemeris | StateVector) -> bool:
@@ -197,13 +223,18 @@ def left_out(constellation: Constellation) -> list[str]:
     for card in parts_of(constellation):
         if not isinstance(card, RinexConstellation):
             continue
-        letters = LETTERS.values() if card.systems is None else [LETTERS[system] for system in card.systems]
+        systems = LETTERS if card.systems is None else card.systems
+        letters = [LETTERS[system] for system in systems]
         for file in _files(card):
-            broken = [bad for bad in read_navigation(file).broken if bad.name[0] in letters and not bad.is_unhealthy]
+            broken = []
+            for record in read_navigation(file).broken:
+                if record.name[0] in letters and not record.is_unhealthy:
+                    broken.append(record)
             if broken:
-                names = ", ".join(sorted({bad.name for bad in broken}))
+                names = ", ".join(sorted({record.name for record in broken}))
                 count = f"{len(broken)} broken record{'s' if len(broken) > 1 else ''} of {names}"
-                lines.append(f"{file}: {count} left out, the first at line {broken[0].fault.removeprefix(f'{file}:')}")
+                place = broken[0].fault.removeprefix(f"{file}:")
+                lines.append(f"{file}: {count} left out, the first at line {place}")
     return lines
 
 
@@ -217,21 +248,30 @@ def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
     """
     ranked: dict[str, tuple[tuple[float, bool], _Item]] = {}
     for item in items:
-        other = isinstance(item, Ephemeris) and item.name[0] == "E" and not int(item.elements["data_source"]) & _INAV_E1
-        rank = (abs(_time(item) - time), other)
+        rank = (abs(_time(item) - time), _is_other_message(item))
         if item.name not in ranked or rank < ranked[item.name][0]:
             ranked[item.name] = (rank, item)
     return {name: item for name, (_, item) in ranked.items()}
 
 
+def _is_other_message(item: Ephemeris | StateVector) -> bool:
+    """Return whether a Galileo record is from a message other than that on E1."""
+    if not isinstance(item, Ephemeris) or item.name[0] != "E":
+        return False
+    return not int(item.elements["data_source"]) & _INAV_E1
+
+
 def _time(item: Ephemeris | StateVector) -> float:
+    """Return the reference time of a record, s of GPS time."""
     return item.toe if isinstance(item, Ephemeris) else item.time
 
 
 def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
+    """Return the message that the nearest ephemeris of a system is older or younger than the limit (s)."""
     size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
-    when = f"{size} {'after' if age > 0.0 else 'before'}"
-    return f"the lift-off {epoch} is {when} the nearest ephemeris of {system}; longest_age allows {limit / 3600.0:g} h"
+    distance = f"{size} {'after' if age > 0.0 else 'before'}"
+    limit_hours = f"{limit / 3600.0:g} h"
+    return f"the lift-off {epoch} is {distance} the nearest ephemeris of {system}; longest_age allows {limit_hours}"
 
 
 def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: str, t: Floats) -> Floats:
@@ -258,17 +298,23 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
     for card in parts_of(constellation):
         if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
             continue
-        shown, navigation, _, letters = _contents(card)
+        files, navigation, _, letters = _contents(card)
         for letter in sorted({*letters} - {"G"}):
-            stated = [offset for file in navigation for offset in file.offsets if offset.system == letter]
-            if not stated:
-                raise InputError(f"{shown}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
-            offset = min(stated, key=lambda correction: abs(gps_seconds(epoch) - correction.time))
+            offset = _nearest_offset(navigation, letter, gps_seconds(epoch))
+            if offset is None:
+                raise InputError(f"{files}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
             age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
-            of_letter = np.array(systems) == letter
-            errors[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
-            errors[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
+            bias = offset.bias + offset.drift * age
+            in_system = np.array(systems) == letter
+            errors[:, in_system, 0] = -SPEED_OF_LIGHT * bias[:, None]
+            errors[:, in_system, 1] = -SPEED_OF_LIGHT * offset.drift
     return errors
+
+
+def _nearest_offset(navigation: list[NavigationFile], letter: str, time: float) -> TimeOffset | None:
+    """Return the offset of a system's time whose reference time is nearest to `time` (s of GPS time)."""
+    offsets = [offset for file in navigation for offset in file.offsets if offset.system == letter]
+    return min(offsets, key=lambda offset: abs(time - offset.time), default=None)
 
 
 def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> Floats:
@@ -279,9 +325,10 @@ def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> 
 
     Errors are those of `satellites`.
     """
-    terms, first = np.zeros(sent.shape), 0
+    terms = np.zeros(sent.shape)
+    first = 0
     for card in parts_of(constellation):
-        part = _part(card, epoch)
+        part = _part_satellites(card, epoch)
         after = first + len(part.names)
         if card.relativity:
             terms[..., first:after] = part.relativity(sent[..., first:after])

@@ -86,8 +86,20 @@ def share(card: TrackingCard, satellite: str, t: float) -> float:
 
     The draw depends on realisation, satellite and time (in milliseconds) only, not on other searches.
     """
-    moment, sources = np.uint64(round(1e3 * t) & 0xFFFFFFFF), (source_word("acquisition"), source_word(satellite))
-    word, _, _, _ = philox(moment, np.uint64(card.realisation), *sources, *seed_words(0))
+    return _uniform(card.realisation, "acquisition", satellite, t)
+
+
+def _uniform(realisation: int, purpose: str, satellite: str, t: float) -> float:
+    """Return a number between 0 and 1 for a satellite and a time t (s), to the millisecond."""
+    milliseconds = np.uint64(round(1e3 * t) & 0xFFFFFFFF)
+    key = seed_words(0)
+    word, _, _, _ = philox(
+        milliseconds,
+        np.uint64(realisation),
+        source_word(purpose),
+        source_word(satellite),
+        *key,
+    )
     return (float(word) + 0.5) / 2.0**32
 
 
@@ -119,101 +131,135 @@ def track(
 
 
 class _Channels:
-    """State of the channels over time; times in s, NaN for none."""
+    """State of the channels over time; times in s, NaN for none.
+
+    state : (n_sat,). State of each satellite, as in `records.TRACKING`.
+    lossy : (n_step, n_sat). Whether the loops lose lock.
+    failing : (n_sat,). Start of the present loss of lock of a busy channel.
+    found : (n_sat,). Time at which the search pass reaches the signal.
+    due : (n_sat,). End of the pass or of the pull-in.
+    lost : (n_sat,). Time of the loss of the satellite.
+    vain : (n_sat,). Number of unsuccessful passes since the last success.
+    next : Earliest of the times `found` and `due`.
+    """
 
     def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: ChannelSignals) -> None:
-        count = len(names)
-        self.card, self.channels, self.names, self.signals = card, channels, names, signals
-        self.state = np.zeros(count, dtype=np.int8)
-        self.gone = signals.cause != HELD
-        # times: start of the present loss of lock of a busy channel; at which the pass reaches the signal; end of the
-        # pass or of the pull-in; loss of the satellite
-        self.failing, self.found, self.due, self.lost = np.full((4, count), np.nan)
-        self.vain = np.zeros(count, dtype=int)  # unsuccessful passes since the last success
-        self.next = np.inf  # earliest of the times found and due
+        n_sat = len(names)
+        self.card = card
+        self.channels = channels
+        self.names = names
+        self.signals = signals
+        self.state = np.zeros(n_sat, dtype=np.int8)
+        self.lossy = signals.cause != HELD
+        self.failing = np.full(n_sat, np.nan)
+        self.found = np.full(n_sat, np.nan)
+        self.due = np.full(n_sat, np.nan)
+        self.lost = np.full(n_sat, np.nan)
+        self.vain = np.zeros(n_sat, dtype=int)
+        self.next = np.inf
         self.transitions: list[ChannelTransition] = []
 
     def begin(self) -> None:
-        up = self.signals.expected[0] & ~self.gone[0]
-        order = np.argsort(-np.where(up, self.signals.elevation[0], -np.inf), kind="stable")
-        for sat in order[: min(self.channels, int(up.sum()))]:
-            self._turn(0, int(sat), TRACK, "tracked from the start")
+        """Track the highest satellites in view from the first step on, as many as there are channels."""
+        in_view = self.signals.expected[0] & ~self.lossy[0]
+        elevation = np.where(in_view, self.signals.elevation[0], -np.inf)
+        order = np.argsort(-elevation, kind="stable")
+        for sat in order[: min(self.channels, int(in_view.sum()))]:
+            self._change_state(0, int(sat), TRACK, "tracked from the start")
 
     def advance(self, step: int) -> None:
         """Advance all channels to a step: losses of lock, then ended searches and pull-ins, then new searches."""
         t = float(self.signals.t[step])
         for sat in np.flatnonzero(~self.signals.expected[step] & (self.state != IDLE)):
-            self.lost[sat], self.vain[sat] = np.nan, 0
-            self._turn(step, int(sat), IDLE, CAUSES[HIDDEN])
-        held = (self.state == TRACK) | (self.state == ACQUIRE)
-        bad = self.gone[step]
-        for sat in np.flatnonzero(held) if np.any(held & (bad | ~np.isnan(self.failing))) else ():
-            self._watch(step, t, int(sat), bool(bad[sat]))
+            self.lost[sat] = np.nan
+            self.vain[sat] = 0
+            self._change_state(step, int(sat), IDLE, CAUSES[HIDDEN])
+        busy = (self.state == TRACK) | (self.state == ACQUIRE)
+        lossy = self.lossy[step]
+        if np.any(busy & (lossy | ~np.isnan(self.failing))):
+            for sat in np.flatnonzero(busy):
+                self._check_lock(step, t, int(sat), bool(lossy[sat]))
         if t >= self.next:
             for sat in np.flatnonzero((self.state == SEARCH) | (self.state == ACQUIRE)):
-                self._end(step, t, int(sat))
+                self._end_pass(step, t, int(sat))
             self._schedule()
-        self._start(step, t)
+        self._start_searches(step, t)
 
-    def _watch(self, step: int, t: float, sat: int, bad: bool) -> None:
+    def _check_lock(self, step: int, t: float, sat: int, is_lossy: bool) -> None:
         """Drop a satellite without lock for longer than the coasting time, or during pull-in."""
-        if not bad:
+        if not is_lossy:
             self.failing[sat] = np.nan
             return
         if np.isnan(self.failing[sat]):
             self.failing[sat] = t
         if t - self.failing[sat] >= self.card.coast or self.state[sat] == ACQUIRE:
-            self.lost[sat] = t if self.state[sat] == TRACK else self.lost[sat]
-            self._rest(step, sat, CAUSES[int(self.signals.cause[step, sat])])
+            if self.state[sat] == TRACK:
+                self.lost[sat] = t
+            cause = int(self.signals.cause[step, sat])
+            self._free_channel(step, sat, CAUSES[cause])
 
-    def _rest(self, step: int, sat: int, reason: str) -> None:
+    def _free_channel(self, step: int, sat: int, reason: str) -> None:
         """Free the channel. A satellite that was tracked before becomes LOST, any other IDLE."""
-        self._turn(step, sat, IDLE if np.isnan(self.lost[sat]) else LOST, reason)
+        self._change_state(step, sat, IDLE if np.isnan(self.lost[sat]) else LOST, reason)
 
-    def _end(self, step: int, t: float, sat: int) -> None:
+    def _end_pass(self, step: int, t: float, sat: int) -> None:
         """End a pass that has reached the signal or its own end, or a pull-in."""
         if self.state[sat] == ACQUIRE:
             if t >= self.due[sat]:
                 self.lost[sat] = np.nan
-                self._turn(step, sat, TRACK, "loops closed")
+                self._change_state(step, sat, TRACK, "loops closed")
         elif t >= self.found[sat] and self.signals.strong[step, sat]:
             self.vain[sat] = 0
-            self._turn(step, sat, ACQUIRE, "found")
+            self._change_state(step, sat, ACQUIRE, "found")
             self.due[sat] = t + self.card.pull_in
         elif t >= self.due[sat]:
             self.vain[sat] += 1
-            self._rest(step, sat, "not found")
+            self._free_channel(step, sat, "not found")
         elif t >= self.found[sat]:
             self.found[sat] = np.inf  # too weak when the pass reached it: the pass continues without success
 
-    def _start(self, step: int, t: float) -> None:
+    def _start_searches(self, step: int, t: float) -> None:
         """Assign free channels and searchers to satellites that are expected in view."""
         waiting = self.signals.expected[step] & ((self.state == IDLE) | (self.state == LOST))
         if not np.any(waiting):
             return
-        searching, acquiring, tracked = (int(np.sum(self.state == state)) for state in (SEARCH, ACQUIRE, TRACK))
-        free = min(self.card.searchers - searching, self.channels - searching - acquiring - tracked)
+        n_search = int(np.sum(self.state == SEARCH))
+        n_acquire = int(np.sum(self.state == ACQUIRE))
+        n_track = int(np.sum(self.state == TRACK))
+        free = min(self.card.searchers - n_search, self.channels - n_search - n_acquire - n_track)
         if free <= 0:
             return
-        aided = self.card.aiding == "fused" or (self.card.aiding == "own" and tracked >= FIX)
-        order = sorted(np.flatnonzero(waiting), key=lambda s: (self.vain[s], -self.signals.elevation[step, s]))
-        for sat in map(int, order[:free]):
-            fresh = t - self.lost[sat] < self.card.memory  # false without an earlier loss (NaN)
-            window = self.card.reacquire_time if fresh else self.card.search_time
-            window *= self.card.aided_factor if aided else 1.0
-            self._turn(step, sat, SEARCH, "aided search" if aided else "search")
-            self.found[sat] = t + window * share(self.card, self.names[sat], t)
-            self.due[sat] = t + window
+        aided = self.card.aiding == "fused" or (self.card.aiding == "own" and n_track >= FIX)
+        elevation = self.signals.elevation[step]
+        order = sorted(np.flatnonzero(waiting).tolist(), key=lambda sat: (self.vain[sat], -elevation[sat]))
+        for sat in order[:free]:
+            recent = t - self.lost[sat] < self.card.memory  # false without an earlier loss (NaN)
+            pass_time = self.card.reacquire_time if recent else self.card.search_time
+            pass_time *= self.card.aided_factor if aided else 1.0
+            self._change_state(step, sat, SEARCH, "aided search" if aided else "search")
+            self.found[sat] = t + pass_time * share(self.card, self.names[sat], t)
+            self.due[sat] = t + pass_time
         self._schedule()
 
-    def _turn(self, step: int, sat: int, state: int, reason: str) -> None:
-        before, after = TRACKING[int(self.state[sat])], TRACKING[state]
-        self.transitions.append(ChannelTransition(float(self.signals.t[step]), self.names[sat], before, after, reason))
+    def _change_state(self, step: int, sat: int, state: int, reason: str) -> None:
+        """Change the state of a satellite and record the transition."""
+        transition = ChannelTransition(
+            float(self.signals.t[step]),
+            self.names[sat],
+            TRACKING[int(self.state[sat])],
+            TRACKING[state],
+            reason,
+        )
+        self.transitions.append(transition)
         self.state[sat] = state
-        self.failing[sat] = self.found[sat] = self.due[sat] = np.nan
+        self.failing[sat] = np.nan
+        self.found[sat] = np.nan
+        self.due[sat] = np.nan
 
     def _schedule(self) -> None:
-        self.next = float(np.fmin(np.fmin(self.found, self.due), np.inf).min(initial=np.inf))
+        """Set the time of the next event of a search or a pull-in; infinite if there is none."""
+        events = np.fmin(self.found, self.due)
+        self.next = float(np.fmin(events, np.inf).min(initial=np.inf))
 
 
 class CycleSlipCard(Card):
@@ -235,19 +281,25 @@ def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
 
     Slips are a Poisson process. The draws depend on realisation, satellite and time (in milliseconds) only.
     """
-    chance = -np.expm1(-card.rate * np.diff(t, prepend=t[:1]))
+    # 1 - exp(-rate dt)
+    probability = -np.expm1(-card.rate * np.diff(t, prepend=t[:1]))
     slips = np.zeros((t.size, len(names)), dtype=np.bool_)
-    for s, name in enumerate(names if card.rate > 0.0 else ()):
-        words = source_word("cycle slip"), source_word(name)
+    if card.rate <= 0.0:
+        return slips
+    for s, name in enumerate(names):
         for step in range(t.size):
-            moment = np.uint64(round(1e3 * t[step]) & 0xFFFFFFFF)
-            word, _, _, _ = philox(moment, np.uint64(card.realisation), *words, *seed_words(0))
-            slips[step, s] = (float(word) + 0.5) / 2.0**32 < chance[step]
+            slips[step, s] = _uniform(card.realisation, "cycle slip", name, t[step]) < probability[step]
     return slips
 
 
 def continuous(
-    card: CycleSlipCard | None, names: tuple[str, ...], t: Floats, owner: Ints, held: Bools, antenna: Ints, cn0: Floats
+    card: CycleSlipCard | None,
+    names: tuple[str, ...],
+    t: Floats,
+    owner: Ints,
+    tracked: Bools,
+    antenna: Ints,
+    cn0: Floats,
 ) -> Bools:
     """Return whether a carrier was tracked without interruption since the previous epoch, (n_epoch, n_sat).
 
@@ -260,20 +312,21 @@ def continuous(
         Steps, rising.
     owner : (n_step,)
         Epoch at the end of the interval of each step; that of the first step is 0.
-    held : (n_step, n_sat) bool
+    tracked : (n_step, n_sat) bool
         Whether the channel tracks its signal.
     antenna : (n_step, n_sat)
         Antenna that receives it.
     cn0 : (n_step, n_sat) dB-Hz
     """
-    locked = held.copy()
+    locked = tracked.copy()
     if card is not None and card.below is not None:
         locked &= cn0 >= card.below
-    going_on = locked.copy()
-    going_on[1:] &= locked[:-1] & (antenna[1:] == antenna[:-1])
-    going_on[:1] = False
+    continues = locked.copy()
+    continues[1:] &= locked[:-1] & (antenna[1:] == antenna[:-1])
+    continues[:1] = False
     if card is not None:
-        going_on &= ~slipped(card, names, t)
-    uninterrupted = np.ones((int(owner[-1]) + 1 if owner.size else 0, len(names)), dtype=np.bool_)
-    np.logical_and.at(uninterrupted, owner, going_on)
+        continues &= ~slipped(card, names, t)
+    n_epoch = int(owner[-1]) + 1 if owner.size else 0
+    uninterrupted = np.ones((n_epoch, len(names)), dtype=np.bool_)
+    np.logical_and.at(uninterrupted, owner, continues)
     return uninterrupted

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.constellation import GM_GPS, Constellation
+from lvnav_trade.gnss.constellation import Constellation
 from lvnav_trade.gnss.fault_cards import AntennaFailure, AnyFault
 from lvnav_trade.gnss.faults import Mask, antennas_alive, lost
+from lvnav_trade.gnss.kepler import GM_GPS
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
 from lvnav_trade.gnss.reception import Arrival, noise_of, receive
 from lvnav_trade.gnss.satellites import Satellites, satellites
@@ -89,8 +90,8 @@ def sky(
 
 def with_noise(heard: ReceivedSatellites, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
     """Return the satellites with the white-noise sigmas of the receiver's measurements."""
-    of_range, of_rate, of_phase = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
-    return heard.sky._replace(range_sigma=of_range, rate_sigma=of_rate, phase_sigma=of_phase)
+    range_sigma, rate_sigma, phase_sigma = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
+    return heard.sky._replace(range_sigma=range_sigma, rate_sigma=rate_sigma, phase_sigma=phase_sigma)
 
 
 def heard_in(
@@ -102,37 +103,45 @@ def heard_in(
     antenna_alive: Mask | None = None,
 ) -> ReceivedSatellites:
     """Return the satellites of `sky` without noise sigmas; parameters and errors as there."""
-    above = satellites(constellation, trajectory.epoch)
+    orbits = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
-    sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
-    seen = sight(sent.r_i - antenna_r[:, None, :], sent.v_i - antenna_v[:, None, :])
-    received = 1.0 - range_rate(seen.direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
-    azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, seen.direction)
+    sent = transmission(orbits, trajectory.theta0, t_epoch, antenna_r)
+    lines = sight(sent.r_i - antenna_r[:, None, :], sent.v_i - antenna_v[:, None, :])
+    azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, lines.direction)
     lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
     visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i, GRAZING_HEIGHT)
-    faulty = np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible))
-    # range acceleration without that of the antenna: a few m/s^2, for the lag of the tracking loops
-    pull = seen.acceleration(falling(sent.r_i, GM_GPS))
-    angle = off_nadir(sent.r_i, seen.direction)
-    arrival = Arrival(t_epoch, above.names, seen.direction, seen.distance, angle, elevation, pull, visible, faulty)
+    arrival = Arrival(
+        t=t_epoch,
+        names=orbits.names,
+        direction_i=lines.direction,
+        distance=lines.distance,
+        off_nadir=off_nadir(sent.r_i, lines.direction),
+        elevation=elevation,
+        # range acceleration without that of the antenna: a few m/s^2, for the lag of the tracking loops
+        pull=lines.acceleration(falling(sent.r_i, GM_GPS)),
+        expected=visible,
+        faulty=np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible)),
+    )
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
         antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
-    received_as = receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict()
-    cn0 = received_as.pop("every_cn0")
+    reception = receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict()
+    cn0 = reception.pop("every_cn0")
     unknown = np.full(cn0.shape, np.nan)
+    # derivative of the time of transmission by the time of reception
+    transmission_rate = 1.0 - range_rate(lines.direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
     noiseless = Sky(
         t=t_epoch,
-        names=above.names,
-        systems=above.systems,
+        names=orbits.names,
+        systems=orbits.systems,
         r_i=sent.r_i,
-        v_i=sent.v_i * received[..., None],  # dr/dt_rx = dr/dt_tx dt_tx/dt_rx
+        v_i=sent.v_i * transmission_rate[..., None],  # dr/dt_rx = dr/dt_tx dt_tx/dt_rx
         azimuth=azimuth,
         elevation=elevation,
         lever_arms=np.array(receiver.lever_arms),
         range_sigma=unknown,
         rate_sigma=unknown,
         phase_sigma=unknown,
-        **received_as,
+        **reception,
     )
     return ReceivedSatellites(noiseless, cn0)
 
@@ -152,16 +161,19 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
     shell = receiver.mask_height
     if shell is None:
         return receiver.mask
-    height = frames.geodetic_from_ecef(frames.ecef_from_eci(antenna_r, frames.earth_angle(theta0, t)))[2]
+    antenna_e = frames.ecef_from_eci(antenna_r, frames.earth_angle(theta0, t))
+    height = frames.geodetic_from_ecef(antenna_e)[2]
     radius = np.linalg.norm(antenna_r, axis=-1) - height
-    dip = -np.arccos(np.clip((radius + shell) / (radius + np.maximum(height, shell)), -1.0, 1.0))
-    return np.asarray(np.where(height > shell, dip, receiver.mask * (1.0 - height / shell)))[:, None]
+    cosine = (radius + shell) / (radius + np.maximum(height, shell))
+    dip = -np.arccos(np.clip(cosine, -1.0, 1.0))
+    sinking = receiver.mask * (1.0 - height / shell)
+    return np.asarray(np.where(height > shell, dip, sinking))[:, None]
 
 
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the antenna in frame i at times t (n_epoch,) s, (n_epoch, 3)."""
-    at = motion(trajectory, t)
-    return point_of(at, frames.matrices(at.q_b_i), np.array(receiver.lever_b))
+    state = motion(trajectory, t)
+    return point_of(state, frames.matrices(state.q_b_i), np.array(receiver.lever_b))
 
 
 def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:

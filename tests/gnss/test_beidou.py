@@ -12,13 +12,12 @@ from ruamel.yaml import YAML
 
 from lvnav_trade.gnss.broadcast import GEOSTATIONARY, broadcast
 from lvnav_trade.gnss.constellation import (
-    EARTH_RATE_BEIDOU,
-    GM_BEIDOU,
     AlmanacConstellation,
     NominalConstellation,
     RinexConstellation,
     orbits,
 )
+from lvnav_trade.gnss.kepler import EARTH_RATE_BEIDOU, GM_BEIDOU
 from lvnav_trade.gnss.rinex import read_navigation
 from lvnav_trade.gnss.satellites import nearest, satellites, time_offsets
 from lvnav_trade.quantities.errors import InputError

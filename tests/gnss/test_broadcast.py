@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lvnav_trade.gnss.broadcast import EARTH_RATE_PZ90, GM_PZ90, acceleration, broadcast, integrated
-from lvnav_trade.gnss.constellation import EARTH_RATE_GPS
+from lvnav_trade.gnss.kepler import EARTH_RATE_GPS
 from lvnav_trade.gnss.rinex import Ephemeris, StateVector, read_navigation
 from lvnav_trade.gnss.satellites import nearest
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT

@@ -2,12 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from ruamel.yaml import YAML
 
-from lvnav_trade.gnss.constellation import AlmanacConstellation, NominalConstellation, eccentric_anomaly, orbits
+from lvnav_trade.gnss.constellation import AlmanacConstellation, NominalConstellation, orbits
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import ecef_from_geodetic, gmst, rotation_e_n
@@ -183,13 +181,6 @@ def test_the_nominal_slots_give_a_dilution_of_six_or_less_nearly_everywhere(gps_
             good.append(np.mean(position_dilution(unit, up) <= 6.0))
             weight.append(math.cos(latitude))
     assert np.average(good, weights=weight) >= 0.98
-
-
-@given(mean=st.floats(-20.0, 20.0), e=st.floats(0.0, 0.95))
-def test_the_eccentric_anomaly_solves_keplers_equation(mean, e):
-    anomaly = eccentric_anomaly(np.array([mean]), np.array([e]))
-    residual = anomaly - e * np.sin(anomaly) - np.mod(mean, 2.0 * math.pi)
-    assert abs(residual[0]) < 1e-12
 
 
 def test_a_constellation_without_slots_or_a_slot_without_unit_is_refused(gps_24):

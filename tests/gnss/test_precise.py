@@ -7,7 +7,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from lvnav_trade.gnss.constellation import Orbits, PreciseConstellation, RinexConstellation
+from lvnav_trade.gnss.constellation import PreciseConstellation, RinexConstellation
+from lvnav_trade.gnss.kepler import Orbits
 from lvnav_trade.gnss.precise import NODES, read_positions
 from lvnav_trade.gnss.satellites import content, satellites
 from lvnav_trade.quantities.errors import InputError

@@ -14,8 +14,7 @@ from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.card_lookup import Shelf, nowhere
-from lvnav_trade.gnss.fault_cards import AnyFault, DeadAxis, Jamming
-from lvnav_trade.gnss.faults import missing_antenna, missing_axis, missing_satellite
+from lvnav_trade.gnss.fault_cards import AnyFault, DeadAxis, Jamming, missing_antenna, missing_axis, missing_satellite
 from lvnav_trade.gnss.satellites import left_out, satellites
 from lvnav_trade.imu.array import axis_counts
 from lvnav_trade.quantities import frames

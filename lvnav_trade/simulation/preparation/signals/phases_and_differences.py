@@ -3,7 +3,7 @@
 import numpy as np
 
 from lvnav_trade.filter.policies.epoch_differences import DifferenceProcessing
-from lvnav_trade.gnss.faults import missing_satellite
+from lvnav_trade.gnss.fault_cards import missing_satellite
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.quantities.error_sources import PHASE_NOISE
