@@ -26,10 +26,11 @@ def kind_of(card: type[SensorCard]) -> str:
 
 def _family() -> tuple[Registration, ...]:
     """Return the registrations of the modules of this folder, in the order of their numbers."""
-    room = __name__.rpartition(".")[0]
-    modules = pkgutil.walk_packages([str(Path(__file__).parent)], f"{room}.")
-    names = [module.name for module in modules if module.name != __name__]
-    members = [member for name in names for member in getattr(importlib.import_module(name), "SENSORS", ())]
+    package = __name__.rpartition(".")[0]
+    members: list[Registration] = []
+    for module in pkgutil.walk_packages([str(Path(__file__).parent)], f"{package}."):
+        if module.name != __name__:
+            members += getattr(importlib.import_module(module.name), "SENSORS", ())
     return tuple(sorted(members, key=lambda member: (member.order, kind_of(member.card))))
 
 

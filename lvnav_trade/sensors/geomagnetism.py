@@ -23,12 +23,15 @@ TESLA = 1e-9
 @lru_cache(maxsize=1)
 def _table() -> tuple[Floats, Floats, Floats]:
     """Return years (n_year,) and coefficients g, h (14, 14, n_year) nT, by degree and order."""
-    lines = [line for line in (files(__package__) / "igrf14.txt").read_text("utf-8").splitlines() if line[:1] != "#"]
+    text = (files(__package__) / "igrf14.txt").read_text("utf-8")
+    lines = [line for line in text.splitlines() if line[:1] != "#"]
     years = np.array(lines[0].split(), dtype=float)
-    g, h = np.zeros((2, DEGREE + 1, DEGREE + 1, years.size))
+    g = np.zeros((DEGREE + 1, DEGREE + 1, years.size))
+    h = np.zeros((DEGREE + 1, DEGREE + 1, years.size))
     for line in lines[1:]:
         n, m, *values = line.split()
-        (g if int(m) >= 0 else h)[int(n), abs(int(m))] = np.array(values, dtype=float)
+        table = g if int(m) >= 0 else h  # orders of h are negative in the file
+        table[int(n), abs(int(m))] = np.array(values, dtype=float)
     return years, g, h
 
 
@@ -36,7 +39,8 @@ def year_of(epoch: str) -> float:
     """Return the decimal year of an ISO 8601 time (UTC)."""
     moment = datetime.fromisoformat(epoch)
     moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
-    start, end = (datetime(moment.year + k, 1, 1, tzinfo=UTC) for k in (0, 1))
+    start = datetime(moment.year, 1, 1, tzinfo=UTC)
+    end = datetime(moment.year + 1, 1, 1, tzinfo=UTC)
     return moment.year + (moment - start) / (end - start)
 
 
@@ -55,8 +59,10 @@ def coefficients(year: float) -> tuple[Floats, Floats]:
     if not years[0] <= year <= years[-1]:
         raise ValueError(f"IGRF-14 is of {years[0]:g} to {years[-1]:g}, not of {year:.1f}")
     after = min(max(int(np.searchsorted(years, year)), 1), years.size - 1)
-    share = (year - years[after - 1]) / (years[after] - years[after - 1])
-    g_now, h_now = ((1.0 - share) * c[..., after - 1] + share * c[..., after] for c in (g, h))
+    before = after - 1
+    fraction = (year - years[before]) / (years[after] - years[before])
+    g_now = (1.0 - fraction) * g[..., before] + fraction * g[..., after]
+    h_now = (1.0 - fraction) * h[..., before] + fraction * h[..., after]
     return g_now, h_now
 
 
@@ -78,22 +84,29 @@ def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
     """
     g, h = coefficients(year)
     r_e = np.asarray(r_e, dtype=float)
-    distance, across = np.linalg.norm(r_e, axis=-1), np.hypot(r_e[..., 0], r_e[..., 1])
-    cosine, sine = r_e[..., 2] / distance, across / distance
-    east = np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(across)], axis=-1) / across[..., None]
+    x, y, z = r_e[..., 0], r_e[..., 1], r_e[..., 2]
+    distance = np.linalg.norm(r_e, axis=-1)
+    across = np.hypot(x, y)
+    cosine = z / distance
+    sine = across / distance
     up = r_e / distance[..., None]
+    east = np.stack([-y, x, np.zeros_like(across)], axis=-1) / across[..., None]
     south = np.cross(east, up)
-    longitude = np.arctan2(r_e[..., 1].copy(), r_e[..., 0].copy())  # contiguous, as in `frames.geodetic_from_ecef`
+    longitude = np.arctan2(y.copy(), x.copy())  # contiguous, as in `frames.geodetic_from_ecef`
     P, dP = legendre(cosine, sine, degree)
-    radial, southward, eastward = (np.zeros_like(distance) for _ in range(3))
+    radial = np.zeros_like(distance)
+    southward = np.zeros_like(distance)
+    eastward = np.zeros_like(distance)
     for n in range(1, degree + 1):
-        shrink = (RADIUS / distance) ** (n + 2)
+        ratio_power = (RADIUS / distance) ** (n + 2)
         for m in range(n + 1):
-            c, s = np.cos(m * longitude), np.sin(m * longitude)
-            along, turned = g[n, m] * c + h[n, m] * s, m * (g[n, m] * s - h[n, m] * c)
-            radial += shrink * (n + 1) * along * P[n][m]
-            southward -= shrink * along * dP[n][m]
-            eastward += shrink * turned * P[n][m] / sine
+            c = np.cos(m * longitude)
+            s = np.sin(m * longitude)
+            harmonic = g[n, m] * c + h[n, m] * s
+            harmonic_slope = m * (g[n, m] * s - h[n, m] * c)  # minus its derivative by longitude
+            radial += ratio_power * (n + 1) * harmonic * P[n][m]
+            southward -= ratio_power * harmonic * dP[n][m]
+            eastward += ratio_power * harmonic_slope * P[n][m] / sine
     return TESLA * (radial[..., None] * up + southward[..., None] * south + eastward[..., None] * east)
 
 
@@ -102,22 +115,28 @@ def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Float
 
     cosine, sine : (...,). Cosine and sine of the colatitude. Derivatives are with respect to the colatitude (rad).
     """
-    ones, zeros = np.ones_like(cosine), np.zeros_like(cosine)
-    P, dP = [[ones]], [[zeros]]
+    P = [[np.ones_like(cosine)]]
+    dP = [[np.zeros_like(cosine)]]
     for n in range(1, degree + 1):
-        row, slope = [], []
+        functions = []
+        slopes = []
         for m in range(n):
-            a, b = (2 * n - 1) / math.sqrt(n * n - m * m), math.sqrt(((n - 1) ** 2 - m * m) / (n * n - m * m))
-            before = P[n - 2][m] if m <= n - 2 else zeros
-            d_before = dP[n - 2][m] if m <= n - 2 else zeros
-            row.append(a * cosine * P[n - 1][m] - (b * before if m <= n - 2 else zeros))
-            falling = a * (cosine * dP[n - 1][m] - sine * P[n - 1][m])
-            slope.append(falling - (b * d_before if m <= n - 2 else zeros))
+            # P_n^m = a cos P_(n-1)^m - b P_(n-2)^m, the last term for m up to n - 2 only
+            a = (2 * n - 1) / math.sqrt(n * n - m * m)
+            function = a * cosine * P[n - 1][m]
+            slope = a * (cosine * dP[n - 1][m] - sine * P[n - 1][m])
+            if m <= n - 2:
+                b = math.sqrt(((n - 1) ** 2 - m * m) / (n * n - m * m))
+                function = function - b * P[n - 2][m]
+                slope = slope - b * dP[n - 2][m]
+            functions.append(function)
+            slopes.append(slope)
+        # P_n^n = c sin P_(n-1)^(n-1)
         c = math.sqrt(1.0 - 1.0 / (2.0 * n)) if n > 1 else 1.0
-        row.append(c * sine * P[n - 1][n - 1])
-        slope.append(c * (sine * dP[n - 1][n - 1] + cosine * P[n - 1][n - 1]))
-        P.append(row)
-        dP.append(slope)
+        functions.append(c * sine * P[n - 1][n - 1])
+        slopes.append(c * (sine * dP[n - 1][n - 1] + cosine * P[n - 1][n - 1]))
+        P.append(functions)
+        dP.append(slopes)
     return P, dP
 
 
@@ -129,5 +148,6 @@ def gradient(r_e: Floats, year: float, degree: int = DEGREE, step: float = 1e3) 
     columns = []
     for axis in range(3):
         offset = step * np.eye(3)[axis]
-        columns.append((field(r_e + offset, year, degree) - field(r_e - offset, year, degree)) / (2.0 * step))
+        difference = field(r_e + offset, year, degree) - field(r_e - offset, year, degree)
+        columns.append(difference / (2.0 * step))
     return np.stack(columns, axis=-1)

@@ -124,12 +124,18 @@ class StationCard(SensorCard, SightConditions):
         yield from super()._faults()
         if abs(self.latitude) > 0.5 * math.pi:
             yield "latitude: is between -90 deg and 90 deg"
-        for name, measured in (("range", "range" in self.measures), ("angle", set(self.measures) != {"range"})):
-            if measured and getattr(self, f"{name}_sigma") == 0.0:
+        yield from self._scalar_faults("range", "range" in self.measures)
+        yield from self._scalar_faults("angle", set(self.measures) != {"range"})
+
+    def _scalar_faults(self, name: str, is_measured: bool) -> Iterator[str]:
+        """Yield the input errors of the fields of ranges or of angles."""
+        if is_measured:
+            if getattr(self, f"{name}_sigma") == 0.0:
                 yield f"{name}_sigma: is missing, or zero; the station measures {name}s"
-            for field in () if measured else (f"{name}_sigma", f"{name}_bias"):
-                if getattr(self, field) > 0.0:
-                    yield f"{field}: no effect: the station measures no {name}"
+            return
+        for field in (f"{name}_sigma", f"{name}_bias"):
+            if getattr(self, field) > 0.0:
+                yield f"{field}: no effect: the station measures no {name}"
 
     @property
     def scalars(self) -> tuple[str, ...]:
@@ -137,37 +143,50 @@ class StationCard(SensorCard, SightConditions):
         return tuple(name for name in SCALARS if name in self.measures)
 
     @property
-    def _own(self) -> list[int]:
+    def _indices(self) -> list[int]:
+        """Indices of the measured scalars in `SCALARS`."""
         return [SCALARS.index(name) for name in self.scalars]
 
     def look(self, flight: FlightView) -> StationSight:
         """Return the lines of sight to the vehicle at the epochs."""
-        shape, C_e_n = (flight.t.size, 3), rotation_e_n(self.latitude, self.longitude)
-        site = ecef_from_geodetic(self.latitude, self.longitude, self.height)
-        place, north, east, up = (
-            eci_from_ecef(np.broadcast_to(v, shape), flight.theta) for v in (site, C_e_n[0], C_e_n[1], -C_e_n[2])
-        )
+        C_e_n = rotation_e_n(self.latitude, self.longitude)
+        site_e = np.array(ecef_from_geodetic(self.latitude, self.longitude, self.height))
+        place = _inertial_vectors(site_e, flight)
+        north = _inertial_vectors(C_e_n[0], flight)
+        east = _inertial_vectors(C_e_n[1], flight)
+        up = _inertial_vectors(-C_e_n[2], flight)
         line = flight.r_i - place
-        n, e, u = (np.sum(line * axis, axis=1) for axis in (north, east, up))
-        level, distance = np.hypot(n, e), np.linalg.norm(line, axis=1)
-        across = (n[:, None] * east - e[:, None] * north) / level[:, None] ** 2
+        n = np.sum(line * north, axis=1)
+        e = np.sum(line * east, axis=1)
+        u = np.sum(line * up, axis=1)
+        level = np.hypot(n, e)
+        distance = np.linalg.norm(line, axis=1)
+        azimuth = np.mod(np.arctan2(e, n), 2.0 * np.pi)
+        elevation = np.arctan2(u, level)
+        # derivatives by position: along the line, across it in the horizontal plane, and across it in the vertical one
+        azimuth_partial = (n[:, None] * east - e[:, None] * north) / level[:, None] ** 2
         ahead = (n[:, None] * north + e[:, None] * east) / level[:, None]
-        rising = (level[:, None] * up - u[:, None] * ahead) / distance[:, None] ** 2
-        values = np.stack([distance, np.mod(np.arctan2(e, n), 2.0 * np.pi), np.arctan2(u, level)], axis=1)
-        partials = np.stack([line / distance[:, None], across, rising], axis=1)
-        return StationSight(values, partials, place, north, east, up)
+        elevation_partial = (level[:, None] * up - u[:, None] * ahead) / distance[:, None] ** 2
+        return StationSight(
+            values=np.stack([distance, azimuth, elevation], axis=1),
+            partials=np.stack([line / distance[:, None], azimuth_partial, elevation_partial], axis=1),
+            place=place,
+            north=north,
+            east=east,
+            up=up,
+        )
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the measured scalars among range (m), azimuth and elevation (rad), (n_epoch, n_scalar)."""
-        return self.look(flight).values[:, self._own]
+        return self.look(flight).values[:, self._indices]
 
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the one-sigma (1, n_scalar) in m or rad."""
-        return np.array([[self.range_sigma, self.angle_sigma, self.angle_sigma]])[:, self._own]
+        return np.array([[self.range_sigma, self.angle_sigma, self.angle_sigma]])[:, self._indices]
 
     def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
         """Return the variance (1, n_scalar) that a filter assumes for the measured scalars."""
-        return model.variance(flight)[:, self._own]
+        return model.variance(flight)[:, self._indices]
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle is above the mask and near enough, (n_epoch,)."""
@@ -177,21 +196,24 @@ class StationCard(SensorCard, SightConditions):
     @property
     def limiting(self) -> str:
         """Its elevation mask, or else its longest range."""
-        return next((name for name in ELEVATIONS if name in self.stated), "longest_range")
+        for name in ELEVATIONS:
+            if name in self.stated:
+                return name
+        return "longest_range"
 
     def known(self, model: SensorModel, flight: FlightView) -> Floats:
         """Return the parameters of the station and the reference of its angles, (n_epoch, 14): `PLACE` to `WHICH`."""
-        look, n = self.look(flight), flight.t.size
+        look = self.look(flight)
         _, azimuth, elevation = look.values.T
         ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
         angles = np.stack([azimuth, elevation, np.cos(elevation), np.sin(elevation)], axis=1)
-        return np.hstack([look.place, ahead, look.up, angles, np.full((n, 1), sum(2**k for k in self._own))])
+        mask = sum(2**k for k in self._indices)
+        return np.hstack([look.place, ahead, look.up, angles, np.full((flight.t.size, 1), mask)])
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return biases, survey error and residual refraction."""
-        time_constant = self.refraction_time or math.inf
         errors = []
-        if 0 in self._own:
+        if 0 in self._indices:
             errors.append(
                 CorrelatedError(
                     "station range bias",
@@ -200,10 +222,10 @@ class StationCard(SensorCard, SightConditions):
                     "range_bias",
                     math.inf,
                     ("",),
-                    lambda flight: self._picked(np.eye(3)[None, :, :1]),
+                    lambda flight: self._select(np.eye(3)[None, :, :1]),
                 )
             )
-        angles = [k for k in self._own if k > 0]
+        angles = [k for k in self._indices if k > 0]
         if angles:
             names = tuple(SCALARS[k] for k in angles)
             errors.append(
@@ -214,32 +236,50 @@ class StationCard(SensorCard, SightConditions):
                     "angle_bias",
                     math.inf,
                     names,
-                    lambda flight: self._picked(np.eye(3)[None, :, angles]),
+                    lambda flight: self._select(np.eye(3)[None, :, angles]),
                 )
             )
-        axes = ("north", "east", "up")
-        return (
-            *errors,
-            CorrelatedError("station survey", "survey", self.survey, "survey", math.inf, axes, self._by_place),
-            CorrelatedError(
-                "refraction", "refraction", self.refraction, "refraction", time_constant, ("",), self._bent
-            ),
+        survey = CorrelatedError(
+            "station survey",
+            "survey",
+            self.survey,
+            "survey",
+            math.inf,
+            ("north", "east", "up"),
+            self._survey_partials,
         )
+        refraction = CorrelatedError(
+            "refraction",
+            "refraction",
+            self.refraction,
+            "refraction",
+            self.refraction_time or math.inf,
+            ("",),
+            self._refraction_partials,
+        )
+        return (*errors, survey, refraction)
 
-    def _picked(self, partials: Floats) -> Floats:
+    def _select(self, partials: Floats) -> Floats:
         """Return partials (n_epoch, 3, n_label) of the scalars that it measures."""
-        return partials[:, self._own]
+        return partials[:, self._indices]
 
-    def _by_place(self, flight: FlightView) -> Floats:
+    def _survey_partials(self, flight: FlightView) -> Floats:
+        """Return the derivative (n_epoch, n_scalar, 3) by the survey error north, east, up."""
         look = self.look(flight)
         axes = np.stack([look.north, look.east, look.up], axis=2)
-        return self._picked(-look.partials @ axes)
+        return self._select(-look.partials @ axes)
 
-    def _bent(self, flight: FlightView) -> Floats:
+    def _refraction_partials(self, flight: FlightView) -> Floats:
         """Return the refraction (n_epoch, n_scalar, 1): excess of the range (m), bending of the elevation (rad)."""
         distance, _, elevation = self.look(flight).values.T
         air = along_line(exponential_refractivity, self.height, np.maximum(elevation, 0.0), distance)
-        return self._picked(np.stack([air.excess, 0.0 * distance, air.bending], axis=1)[:, :, None])
+        refraction = np.stack([air.excess, 0.0 * distance, air.bending], axis=1)
+        return self._select(refraction[:, :, None])
+
+
+def _inertial_vectors(vector_e: Floats, flight: FlightView) -> Floats:
+    """Return a vector that is constant in frame e in frame i at the epochs, (n_epoch, 3)."""
+    return eci_from_ecef(np.broadcast_to(vector_e, (flight.t.size, 3)), flight.theta)
 
 
 @jit
@@ -248,34 +288,53 @@ def fill(H, z, at, observed, nav, known):
 
     known : (14,) parameters by the indices above.
     """
-    x, y, w = nav[R] - known[PLACE], nav[R + 1] - known[PLACE + 1], nav[R + 2] - known[PLACE + 2]
-    fx, fy, fz, ux, uy, uz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2], known[UP], known[UP + 1], known[UP + 2]
-    gx, gy, gz = cross(fx, fy, fz, ux, uy, uz)  # to the right
-    a, b, u = x * fx + y * fy + w * fz, x * gx + y * gy + w * gz, x * ux + y * uy + w * uz
-    level2 = a * a + b * b
-    level, distance2 = sqrt(level2), level2 + u * u
-    distance, which, row, k = sqrt(distance2), int(known[WHICH]), at, 0
+    # line from the station
+    x = nav[R] - known[PLACE]
+    y = nav[R + 1] - known[PLACE + 1]
+    w = nav[R + 2] - known[PLACE + 2]
+    # axes: horizontal reference direction f, g to its right, up u
+    fx, fy, fz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2]
+    ux, uy, uz = known[UP], known[UP + 1], known[UP + 2]
+    gx, gy, gz = cross(fx, fy, fz, ux, uy, uz)
+    forward = x * fx + y * fy + w * fz
+    right = x * gx + y * gy + w * gz
+    up = x * ux + y * uy + w * uz
+    level_square = forward * forward + right * right
+    level = sqrt(level_square)
+    distance_square = level_square + up * up
+    distance = sqrt(distance_square)
+    which = int(known[WHICH])
+    row, k = at, 0
     if which % 2 == 1:
         clear(H[row])
-        H[row, H_POS], H[row, H_POS + 1], H[row, H_POS + 2] = x / distance, y / distance, w / distance
+        H[row, H_POS] = x / distance
+        H[row, H_POS + 1] = y / distance
+        H[row, H_POS + 2] = w / distance
         z[row] = observed[k] - distance
         row, k = row + 1, k + 1
     if which // 2 % 2 == 1:
+        # tan(azimuth - reference) = right / forward
         clear(H[row])
-        p, q = a / level2, b / level2
-        H[row, H_POS], H[row, H_POS + 1], H[row, H_POS + 2] = p * gx - q * fx, p * gy - q * fy, p * gz - q * fz
-        off = observed[k] - known[AZIMUTH]
-        off = where(off > math.pi, off - 2.0 * math.pi, where(off < -math.pi, off + 2.0 * math.pi, off))
-        z[row] = off - angle_of(b, a)
+        p = forward / level_square
+        q = right / level_square
+        H[row, H_POS] = p * gx - q * fx
+        H[row, H_POS + 1] = p * gy - q * fy
+        H[row, H_POS + 2] = p * gz - q * fz
+        offset = observed[k] - known[AZIMUTH]
+        wrapped = where(offset < -math.pi, offset + 2.0 * math.pi, offset)
+        wrapped = where(offset > math.pi, offset - 2.0 * math.pi, wrapped)
+        z[row] = wrapped - angle_of(right, forward)
         row, k = row + 1, k + 1
     if which >= 4:
+        # tan(elevation) = up / level
         clear(H[row])
-        p, q = level / distance2, u / (level * distance2)
-        H[row, H_POS] = p * ux - q * (a * fx + b * gx)
-        H[row, H_POS + 1] = p * uy - q * (a * fy + b * gy)
-        H[row, H_POS + 2] = p * uz - q * (a * fz + b * gz)
+        p = level / distance_square
+        q = up / (level * distance_square)
+        H[row, H_POS] = p * ux - q * (forward * fx + right * gx)
+        H[row, H_POS + 1] = p * uy - q * (forward * fy + right * gy)
+        H[row, H_POS + 2] = p * uz - q * (forward * fz + right * gz)
         c, s = known[COSINE], known[SINE]
-        z[row] = observed[k] - known[ELEVATION] - angle_of(u * c - level * s, level * c + u * s)
+        z[row] = observed[k] - known[ELEVATION] - angle_of(up * c - level * s, level * c + up * s)
 
 
 SENSORS = (

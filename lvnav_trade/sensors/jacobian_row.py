@@ -37,7 +37,8 @@ def turned(c, s, error):
     """
     square = error * error
     # series to the fifth power
-    cosine, sine = 1.0 - 0.5 * square * (1.0 - square / 12.0), error * (1.0 - square / 6.0 * (1.0 - 0.05 * square))
+    cosine = 1.0 - 0.5 * square * (1.0 - square / 12.0)
+    sine = error * (1.0 - square / 6.0 * (1.0 - 0.05 * square))
     return c * cosine - s * sine, s * cosine + c * sine
 
 

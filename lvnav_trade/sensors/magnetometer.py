@@ -56,7 +56,8 @@ class MagnetometerModel(SensorModel):
 
     def known(self, flight: FlightView) -> Floats:
         """Return the map along the flight (n_epoch, 15), frame i: field (T), gradient (T/m), position (m)."""
-        year, r_e = geomagnetism.year_of(flight.epoch), ecef_from_eci(flight.r_i, flight.theta)
+        year = geomagnetism.year_of(flight.epoch)
+        r_e = ecef_from_eci(flight.r_i, flight.theta)
         field = eci_from_ecef(geomagnetism.field(r_e, year, self.degree), flight.theta)
         C_i_e = rotation_i_e(flight.theta)
         gradient = np.swapaxes(C_i_e, 1, 2) @ geomagnetism.gradient(r_e, year, self.degree) @ C_i_e
@@ -84,8 +85,8 @@ class MagnetometerCard(SensorCard):
 
     def matched(self) -> SensorModel:
         """Return the filter model with all numbers of this card and the full degree of the field."""
-        own = {name: getattr(self, name) for name in self.model.model_fields if name != "degree"}
-        return self.model.model_construct(**own)
+        numbers = {name: getattr(self, name) for name in self.model.model_fields if name != "degree"}
+        return self.model.model_construct(**numbers)
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the field (n_epoch, 3) in T, body axes."""
@@ -95,10 +96,25 @@ class MagnetometerCard(SensorCard):
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return hard iron by axis, and soft iron by matrix entry, proportional to the field of the entry's axis."""
-        return (
-            CorrelatedError("hard iron", "hard iron", self.hard_iron, "hard_iron", math.inf, _AXES, each_scalar(3)),
-            CorrelatedError("soft iron", "soft iron", self.soft_iron, "soft_iron", math.inf, SOFT, self._distorted),
+        hard_iron = CorrelatedError(
+            "hard iron",
+            "hard iron",
+            self.hard_iron,
+            "hard_iron",
+            math.inf,
+            _AXES,
+            each_scalar(3),
         )
+        soft_iron = CorrelatedError(
+            "soft iron",
+            "soft iron",
+            self.soft_iron,
+            "soft_iron",
+            math.inf,
+            SOFT,
+            self._soft_iron_partials,
+        )
+        return hard_iron, soft_iron
 
     def refusal(self, epoch: str) -> str:
         """Return why it cannot be simulated: IGRF-14 does not cover every year."""
@@ -106,9 +122,10 @@ class MagnetometerCard(SensorCard):
         covered = first <= geomagnetism.year_of(epoch) <= last
         return "" if covered else f"a flight of {epoch} has no field: IGRF-14 covers {first:.0f} to {last:.0f}"
 
-    def _distorted(self, flight: FlightView) -> Floats:
+    def _soft_iron_partials(self, flight: FlightView) -> Floats:
         """Return the derivative (n_epoch, 3, 9) of the scalars with respect to the entries of the matrix."""
-        derivative, field = np.zeros((flight.t.size, 3, 9)), self.truth(flight)
+        field = self.truth(flight)
+        derivative = np.zeros((flight.t.size, 3, 9))
         for axis in range(3):
             derivative[:, axis, 3 * axis : 3 * axis + 3] = field
         return derivative
@@ -117,14 +134,18 @@ class MagnetometerCard(SensorCard):
 @jit
 def fill(H, z, at, observed, nav, known):
     """Set three Jacobian rows from `at` on, and the innovations (T, body axes); known (15,): map at the epoch."""
-    x, y, w = nav[R] - known[PLACE], nav[R + 1] - known[PLACE + 1], nav[R + 2] - known[PLACE + 2]
+    # field at the estimated position, to first order about the position of the map
+    x = nav[R] - known[PLACE]
+    y = nav[R + 1] - known[PLACE + 1]
+    w = nav[R + 2] - known[PLACE + 2]
     g = GRADIENT
     bx = known[FIELD] + known[g] * x + known[g + 1] * y + known[g + 2] * w
     by = known[FIELD + 1] + known[g + 3] * x + known[g + 4] * y + known[g + 5] * w
     bz = known[FIELD + 2] + known[g + 6] * x + known[g + 7] * y + known[g + 8] * w
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     for axis in range(3):
-        h, cx, cy, cz = H[at + axis], c[axis], c[3 + axis], c[6 + axis]
+        h = H[at + axis]
+        cx, cy, cz = c[axis], c[3 + axis], c[6 + axis]
         clear(h)
         z[at + axis] = observed[axis] - (cx * bx + cy * by + cz * bz)
         h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(cx, cy, cz, bx, by, bz)

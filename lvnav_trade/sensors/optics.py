@@ -26,12 +26,16 @@ def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
     start = datetime.fromisoformat(epoch)
     start = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)
     days = ((start - _J2000) / timedelta(days=1)) + t / 86400.0
-    longitude, anomaly = 280.460 + 0.9856474 * days, np.radians(357.528 + 0.9856003 * days)
-    ecliptic = np.radians(longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2.0 * anomaly))
+    mean_longitude = 280.460 + 0.9856474 * days  # deg
+    anomaly = np.radians(357.528 + 0.9856003 * days)
+    longitude = np.radians(mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2.0 * anomaly))
     obliquity = np.radians(23.439 - 4e-7 * days)
-    declination = np.arcsin(np.sin(obliquity) * np.sin(ecliptic))
+    sin_longitude = np.sin(longitude)
+    declination = np.arcsin(np.sin(obliquity) * sin_longitude)
+    right_ascension = np.arctan2(np.cos(obliquity) * sin_longitude, np.cos(longitude))
+    sidereal_time = gmst(epoch) + OMEGA * t
     # right ascension minus sidereal time is the angle from Greenwich, whose meridian is at theta in frame i
-    angle = np.arctan2(np.cos(obliquity) * np.sin(ecliptic), np.cos(ecliptic)) - (gmst(epoch) + OMEGA * t) + theta
+    angle = right_ascension - sidereal_time + theta
     across = np.cos(declination)
     return np.stack([across * np.cos(angle), across * np.sin(angle), np.sin(declination)], axis=-1)
 
@@ -42,8 +46,10 @@ Direction = tuple[float, float, float]
 def axes_of(boresight: Direction) -> Floats:
     """Return the quaternion (4,) from sensor axes to body axes: z along the boresight, x and y across it."""
     z = unit(np.array(boresight))
-    x = unit(np.cross(np.eye(3)[np.argmin(np.abs(z))], z))
-    return np.asarray(quaternions(np.stack([x, np.cross(z, x), z], axis=-1)[None])[0])
+    farthest_axis = np.eye(3)[np.argmin(np.abs(z))]
+    x = unit(np.cross(farthest_axis, z))
+    C_s_b = np.stack([x, np.cross(z, x), z], axis=-1)
+    return np.asarray(quaternions(C_s_b[None])[0])
 
 
 def no_direction(boresight: Direction) -> Iterator[str]:
@@ -54,7 +60,8 @@ def no_direction(boresight: Direction) -> Iterator[str]:
 
 def angle(a: Floats, b: Floats) -> Floats:
     """Return the angle (n,) rad between unit vectors (n, 3)."""
-    return np.asarray(np.arccos(np.clip(np.sum(a * b, axis=1), -1.0, 1.0)))
+    cosine = np.sum(a * b, axis=1)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def earth_disc(flight: FlightView) -> tuple[Floats, Floats]:
@@ -63,4 +70,6 @@ def earth_disc(flight: FlightView) -> tuple[Floats, Floats]:
     The Earth is approximated by a sphere through the point below the vehicle.
     """
     distance = np.linalg.norm(flight.r_i, axis=1)
-    return -flight.r_i / distance[:, None], np.arcsin(np.clip(1.0 - flight.height / distance, 0.0, 1.0))
+    down = -flight.r_i / distance[:, None]
+    sine = 1.0 - flight.height / distance  # radius of the sphere over distance
+    return down, np.arcsin(np.clip(sine, 0.0, 1.0))

@@ -22,9 +22,11 @@ def range_row(h, at, ux, uy, uz, distance, clock_bias):
     h[H_POS], h[H_POS + 1], h[H_POS + 2] = -ux, -uy, -uz
     # a small rotation phi moves the antenna by phi x l: -u . (phi x l) = phi . (u x l)
     h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(ux, uy, uz, at[6], at[7], at[8])
+    zero = 0.0 * ux
     for i in range(3):
-        h[H_VEL + i], h[H_RATE + i] = 0.0 * ux, 0.0 * ux
-    h[H_CLOCK] = 0.0 * ux + 1.0
+        h[H_VEL + i] = zero
+        h[H_RATE + i] = zero
+    h[H_CLOCK] = zero + 1.0
     return distance + clock_bias
 
 
@@ -51,12 +53,18 @@ def rate_row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
 
     Other arguments are those of `range_row`.
     """
-    wx, wy, wz = satellite_velocity[0] - at[3], satellite_velocity[1] - at[4], satellite_velocity[2] - at[5]
+    # velocity of the satellite relative to the antenna, and its component along the line of sight
+    wx = satellite_velocity[0] - at[3]
+    wy = satellite_velocity[1] - at[4]
+    wz = satellite_velocity[2] - at[5]
     along = ux * wx + uy * wy + uz * wz
-    scale = -1.0 / distance
     # derivative by position: minus the velocity across the line over the distance
-    px, py, pz = scale * (wx - along * ux), scale * (wy - along * uy), scale * (wz - along * uz)
+    scale = -1.0 / distance
+    px = scale * (wx - along * ux)
+    py = scale * (wy - along * uy)
+    pz = scale * (wz - along * uz)
     h[H_POS], h[H_POS + 1], h[H_POS + 2] = px, py, pz
+    # a small rotation changes position and velocity of the antenna: arms at[6:9] and at[9:12]
     ax, ay, az = cross(at[6], at[7], at[8], px, py, pz)
     bx, by, bz = cross(ux, uy, uz, at[9], at[10], at[11])
     h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = ax + bx, ay + by, az + bz

@@ -119,18 +119,23 @@ class Channels(NamedTuple):
     @property
     def first(self) -> tuple[int, ...]:
         """First channel of each sensor."""
-        counts = [0, *(len(sensor.labels) for sensor in self.sensors)]
-        return tuple(self.n_receiver + sum(counts[: k + 1]) for k in range(len(self.sensors)))
+        channels = []
+        channel = self.n_receiver
+        for sensor in self.sensors:
+            channels.append(channel)
+            channel += len(sensor.labels)
+        return tuple(channels)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the channels: observables satellite by satellite, or axes of the solution, then those of sensors."""
         if self.tight:
-            labels = [f"{name} {LABELS[what]}" for name in self.satellites for what in self.observables]
+            names = [f"{satellite} {LABELS[name]}" for satellite in self.satellites for name in self.observables]
         else:
-            labels = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
-        labels += [" ".join((s.name, label)).strip() for s in self.sensors for label in s.labels]
-        return tuple(labels)
+            names = [f"{vector} {axis}" for vector in ("position", "velocity") for axis in "xyz"]
+        for sensor in self.sensors:
+            names += [f"{sensor.name} {label}".strip() for label in sensor.labels]
+        return tuple(names)
 
 
 class MeasurementGeometry(NamedTuple):
@@ -177,35 +182,55 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     member : (n_channel,)
         Component in each channel, -1 none.
     """
-    member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
     if kind in RELATIVE.values():
-        for at, sensor in zip(channels.first, channels.sensors, strict=True):
-            if RELATIVE.get(sensor.measures) == kind:
-                member[at : at + 3] = range(3)
-        return ("x", "y", "z") if np.any(member >= 0) else (), member
+        return _relative_members(kind, channels)
     if not channels.tight:
-        if kind not in SOLUTION_KINDS:
-            return (), member
-        axes = {"position_bias": [0, 1, 2, -1, -1, -1], "velocity_bias": [-1, -1, -1, 0, 1, 2]}
-        member[:n] = axes.get(kind, 0)
-        return ("x", "y", "z") if kind in axes else ("",), member
+        return _solution_members(kind, channels)
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
     if kind not in SATELLITE_KINDS:
         return (), member
     if kind in OF_ONE and OF_ONE[kind] not in channels.further:
         return (), member
-    if kind == "range_bias" or kind in OF_ONE or kind in BY_SATELLITE:
-        labels = tuple(name for name, seen in zip(channels.satellites, channels.seen, strict=True) if seen)
-        owner = [labels.index(n) if n in labels else -1 for n in channels.satellites]
-    elif kind == "time_offset":
-        reference = "G" if "G" in channels.systems else channels.systems[0]
-        labels = tuple(s for s in dict.fromkeys(channels.systems) if s != reference)
-        owner = [labels.index(s) if s in labels else -1 for s in channels.systems]
-    else:
-        labels, owner = ("",), [0] * len(channels.satellites)
+    labels, owner = _satellite_members(kind, channels)
     for observable in channels.observables:
         if _is_in(kind, observable):
             member[channels.of(observable)] = owner
     return labels, member
+
+
+def _relative_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+    """Return labels and members, see `members`, of a relative bias of two IMUs."""
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    for first, sensor in zip(channels.first, channels.sensors, strict=True):
+        if RELATIVE.get(sensor.measures) == kind:
+            member[first : first + 3] = range(3)
+    labels = ("x", "y", "z") if np.any(member >= 0) else ()
+    return labels, member
+
+
+def _solution_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+    """Return labels and members, see `members`, of an error of the receiver's solution."""
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    if kind not in SOLUTION_KINDS:
+        return (), member
+    axes = {"position_bias": [0, 1, 2, -1, -1, -1], "velocity_bias": [-1, -1, -1, 0, 1, 2]}
+    member[: channels.n_receiver] = axes.get(kind, 0)
+    labels = ("x", "y", "z") if kind in axes else ("",)
+    return labels, member
+
+
+def _satellite_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], list[int]]:
+    """Return the labels of an error of the satellites, and the component of each satellite, -1 none."""
+    if kind == "range_bias" or kind in OF_ONE or kind in BY_SATELLITE:
+        owners = channels.satellites
+        labels = tuple(name for name, seen in zip(owners, channels.seen, strict=True) if seen)
+    elif kind == "time_offset":
+        owners = channels.systems
+        reference = "G" if "G" in owners else owners[0]
+        labels = tuple(system for system in dict.fromkeys(owners) if system != reference)
+    else:
+        return ("",), [0] * len(channels.satellites)
+    return labels, [labels.index(name) if name in labels else -1 for name in owners]
 
 
 def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, Ints, Floats]]:
@@ -248,36 +273,48 @@ def partial(kind: str, geometry: MeasurementGeometry, channels: Channels) -> Flo
         Biases and lever arms: m/m and (m/s)/m. Scale factors of delays: m and m/s. Timing error: m/s and m/s^2,
         negative, because a measurement with latency s is that of s seconds earlier.
     """
-    derivative, n = np.zeros((len(geometry.rate), channels.n_channel)), channels.n_receiver
+    derivative = np.zeros((len(geometry.rate), channels.n_channel))
     if channels.tight:
         for observable in channels.observables:
-            derivative[:, channels.of(observable)] = _of_range(kind, geometry, observable)
+            derivative[:, channels.of(observable)] = _range_partial(kind, geometry, observable)
     else:
-        first, second = slice(0, 3), slice(3, n)
-        pairs: dict[str, Any] = {
-            "timing": (-geometry.velocity, -geometry.push),
-            "troposphere_scale": np.hsplit(geometry.solution_troposphere, 2),
-            "ionosphere_scale": np.hsplit(geometry.solution_ionosphere, 2),
-            **dict.fromkeys(("position_bias", "velocity_bias"), (1.0, 1.0)),
-        }
-        derivative[:, first], derivative[:, second] = pairs.get(BY_SATELLITE.get(kind, kind), (0.0, 0.0))
+        position, velocity = _solution_partials(kind, geometry)
+        derivative[:, :3] = position
+        derivative[:, 3 : channels.n_receiver] = velocity
     return derivative
 
 
-def _of_range(kind: str, geometry: MeasurementGeometry, observable: str) -> Any:
+def _solution_partials(kind: str, geometry: MeasurementGeometry) -> tuple[Any, Any]:
+    """Return the derivatives (n_epoch, 3), or single numbers, of position and velocity of a solution, see `partial`."""
+    kind = BY_SATELLITE.get(kind, kind)
+    if kind == "timing":
+        return -geometry.velocity, -geometry.push
+    if kind == "troposphere_scale":
+        return geometry.solution_troposphere[:, :3], geometry.solution_troposphere[:, 3:]
+    if kind == "ionosphere_scale":
+        return geometry.solution_ionosphere[:, :3], geometry.solution_ionosphere[:, 3:]
+    if kind in ("position_bias", "velocity_bias"):
+        return 1.0, 1.0
+    return 0.0, 0.0
+
+
+def _range_partial(kind: str, geometry: MeasurementGeometry, observable: str) -> Any:
     """Return the derivative (n_epoch, n_sat), or a single number, of an observable of the satellites, see `partial`.
 
     For a difference of two epochs it is the derivative with respect to the error at the later epoch.
     """
-    # the ionosphere delays the code and advances the carrier
-    is_rate, carrier = observable == "range_rate", -1.0 if observable in PHASES else 1.0
     if kind in (*RANGE_ONLY, *RATE_ONLY, *OF_ONE):
         return float(_is_in(kind, observable))
-    order = int(is_rate)
-    pairs: dict[str, Any] = {
-        "timing": (-geometry.rate, -geometry.acceleration)[order],
-        "troposphere_scale": geometry.troposphere[..., order],
-        "ionosphere_scale": carrier * geometry.ionosphere[..., order],
-        **{axis: geometry.lever[:, :, order, i] for i, axis in enumerate(LEVER_AXES)},
-    }
-    return pairs.get(BY_SATELLITE.get(kind, kind), 0.0)
+    order = int(observable == "range_rate")
+    kind = BY_SATELLITE.get(kind, kind)
+    if kind == "timing":
+        return (-geometry.rate, -geometry.acceleration)[order]
+    if kind == "troposphere_scale":
+        return geometry.troposphere[..., order]
+    if kind == "ionosphere_scale":
+        # the ionosphere delays the code and advances the carrier
+        sign = -1.0 if observable in PHASES else 1.0
+        return sign * geometry.ionosphere[..., order]
+    if kind in LEVER_AXES:
+        return geometry.lever[:, :, order, LEVER_AXES.index(kind)]
+    return 0.0

@@ -12,16 +12,21 @@ def row(h, at, scalar):
     at : (21,) antenna state, as `line_of_sight.antenna` sets it.
     scalar : 0 to 5, index of the scalar.
     """
-    zero, axis = 0.0 * at[0], scalar % 3
-    first = scalar - axis  # 0 or 3
+    zero = 0.0 * at[0]
+    axis = scalar % 3
+    second = (axis + 1) % 3
+    third = (axis + 2) % 3
+    is_velocity = scalar >= 3
     for i in range(3):
-        h[H_POS + i], h[H_VEL + i] = zero, zero
-        h[H_RATE + i] = at[12 + 3 * axis + i] if first == 3 else zero
-    h[(H_VEL if first == 3 else H_POS) + axis] = zero + 1.0
+        h[H_POS + i] = zero
+        h[H_VEL + i] = zero
+        h[H_RATE + i] = at[12 + 3 * axis + i] if is_velocity else zero
+    h[(H_VEL if is_velocity else H_POS) + axis] = zero + 1.0
     # a small rotation phi moves the antenna by phi x l, and changes its velocity by phi x (w x l)
+    arm = 9 if is_velocity else 6
     h[H_ATT + axis] = zero
-    h[H_ATT + (axis + 1) % 3] = at[6 + first + (axis + 2) % 3]
-    h[H_ATT + (axis + 2) % 3] = -at[6 + first + (axis + 1) % 3]
+    h[H_ATT + second] = at[arm + third]
+    h[H_ATT + third] = -at[arm + second]
     h[H_CLOCK] = zero
     return at[scalar]
 

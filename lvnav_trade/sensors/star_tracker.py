@@ -109,42 +109,41 @@ class StarTrackerCard(SensorCard):
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether Sun, limb and rate allow a solution, (n_epoch,)."""
-        on = np.ones(flight.t.size, dtype=np.bool_)
-        looking = matrices(self.truth(flight))[:, :, 2]
+        is_available = np.ones(flight.t.size, dtype=np.bool_)
+        boresight = matrices(self.truth(flight))[:, :, 2]
         down, limb = earth_disc(flight)
         if self.sun_exclusion is not None:
             sun = sun_direction(flight.epoch, flight.t, flight.theta)
-            on &= (angle(looking, sun) >= self.sun_exclusion) | (angle(down, sun) < limb)
+            is_hidden = angle(down, sun) < limb
+            is_available &= (angle(boresight, sun) >= self.sun_exclusion) | is_hidden
         if self.limb_exclusion is not None:
-            on &= angle(looking, down) - limb >= self.limb_exclusion
+            is_available &= angle(boresight, down) - limb >= self.limb_exclusion
         if self.highest_rate is not None:
-            on &= np.linalg.norm(flight.w_ib_b, axis=1) <= self.highest_rate
-        return on
+            is_available &= np.linalg.norm(flight.w_ib_b, axis=1) <= self.highest_rate
+        return is_available
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return misalignment and low-frequency error, independent on the three axes."""
-        time = self.low_frequency_time or math.inf
-        each = each_scalar(len(self.labels))
-        return (
-            CorrelatedError(
-                "star tracker misalignment",
-                "misalignment",
-                self.misalignment,
-                "misalignment",
-                math.inf,
-                self.labels,
-                each,
-            ),
-            CorrelatedError(
-                "star tracker low-frequency error",
-                "low frequency",
-                self.low_frequency,
-                "low_frequency",
-                time,
-                self.labels,
-                each,
-            ),
+        partials = each_scalar(len(self.labels))
+        misalignment = CorrelatedError(
+            "star tracker misalignment",
+            "misalignment",
+            self.misalignment,
+            "misalignment",
+            math.inf,
+            self.labels,
+            partials,
         )
+        low_frequency = CorrelatedError(
+            "star tracker low-frequency error",
+            "low frequency",
+            self.low_frequency,
+            "low_frequency",
+            self.low_frequency_time or math.inf,
+            self.labels,
+            partials,
+        )
+        return misalignment, low_frequency
 
 
 @jit
@@ -163,14 +162,16 @@ def fill(H, z, at, observed, nav, known):
 
     The innovation is the small rotation (rad, sensor axes) from estimate to measurement.
     """
+    # estimated attitude of the tracker, and the rotation from it to the measured attitude
     s0, s1, s2, s3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
     d0, d1, d2, d3 = multiply(s0, -s1, -s2, -s3, observed[0], observed[1], observed[2], observed[3])
     z[at], z[at + 1], z[at + 2] = rotation_vector(d0, d1, d2, d3)
     c = matrix(s0, s1, s2, s3)
     for scalar in range(3):
-        clear(H[at + scalar])
+        h = H[at + scalar]
+        clear(h)
         for axis in range(3):
-            H[at + scalar, H_ATT + axis] = c[3 * axis + scalar]
+            h[H_ATT + axis] = c[3 * axis + scalar]
 
 
 SENSORS = (

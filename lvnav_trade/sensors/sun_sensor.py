@@ -88,8 +88,10 @@ class SunSensorCard(SensorCard):
     def available(self, flight: FlightView) -> Bools:
         """Return whether the Sun is in the field of view and its whole disc above the limb, (n_epoch,)."""
         down, limb = earth_disc(flight)
-        lit = angle(down, sun_direction(flight.epoch, flight.t, flight.theta)) >= limb + SEMIDIAMETER
-        return np.asarray(lit & (self._sun(flight)[:, 2] >= math.cos(self.field_of_view)))
+        from_down = angle(down, sun_direction(flight.epoch, flight.t, flight.theta))
+        is_above_limb = from_down >= limb + SEMIDIAMETER
+        is_in_view = self._sun(flight)[:, 2] >= math.cos(self.field_of_view)
+        return np.asarray(is_above_limb & is_in_view)
 
     @property
     def limiting(self) -> str:
@@ -122,15 +124,24 @@ def fill(H, z, at, observed, nav, known):
     sx, sy, sz = known[SUN], known[SUN + 1], known[SUN + 2]
     ahead = c[2] * sx + c[5] * sy + c[8] * sz
     for scalar in range(2):
-        h, ex, ey, ez = H[at + scalar], c[scalar], c[3 + scalar], c[6 + scalar]
+        h = H[at + scalar]
+        ex, ey, ez = c[scalar], c[3 + scalar], c[6 + scalar]
         side = ex * sx + ey * sy + ez * sz
-        cosine, sine = observed[2 * scalar], observed[2 * scalar + 1]
+        # innovation: measured angle minus atan(side / ahead)
+        cosine = observed[2 * scalar]
+        sine = observed[2 * scalar + 1]
         z[at + scalar] = angle_of(sine * ahead - cosine * side, cosine * ahead + sine * side)
         scale = 1.0 / (side * side + ahead * ahead)
-        p, q = ahead * scale, side * scale
+        p = ahead * scale
+        q = side * scale
         clear(h)
         h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(
-            p * ex - q * c[2], p * ey - q * c[5], p * ez - q * c[8], sx, sy, sz
+            p * ex - q * c[2],
+            p * ey - q * c[5],
+            p * ez - q * c[8],
+            sx,
+            sy,
+            sz,
         )
 
 

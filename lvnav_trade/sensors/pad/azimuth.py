@@ -52,7 +52,8 @@ class AzimuthCard(StandingCard):
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle is at rest and the mirror's normal near enough to the horizon, (n_epoch,) bool."""
-        return flight.standing & (np.linalg.norm(self._normal(flight)[:, :2], axis=1) > _STEEPEST)
+        horizontal = np.linalg.norm(self._normal(flight)[:, :2], axis=1)
+        return flight.standing & (horizontal > _STEEPEST)
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return its bias."""
@@ -61,9 +62,8 @@ class AzimuthCard(StandingCard):
     @staticmethod
     def _normal(flight: FlightView) -> Floats:
         """Return the mirror's normal (n_epoch, 3), north-east-down axes."""
-        return np.asarray(
-            np.einsum("nij,nj->ni", rotation_i_n(flight.r_i, flight.theta), matrices(flight.q_b_i)[:, :, 1])
-        )
+        normal_i = matrices(flight.q_b_i)[:, :, 1]
+        return np.asarray(np.einsum("nij,nj->ni", rotation_i_n(flight.r_i, flight.theta), normal_i))
 
 
 @jit
@@ -75,17 +75,25 @@ def measure(out, truth, e0):
 @jit
 def fill(H, z, at, observed, nav):
     """Set a Jacobian row at `at`, and the innovation (rad)."""
+    # axes of the local horizon: u up, e east, n north
     _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
     scale = 1.0 / sqrt(ux * ux + uy * uy)
-    ex, ey = -uy * scale, ux * scale
-    nx, ny, nz = -uz * ey, uz * ex, ux * ey - uy * ex
+    ex = -uy * scale
+    ey = ux * scale
+    nx = -uz * ey
+    ny = uz * ex
+    nz = ux * ey - uy * ex
+    # components of the mirror's normal, the body y axis
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    north, east = nx * c[1] + ny * c[4] + nz * c[7], ex * c[1] + ey * c[4]
+    north = nx * c[1] + ny * c[4] + nz * c[7]
+    east = ex * c[1] + ey * c[4]
     up = ux * c[1] + uy * c[4] + uz * c[7]
-    square = 1.0 / (north * north + east * east)
-    sine = (observed[1] * north - observed[0] * east) * sqrt(square)
+    inverse_square = 1.0 / (north * north + east * east)
+    # arc sine, to third order, of the sine of measured minus predicted azimuth
+    sine = (observed[1] * north - observed[0] * east) * sqrt(inverse_square)
     z[at] = sine * (1.0 + sine * sine * (1.0 / 6.0))
-    h, tilt = H[at], up * square
+    h = H[at]
+    tilt = up * inverse_square
     clear(h)
     h[H_ATT] = tilt * (north * nx + east * ex) - ux
     h[H_ATT + 1] = tilt * (north * ny + east * ey) - uy

@@ -60,7 +60,9 @@ class PadPositionCard(RestCard):
 def fill(H, z, at, observed, nav, theta):
     """Set three Jacobian rows from `at` on, and the innovations (m); theta : rad, Earth angle."""
     x, y = to_earth(theta, nav[R], nav[R + 1])
-    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[R + 2]
+    z[at] = observed[0] - x
+    z[at + 1] = observed[1] - y
+    z[at + 2] = observed[2] - nav[R + 2]
     begin_rows(H, at, H_POS, theta)
 
 

@@ -36,12 +36,15 @@ class RestCard(StandingCard):
 @jit
 def begin_rows(H, at, entry, theta):
     """Set three Jacobian rows from `at` on to the matrix C_i_e, from `entry` on; theta : rad, Earth angle."""
-    c, s = math.cos(theta), math.sin(theta)
     for axis in range(3):
         clear(H[at + axis])
-    H[at, entry], H[at, entry + 1] = like(H[at, entry], c), like(H[at, entry], s)
-    H[at + 1, entry], H[at + 1, entry + 1] = like(H[at, entry], -s), like(H[at, entry], c)
-    H[at + 2, entry + 2] = like(H[at, entry], 1.0)
+    zero = H[at, entry]
+    c, s = math.cos(theta), math.sin(theta)
+    H[at, entry] = like(zero, c)
+    H[at, entry + 1] = like(zero, s)
+    H[at + 1, entry] = like(zero, -s)
+    H[at + 1, entry + 1] = like(zero, c)
+    H[at + 2, entry + 2] = like(zero, 1.0)
 
 
 @jit

@@ -64,8 +64,16 @@ class ZeroRotationCard(RestCard):
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return the error of the attitude known in advance."""
-        known = ("attitude", math.inf, self.labels, each_scalar(3))
-        return (CorrelatedError("standing attitude", STANDING_ATTITUDE, self.attitude, *known),)
+        error = CorrelatedError(
+            "standing attitude",
+            STANDING_ATTITUDE,
+            self.attitude,
+            "attitude",
+            math.inf,
+            self.labels,
+            each_scalar(3),
+        )
+        return (error,)
 
 
 @jit
@@ -74,9 +82,19 @@ def fill(H, z, at, observed, nav, theta):
 
     The innovation is the small rotation (rad, frame e) from the estimated to the measured attitude.
     """
+    # estimated attitude relative to frame e, which is rotated by theta about z
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
     q0, q1, q2, q3 = multiply(c, 0.0, 0.0, -s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    z[at], z[at + 1], z[at + 2] = small_rotation(observed[0], observed[1], observed[2], observed[3], q0, q1, q2, q3)
+    z[at], z[at + 1], z[at + 2] = small_rotation(
+        observed[0],
+        observed[1],
+        observed[2],
+        observed[3],
+        q0,
+        q1,
+        q2,
+        q3,
+    )
     begin_rows(H, at, H_ATT, theta)
 
 

@@ -47,12 +47,19 @@ class ZeroVelocityCard(RestCard):
 @jit
 def fill(H, z, at, observed, nav, theta):
     """Set three Jacobian rows from `at` on, and the innovations (m/s); theta : rad, Earth angle."""
+    # velocity relative to the Earth: vel - Omega x pos
     x, y = to_earth(theta, nav[V] + OMEGA * nav[R + 1], nav[V + 1] - OMEGA * nav[R])
-    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[V + 2]
+    z[at] = observed[0] - x
+    z[at + 1] = observed[1] - y
+    z[at + 2] = observed[2] - nav[V + 2]
     begin_rows(H, at, H_VEL, theta)
-    c, s = OMEGA * math.cos(theta), OMEGA * math.sin(theta)
-    H[at, H_POS], H[at, H_POS + 1] = like(z[at], -s), like(z[at], c)
-    H[at + 1, H_POS], H[at + 1, H_POS + 1] = like(z[at], -c), like(z[at], -s)
+    # derivative by position: -C_i_e Omega x
+    c = OMEGA * math.cos(theta)
+    s = OMEGA * math.sin(theta)
+    H[at, H_POS] = like(z[at], -s)
+    H[at, H_POS + 1] = like(z[at], c)
+    H[at + 1, H_POS] = like(z[at], -c)
+    H[at + 1, H_POS + 1] = like(z[at], -s)
 
 
 SENSORS = (
