@@ -322,6 +322,21 @@ def state_layout(card: FilterCard, sources: FilterMeasurements, n_clone: int = 0
     n_clone
         Number of cloned states. The function finds it and calls itself once more; callers omit it.
     """
+    layout = _number_states(card, sources, n_clone)
+    # which states are cloned follows from the layout, whose offsets depend on their number
+    cloned = cloned_states(layout, sources.channels, _differences(card, sources), sources.has_lever)
+    if len(cloned) != n_clone:
+        return state_layout(card, sources, len(cloned))
+    return layout._replace(cloned=cloned)
+
+
+def _differences(card: FilterCard, sources: FilterMeasurements) -> tuple[str, ...]:
+    """Return the measurements of a filter that are differences of two epochs."""
+    return tuple(name for name in card.differences if name in sources.measurements)
+
+
+def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) -> StateLayout:
+    """Return the state layout of a filter with a number of clones, without the states that are cloned."""
     imu, receiver, channels = sources.imu, sources.receiver, sources.channels
     names = _state_names(card, sources.measurements)
     estimated = [name for name in names if name not in card.consider]
@@ -349,8 +364,8 @@ def state_layout(card: FilterCard, sources: FilterMeasurements, n_clone: int = 0
         offset += 1
 
     delayed = offset
-    differences = tuple(name for name in card.differences if name in sources.measurements)
-    noise_names = [NOISE_STATES[name] for name in differences] if card.previous_noise == "estimated" else []
+    estimates_noise = card.previous_noise == "estimated"
+    noise_names = [NOISE_STATES[name] for name in _differences(card, sources)] if estimates_noise else []
     noise_blocks = _extra_blocks(noise_names, imu, receiver, channels, offset)
     n_delayed = _count_states(noise_blocks) + n_clone
     offset += n_delayed
@@ -361,18 +376,15 @@ def state_layout(card: FilterCard, sources: FilterMeasurements, n_clone: int = 0
     considered_extras = _extra_blocks(extra_names, imu, receiver, channels, offset, card.as_noise)
     offset += _count_states(considered_extras)
 
-    layout = StateLayout(
-        tuple(parameters + considered_parameters),
-        clock,
-        n_estimated,
+    return StateLayout(
+        parameters=tuple(parameters + considered_parameters),
+        clock=clock,
+        n_estimated=n_estimated,
         n_state=offset,
         extras=tuple(extras + noise_blocks + considered_extras),
         motion=motion,
         samples=card.report_imu_samples,
+        delayed=delayed,
+        n_delayed=n_delayed,
+        clone=delayed + n_delayed - n_clone if n_clone else -1,
     )
-    # which states are cloned follows from the layout, whose offsets depend on their number
-    cloned = cloned_states(layout, channels, differences, sources.has_lever)
-    if len(cloned) != n_clone:
-        return state_layout(card, sources, len(cloned))
-    clone = delayed + n_delayed - n_clone if n_clone else -1
-    return layout._replace(delayed=delayed, n_delayed=n_delayed, clone=clone, cloned=cloned)

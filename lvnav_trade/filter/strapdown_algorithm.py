@@ -201,10 +201,6 @@ def strapdown_of(
         pairs = polynomial_weights(card.ratio)
     elif card.algorithm.startswith("optimised"):
         weights, across = optimised_weights(card.ratio, card.algorithm == "optimised")
-    origin = np.zeros(3)
-    if mechanisation == "pad" and start is not None:
-        c, s = np.cos(angle), np.sin(angle)
-        origin = np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])
     local = LOCAL.get(mechanisation, 0)
     has_extensions = bool(local) or pairs.size > 0
     general = card.algorithm != "two_sample" or card.ratio > 1
@@ -216,8 +212,14 @@ def strapdown_of(
         at_end=card.algorithm == "summed",
         rotating=mechanisation != "inertial",
         angle=angle,
-        origin=origin,
+        origin=_pad_origin(start, angle) if mechanisation == "pad" and start is not None else np.zeros(3),
         further=StrapdownExtensions(local, pairs) if has_extensions else None,
         general=general,
         counted=general or turn > EXACT_TURN,
     )
+
+
+def _pad_origin(start: Floats, angle: float) -> Floats:
+    """Return a position (3,) m, frame i, in axes rotated about z by an angle (rad), those of frame e."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])

@@ -48,8 +48,8 @@ def axes_of(boresight: Direction) -> Floats:
     z = unit(np.array(boresight))
     farthest_axis = np.eye(3)[np.argmin(np.abs(z))]
     x = unit(np.cross(farthest_axis, z))
-    C_s_b = np.stack([x, np.cross(z, x), z], axis=-1)
-    return np.asarray(quaternions(C_s_b[None])[0])
+    axes = np.stack([x, np.cross(z, x), z], axis=-1)
+    return np.asarray(quaternions(axes[None])[0])
 
 
 def no_direction(boresight: Direction) -> Iterator[str]:
