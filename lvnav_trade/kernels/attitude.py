@@ -1,6 +1,6 @@
 """Quaternions (scalar first, body to inertial) and small rotations, as functions of their components."""
 
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import where
 
 
@@ -8,6 +8,26 @@ from lvnav_trade.kernels.lanes import where
 def cross(ax, ay, az, bx, by, bz):
     """Return the vector product a x b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@inlined
+def rotate(c, x, y, z):
+    """Return the vector C (x, y, z), with the nine entries c of the matrix C by rows."""
+    return (
+        c[0] * x + c[1] * y + c[2] * z,
+        c[3] * x + c[4] * y + c[5] * z,
+        c[6] * x + c[7] * y + c[8] * z,
+    )
+
+
+@inlined
+def rotate_back(c, x, y, z):
+    """Return the vector C' (x, y, z), with the nine entries c of the matrix C by rows."""
+    return (
+        c[0] * x + c[3] * y + c[6] * z,
+        c[1] * x + c[4] * y + c[7] * z,
+        c[2] * x + c[5] * y + c[8] * z,
+    )
 
 
 @jit
@@ -24,7 +44,7 @@ def multiply(p0, p1, p2, p3, q0, q1, q2, q3):
 @jit
 def matrix(q0, q1, q2, q3):
     """Return the nine entries, by rows, of the rotation matrix from body to inertial axes."""
-    a, b, c = q1 + q1, q2 + q2, q3 + q3
+    a, b, c = q1 + q1, q2 + q2, q3 + q3  # every product below has the factor 2
     xx, yy, zz = a * q1, b * q2, c * q3
     xy, xz, yz = a * q2, a * q3, b * q3
     wx, wy, wz = a * q0, b * q0, c * q0
@@ -45,6 +65,7 @@ def matrix(q0, q1, q2, q3):
 def from_rotation(x, y, z):
     """Return the quaternion of a rotation vector; series to the ninth power, exact to 1e-16 below 0.2 rad."""
     h = 0.25 * (x * x + y * y + z * z)
+    # with half of the angle a/2 = sqrt(h): cos(a/2), and sin(a/2) / a
     cosine = 1.0 + h * (-0.5 + h * (1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))))
     half_sinc = 0.5 + h * (-1.0 / 12.0 + h * (1.0 / 240.0 + h * (-1.0 / 10080.0 + h * (1.0 / 725760.0))))
     return cosine, half_sinc * x, half_sinc * y, half_sinc * z
@@ -52,7 +73,7 @@ def from_rotation(x, y, z):
 
 @jit
 def normalise(q0, q1, q2, q3):
-    """Return a quaternion of nearly unit length, normalised by one Newton step."""
+    """Return a quaternion of nearly unit length, normalised by one Newton step of 1 / sqrt(q q')."""
     scale = 1.5 - 0.5 * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
     return scale * q0, scale * q1, scale * q2, scale * q3
 

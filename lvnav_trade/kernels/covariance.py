@@ -26,7 +26,7 @@ NOT_USED = -1.0
 
 
 @jit
-def _add_to_rows(P, r, c, block, n):
+def _add_block_rows(P, r, c, block, n):
     """Add a block times the three rows from c on to those from r on, in the first n columns."""
     d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
     d6, d7, d8 = block[6], block[7], block[8]
@@ -38,7 +38,7 @@ def _add_to_rows(P, r, c, block, n):
 
 
 @jit
-def _add_to_columns(P, r, c, block, n):
+def _add_block_columns(P, r, c, block, n):
     """Add the three columns from c on times a transposed block to those from r on, in the first n rows."""
     d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
     d6, d7, d8 = block[6], block[7], block[8]
@@ -61,17 +61,17 @@ def _advance(P, blocks, rows, columns, n):
             seconds = blocks[b][0]
             for i in range(3):
                 for j in range(n):
-                    P[POS + i, j] = P[POS + i, j] + seconds * P[VEL + i, j]
+                    P[POS + i, j] += seconds * P[VEL + i, j]
         else:
-            _add_to_rows(P, rows[b], columns[b], blocks[b], n)
+            _add_block_rows(P, rows[b], columns[b], blocks[b], n)
     for b in range(rows.shape[0]):
         if rows[b] == POS and columns[b] == VEL:
             seconds = blocks[b][0]
             for i in range(N_NAV_ERROR):
                 for j in range(3):
-                    P[i, POS + j] = P[i, POS + j] + seconds * P[i, VEL + j]
+                    P[i, POS + j] += seconds * P[i, VEL + j]
         else:
-            _add_to_columns(P, rows[b], columns[b], blocks[b], N_NAV_ERROR)
+            _add_block_columns(P, rows[b], columns[b], blocks[b], N_NAV_ERROR)
     for i in range(N_NAV_ERROR):
         for j in range(i + 1, n):
             P[j, i] = P[i, j]
@@ -87,16 +87,16 @@ def finish_window(P, decay, noise, clock, seconds):
     for j in range(N_NAV_ERROR, n):
         if decay[j] != 1.0:
             for i in range(n):
-                P[i, j] = P[i, j] * decay[j]
+                P[i, j] *= decay[j]
             for i in range(n):
-                P[j, i] = P[j, i] * decay[j]
+                P[j, i] *= decay[j]
     if clock >= 0:
         for j in range(n):
-            P[clock, j] = P[clock, j] + seconds * P[clock + 1, j]
+            P[clock, j] += seconds * P[clock + 1, j]
         for i in range(n):
-            P[i, clock] = P[i, clock] + seconds * P[i, clock + 1]
+            P[i, clock] += seconds * P[i, clock + 1]
     for i in range(n):
-        P[i, i] = P[i, i] + 0.5 * noise[i]
+        P[i, i] += 0.5 * noise[i]
 
 
 @jit
@@ -117,7 +117,7 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     """
     n = P.shape[0]
     for i in range(n):
-        P[i, i] = P[i, i] + 0.5 * noise[i]
+        P[i, i] += 0.5 * noise[i]
     _advance(P, blocks, rows, columns, n)
     finish_window(P, decay, noise, clock, seconds)
 
@@ -137,16 +137,17 @@ def add_turned(P, uneven, sums, seconds):
 def _add_turned(P, uneven, sums, seconds):
     if seconds > 0.0:
         for sensor in range(2):
-            at = ATT if sensor == 0 else VEL
+            first = ATT if sensor == 0 else VEL
             for i in range(3):
                 for j in range(i, 3):
+                    # with the integral S of C: C diag(q) C' seconds / 2 = S diag(q) S' / (2 seconds)
                     total = like(P[0, 0], 0.0)
-                    for c in range(3):
-                        product = sums[SUM_C + 3 * i + c] * sums[SUM_C + 3 * j + c]
-                        total = total + (0.5 * uneven[sensor, c] / seconds) * product
-                    value = P[at + i, at + j] + total
-                    P[at + i, at + j] = value
-                    P[at + j, at + i] = value
+                    for axis in range(3):
+                        product = sums[SUM_C + 3 * i + axis] * sums[SUM_C + 3 * j + axis]
+                        total += (0.5 * uneven[sensor, axis] / seconds) * product
+                    value = P[first + i, first + j] + total
+                    P[first + i, first + j] = value
+                    P[first + j, first + i] = value
 
 
 @jit
@@ -154,22 +155,23 @@ def inflate(P, factor, n_estimated):
     """Apply fading memory: P <- A P A, with A diagonal, `factor` for estimated states and 1 for considered states."""
     for i in range(n_estimated):
         for j in range(n_estimated):
-            P[i, j] = P[i, j] * (factor * factor)
+            P[i, j] *= factor * factor
         for j in range(n_estimated, P.shape[0]):
-            P[i, j] = P[i, j] * factor
-            P[j, i] = P[j, i] * factor
+            P[i, j] *= factor
+            P[j, i] *= factor
 
 
 @jit
 def grow(P, weights):
-    """Let a covariance grow as that of an H-infinity filter: P <- (P^-1 - S)^-1, S diagonal, of `weights` in the first
-    states; not a number where P^-1 - S is not positive, for there is no such filter.
+    """Increase a covariance as an H-infinity filter does: P <- (P^-1 - S)^-1, S diagonal, with `weights` in the first
+    states. The result is not-a-number if P^-1 - S is not positive definite, because no such filter exists.
     """
+    # one state at a time, with P_k its column: (P^-1 - s e e')^-1 = P + s P_k P_k' / (1 - s P_kk) (Sherman, Morrison)
     n = P.shape[0]
     for k in range(weights.shape[0]):
         if weights[k] > 0.0:
-            left = 1.0 - weights[k] * P[k, k]
-            root = sqrt(where(left > 0.0, left, np.nan))
+            margin = 1.0 - weights[k] * P[k, k]
+            root = sqrt(where(margin > 0.0, margin, np.nan))
             for i in range(n):
                 if i != k:
                     scaled = weights[k] * (P[i, k] / root)
@@ -188,14 +190,15 @@ def grow(P, weights):
 def _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n):
     """Set Ph to P h'; return the innovation variance and the innovation after earlier measurements of the epoch."""
     for i in range(n):
-        k = P[i, columns[0]] * h[entries[0]]
+        value = P[i, columns[0]] * h[entries[0]]
         for c in range(1, columns.shape[0]):
-            k = k + P[i, columns[c]] * h[entries[c]]
-        Ph[i] = k
+            value += P[i, columns[c]] * h[entries[c]]
+        Ph[i] = value
+    # s = (1 + beta) h P h' + variance, residual = innovation - h x
     s = 0.0 * x[0] + variance
     residual = innovation
     for c in range(columns.shape[0]):
-        s = s + (1.0 + beta) * h[entries[c]] * Ph[columns[c]]
+        s += (1.0 + beta) * h[entries[c]] * Ph[columns[c]]
         residual = residual - h[entries[c]] * x[columns[c]]
     return s, residual
 
@@ -203,6 +206,8 @@ def _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance
 @jit
 def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph, beta=0.0):
     """Update the error state and its covariance by one scalar measurement, z - z_hat = h . x + v.
+
+    K = P h' / s,   x <- x + K (z - z_hat - h x),   P <- P - K h P,   s = (1 + beta) h P h' + variance
 
     All measurements of an epoch are linearised at the same state, so `innovation` is that before the epoch; the
     correction h x by earlier measurements of the epoch is subtracted here. States from `n_estimated` on are considered
@@ -233,7 +238,7 @@ def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squa
     weight = where(accepted, inverse, 0.0)
     step = where(accepted, residual, 0.0) * weight
     for i in range(n_estimated):
-        x[i] = x[i] + Ph[i] * step
+        x[i] += Ph[i] * step
     if joseph:
         _joseph(P, Ph, Ph, weight, s, n_estimated, n)
     else:
@@ -258,7 +263,7 @@ def update_with_gain(P, x, Ph, h, entries, columns, gain, innovation, variance, 
     accepted = residual * residual <= gate_squared * s
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
-        x[i] = x[i] + gain[i] * step
+        x[i] += gain[i] * step
     _joseph(P, Ph, gain, where(accepted, 1.0, 0.0), s, n_estimated, n)
     inverse = 1.0 / s
     return residual * sqrt(inverse), where(accepted, inverse, 0.0)
@@ -271,6 +276,7 @@ def _joseph(P, Ph, gain, weight, s, n_estimated, n):
         gain_i = gain[i] * weight
         for j in range(i, n):
             gain_j = gain[j] * weight
+            # the gain of a considered state j is zero, so only the first product remains
             value = P[i, j] - gain_i * Ph[j]
             if j < n_estimated:
                 value = value - Ph[i] * gain_j + gain_i * s * gain_j
@@ -282,6 +288,8 @@ def _joseph(P, Ph, gain, weight, s, n_estimated, n):
 def normalised_square(P, X, y, x, n):
     """Return x' P^-1 x over the first n states (NEES), by an L D L' factorisation.
 
+    With P = L D L' and L y = x it is the sum of y_i^2 / D_i.
+
     X (n, n) and y (n,) are scratch: X gets L below its diagonal, D on it, and (L D)' above it.
     """
     total = like(x[0], 0.0)
@@ -290,14 +298,15 @@ def normalised_square(P, X, y, x, n):
         for j in range(i):
             value = P[i, j]
             for k in range(j):
-                value = value - X[k, i] * X[j, k]
+                value -= X[k, i] * X[j, k]
             X[j, i] = value
             factor = value / X[j, j]
             X[i, j] = factor
-            pivot = pivot - value * factor
-            residual = residual - factor * y[j]
-        X[i, i], y[i] = pivot, residual
-        total = total + residual * residual / pivot
+            pivot -= value * factor
+            residual -= factor * y[j]
+        X[i, i] = pivot
+        y[i] = residual
+        total += residual * residual / pivot
     return total
 
 
@@ -309,11 +318,11 @@ def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
         r, c, block = rows[b], columns[b], blocks[b]
         y0, y1, y2 = y[c], y[c + 1], y[c + 2]
         for i in range(3):
-            y[r + i] = y[r + i] + (block[3 * i] * y0 + block[3 * i + 1] * y1 + block[3 * i + 2] * y2)
+            y[r + i] += block[3 * i] * y0 + block[3 * i + 1] * y1 + block[3 * i + 2] * y2
     for i in range(N_NAV_ERROR, n):
-        y[i] = y[i] * decay[i]
+        y[i] *= decay[i]
     if clock >= 0:
-        y[clock] = y[clock] + seconds * y[clock + 1]
+        y[clock] += seconds * y[clock + 1]
 
 
 @jit
@@ -322,7 +331,7 @@ def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
     if clock >= 0:
         y[clock + 1] += seconds * y[clock]
     for i in range(N_NAV_ERROR, y.shape[0]):
-        y[i] = y[i] * decay[i]
+        y[i] *= decay[i]
     for b in range(rows.shape[0] - 1, -1, -1):
         r, c = rows[b], columns[b]
         y0, y1, y2 = y[r], y[r + 1], y[r + 2]
@@ -335,9 +344,9 @@ def update_vector(y, gain, h, entries, columns):
     """Y <- (I - k h) y; return h y before the update. One vector, or lanes; parameters as in `update_scalar`."""
     projected = like(y[0], 0.0)
     for c in range(columns.shape[0]):
-        projected = projected + h[entries[c]] * y[columns[c]]
+        projected += h[entries[c]] * y[columns[c]]
     for i in range(y.shape[0]):
-        y[i] = y[i] - gain[i] * projected
+        y[i] -= gain[i] * projected
     return projected
 
 
@@ -345,26 +354,28 @@ def update_vector(y, gain, h, entries, columns):
 def update_covariance(P, work, gain, h, entries, columns, variance):
     """P <- (I - k h) P (I - k h)' + k variance k' for any gain k (n,); return h P h' before the update."""
     n = P.shape[0]
-    spread = like(P[0, 0], 0.0)
-    for i in range(n):
+    for i in range(n):  # work = P h'
         value = like(P[0, 0], 0.0)
         for c in range(columns.shape[0]):
             value += P[i, columns[c]] * h[entries[c]]
         work[i] = value
+    predicted = like(P[0, 0], 0.0)
     for c in range(columns.shape[0]):
-        spread += h[entries[c]] * work[columns[c]]
-    total = spread + variance
+        predicted += h[entries[c]] * work[columns[c]]
+    total = predicted + variance
     for i in range(n):
         for j in range(i, n):
             value = P[i, j] - gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]
             P[i, j] = value
             P[j, i] = value
-    return spread
+    return predicted
 
 
 @jit
-def enter(P, y, variance, b, at):
-    """Add an error component c, with a variance, to the states from `at` on: x += b c, b (m,).
+def enter(P, y, variance, b, first):
+    """Add an error component c, with a variance, to the states from `first` on: x += b c, b (m,).
+
+    P <- P + b y' + y b' + variance b b',   y <- y + variance b
 
     P : (n, n) covariance of x; y : (n,) Cov(x, c); both updated in place
     """
@@ -372,17 +383,18 @@ def enter(P, y, variance, b, at):
         if b[i] != 0.0:
             for j in range(y.shape[0]):
                 value = b[i] * y[j]
-                P[at + i, j] += value
-                P[j, at + i] += value
+                P[first + i, j] += value
+                P[j, first + i] += value
             for j in range(b.shape[0]):
-                P[at + i, at + j] += b[i] * variance * b[j]
+                P[first + i, first + j] += b[i] * variance * b[j]
     for i in range(b.shape[0]):
-        y[at + i] += b[i] * variance
+        y[first + i] += b[i] * variance
 
 
 @jit
-def variance_along(P, at, c0, c1, c2):
-    """Return the variance c' P c of a block of three states, from `at` on, along a direction c."""
-    a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
-    b = P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2
-    return a + 2.0 * b
+def variance_along(P, first, c0, c1, c2):
+    """Return the variance c' P c of a block of three states, from `first` on, along a direction c."""
+    i, j, k = first, first + 1, first + 2
+    squares = P[i, i] * c0 * c0 + P[j, j] * c1 * c1 + P[k, k] * c2 * c2
+    products = P[i, j] * c0 * c1 + P[i, k] * c0 * c2 + P[j, k] * c1 * c2
+    return squares + 2.0 * products

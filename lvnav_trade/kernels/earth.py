@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.lanes import sqrt
 
-# WGS-84 defining constants (NGA.STND.0036) and what follows from them.
+# WGS-84 defining constants (NGA.STND.0036), and constants derived from them.
 SEMI_MAJOR = 6378137.0  # m
 FLATTENING = 1.0 / 298.257223563
 SEMI_MINOR = SEMI_MAJOR * (1.0 - FLATTENING)
@@ -38,7 +38,11 @@ def gravity_point(x: Any, y: Any, z: Any) -> Any:
 
 @jit
 def gravity_j2(x: Any, y: Any, z: Any) -> Any:
-    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, at position x, y, z in m (z along the polar axis)."""
+    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, at position x, y, z in m (z along the polar axis).
+
+    g = -GM / r^3 (x (1 - c (5 s^2 - 1)), y (1 - c (5 s^2 - 1)), z (1 - c (5 s^2 - 3))), c = 3/2 J2 (a/r)^2, s = z/r
+    (Groves, 2nd ed., chapter 2).
+    """
     r2 = x * x + y * y + z * z
     k = GM / (r2 * sqrt(r2))
     c2 = 1.5 * J2 * SEMI_MAJOR * SEMI_MAJOR / r2
@@ -74,7 +78,10 @@ def gravity_j4(x: Any, y: Any, z: Any) -> Any:
 
 @jit
 def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
-    """Return the gradient (xx, xy, xz, yy, yz, zz) in 1/s^2 of `gravity_j2`, at position x, y, z in m."""
+    """Return the gradient (xx, xy, xz, yy, yz, zz) in 1/s^2 of `gravity_j2`, at position x, y, z in m.
+
+    Without J2 it is GM / r^3 (3 u u' - I), with u the unit vector of the position.
+    """
     r2 = x * x + y * y + z * z
     x2 = x * x / r2
     y2 = y * y / r2
@@ -87,7 +94,10 @@ def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
     xx = k * (level * x2 - inner)
     yy = k * (level * y2 - inner)
     zz = k * (3.0 * z2 - 1.0 + c * (30.0 * z2 - 3.0 - 35.0 * z2 * z2))
-    return xx, k * level * x * y / r2, tilted * x * z, yy, tilted * y * z, zz
+    xy = k * level * x * y / r2
+    xz = tilted * x * z
+    yz = tilted * y * z
+    return xx, xy, xz, yy, yz, zz
 
 
 @jit
@@ -104,7 +114,8 @@ def height_and_up(x: Any, y: Any, z: Any) -> Any:
     k = 1.0 - ECCENTRICITY_2 * SEMI_MAJOR * p2 / n3
     polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * (s * s * s) / n3
     scale = 1.0 / sqrt(p2 * (k * k) + polar * polar)
-    level, sine = k * scale, polar * scale
+    level = k * scale
+    sine = polar * scale  # of the latitude
     height = p2 * level + z * sine - SEMI_MAJOR * sqrt(1.0 - ECCENTRICITY_2 * (sine * sine))
     return height, x * level, y * level, sine
 

@@ -5,7 +5,7 @@ A *place* is latitude, longitude and height as one vector in Earth-fixed axes: t
 and east are undefined at a pole; a trajectory within metres of a pole loses precision.
 """
 
-from lvnav_trade.kernels.attitude import cross, multiply
+from lvnav_trade.kernels.attitude import cross, multiply, rotate, rotate_back
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, height_and_up
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import sqrt, where
@@ -16,17 +16,24 @@ _ROUNDS = 3  # iterations of the latitude; each reduces the error to 0.7 %
 
 @jit
 def place_of(px, py, pz):
-    """Return normal (3), height (m) and radii of curvature (m) of meridian and prime vertical at a place."""
+    """Return normal (3), height (m) and radii of curvature (m) of meridian and prime vertical at a place.
+
+    With the latitude L: N = a / sqrt(1 - e^2 sin^2 L), M = N (1 - e^2) / (1 - e^2 sin^2 L) (Groves, 2nd ed., chapter 2).
+    """
     length = sqrt(px * px + py * py + pz * pz)
-    ux, uy, uz = px / length, py / length, pz / length
-    squash = 1.0 - ECCENTRICITY_2 * (uz * uz)
+    ux = px / length
+    uy = py / length
+    uz = pz / length
+    height = (length - 1.0) * SEMI_MAJOR
+    squash = 1.0 - ECCENTRICITY_2 * (uz * uz)  # the normal's z component is the sine of the latitude
     prime = SEMI_MAJOR / sqrt(squash)
-    return ux, uy, uz, (length - 1.0) * SEMI_MAJOR, prime * (1.0 - ECCENTRICITY_2) / squash, prime
+    meridian = prime * (1.0 - ECCENTRICITY_2) / squash
+    return ux, uy, uz, height, meridian, prime
 
 
 @jit
 def position_of(px, py, pz):
-    """Return the position (3) m of a place, Earth-fixed axes."""
+    """Return the position (3) m of a place, Earth-fixed axes: ((N + h) u_x, (N + h) u_y, (N (1 - e^2) + h) u_z)."""
     ux, uy, uz, height, _, prime = place_of(px, py, pz)
     return (prime + height) * ux, (prime + height) * uy, (prime * (1.0 - ECCENTRICITY_2) + height) * uz
 
@@ -35,10 +42,16 @@ def position_of(px, py, pz):
 def axes_of(code, px, py, pz):
     """Return the nine entries, by rows, of the matrix from Earth-fixed to local axes at a place; code: NED or ENU."""
     length = sqrt(px * px + py * py + pz * pz)
-    ux, uy, uz = px / length, py / length, pz / length
-    level = sqrt(ux * ux + uy * uy)
-    ex, ey, ez = -uy / level, ux / level, 0.0 * ux
-    nx, ny, nz = -uz * ux / level, -uz * uy / level, level
+    ux = px / length
+    uy = py / length
+    uz = pz / length
+    level = sqrt(ux * ux + uy * uy)  # cosine of the latitude
+    ex = -uy / level
+    ey = ux / level
+    ez = 0.0 * ux
+    nx = -uz * ux / level
+    ny = -uz * uy / level
+    nz = level
     if code == NED:
         return nx, ny, nz, ex, ey, ez, -ux, -uy, -uz
     return ex, ey, ez, nx, ny, nz, ux, uy, uz
@@ -64,32 +77,45 @@ def local(code, north, east, up):
 def transport_rate(code, px, py, pz, vx, vy, vz):
     """Return the transport rate (3) rad/s, local axes: rotation of the local axes relative to the Earth.
 
+    Its north, east and up components are v_E / (N + h), -v_N / (M + h) and v_E tan L / (N + h).
+
     px, py, pz : place; vx, vy, vz : m/s, velocity relative to the Earth, local axes
     """
     ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
     north, east, _ = north_east_up(code, vx, vy, vz)
-    along = east / (prime + height)
-    return local(code, along, -north / (meridian + height), along * uz / sqrt(ux * ux + uy * uy))
+    rate_north = east / (prime + height)
+    rate_east = -north / (meridian + height)
+    rate_up = rate_north * uz / sqrt(ux * ux + uy * uy)
+    return local(code, rate_north, rate_east, rate_up)
 
 
 @jit
 def earth_rate(code, px, py, pz):
-    """Return the Earth rate (3) rad/s in local axes at a place."""
+    """Return the Earth rate (3) rad/s in local axes at a place: w_ie cos L to the north, w_ie sin L up."""
     length = sqrt(px * px + py * py + pz * pz)
-    return local(code, OMEGA * sqrt(px * px + py * py) / length, 0.0 * px, OMEGA * pz / length)
+    rate_north = OMEGA * sqrt(px * px + py * py) / length
+    rate_up = OMEGA * pz / length
+    return local(code, rate_north, 0.0 * px, rate_up)
 
 
 @jit
 def moving(px, py, pz, code, vx, vy, vz):
-    """Return the time derivative (3) 1/s of a place, for a velocity vx, vy, vz (m/s) in local axes."""
+    """Return the time derivative (3) 1/s of a place, for a velocity vx, vy, vz (m/s) in local axes.
+
+    The place is p = (1 + h/a) u. Its derivative has the components (1 + h/a) v_N / (M + h) to the north,
+    (1 + h/a) v_E / (N + h) to the east and v_U / a up.
+    """
     ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
     north, east, up = north_east_up(code, vx, vy, vz)
-    level, length = sqrt(ux * ux + uy * uy), 1.0 + height / SEMI_MAJOR
-    a, b, c = length * north / (meridian + height), length * east / (prime + height) / level, up / SEMI_MAJOR
+    level = sqrt(ux * ux + uy * uy)
+    length = 1.0 + height / SEMI_MAJOR
+    to_north = length * north / (meridian + height)
+    to_east = length * east / (prime + height) / level  # times (-u_y, u_x, 0), which has the length `level`
+    upwards = up / SEMI_MAJOR
     return (
-        -a * uz * ux / level - b * uy + c * ux,
-        -a * uz * uy / level + b * ux + c * uy,
-        a * level + c * uz,
+        -to_north * uz * ux / level - to_east * uy + upwards * ux,
+        -to_north * uz * uy / level + to_east * ux + upwards * uy,
+        to_north * level + upwards * uz,
     )
 
 
@@ -107,16 +133,13 @@ def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
     gx, gy, gz : m/s^2, gravitation, Earth-fixed axes
     """
     x, y, _ = position_of(px, py, pz)
-    gx, gy = gx + OMEGA * OMEGA * x, gy + OMEGA * OMEGA * y
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = axes_of(code, px, py, pz)
+    gx += OMEGA * OMEGA * x
+    gy += OMEGA * OMEGA * y
+    lx, ly, lz = rotate(axes_of(code, px, py, pz), gx, gy, gz)
     ix, iy, iz = earth_rate(code, px, py, pz)
     tx, ty, tz = transport_rate(code, px, py, pz, vx, vy, vz)
     kx, ky, kz = cross(2.0 * ix + tx, 2.0 * iy + ty, 2.0 * iz + tz, vx, vy, vz)
-    return (
-        c0 * gx + c1 * gy + c2 * gz - kx,
-        c3 * gx + c4 * gy + c5 * gz - ky,
-        c6 * gx + c7 * gy + c8 * gz - kz,
-    )
+    return lx - kx, ly - ky, lz - kz
 
 
 @jit
@@ -128,23 +151,38 @@ def turning(code, px, py, pz, vx, vy, vz):
 
 
 @jit
-def _quaternion(m0, m1, m2, m3, m4, m5, m6, m7, m8):
-    """Return the quaternion of a rotation matrix given by rows, starting from its largest component for accuracy."""
-    t0, t1, t2, t3 = 1.0 + m0 + m4 + m8, 1.0 + m0 - m4 - m8, 1.0 - m0 + m4 - m8, 1.0 - m0 - m4 + m8
-    a, b, c = m7 - m5, m2 - m6, m3 - m1
-    d, e, f = m3 + m1, m2 + m6, m7 + m5
-    q0, q1, q2, q3, t = t0, a, b, c, t0
-    q0, q1, q2, q3, t = (
-        where(t1 > t, a, q0), where(t1 > t, t1, q1), where(t1 > t, d, q2), where(t1 > t, e, q3), where(t1 > t, t1, t),
-    )  # fmt: skip
-    q0, q1, q2, q3, t = (
-        where(t2 > t, b, q0), where(t2 > t, d, q1), where(t2 > t, t2, q2), where(t2 > t, f, q3), where(t2 > t, t2, t),
-    )  # fmt: skip
-    q0, q1, q2, q3, t = (
-        where(t3 > t, c, q0), where(t3 > t, e, q1), where(t3 > t, f, q2), where(t3 > t, t3, q3), where(t3 > t, t3, t),
-    )  # fmt: skip
+def _quaternion(m):
+    """Return the quaternion of a rotation matrix, nine entries by rows, from its largest component for accuracy.
+
+    The squares of the components are t_k / 4. The row of q q' with the largest t, divided by its root, is the
+    quaternion (Shepperd, J. Guidance and Control 1, 1978).
+    """
+    t0 = 1.0 + m[0] + m[4] + m[8]
+    t1 = 1.0 + m[0] - m[4] - m[8]
+    t2 = 1.0 - m[0] + m[4] - m[8]
+    t3 = 1.0 - m[0] - m[4] + m[8]
+    # 4 q_0 q_1, 4 q_0 q_2, 4 q_0 q_3, 4 q_1 q_2, 4 q_1 q_3, 4 q_2 q_3
+    p01, p02, p03 = m[7] - m[5], m[2] - m[6], m[3] - m[1]
+    p12, p13, p23 = m[3] + m[1], m[2] + m[6], m[7] + m[5]
+    q0, q1, q2, q3, t = t0, p01, p02, p03, t0
+    q0, q1, q2, q3, t = _larger(p01, t1, p12, p13, t1, q0, q1, q2, q3, t)
+    q0, q1, q2, q3, t = _larger(p02, p12, t2, p23, t2, q0, q1, q2, q3, t)
+    q0, q1, q2, q3, t = _larger(p03, p13, p23, t3, t3, q0, q1, q2, q3, t)
     scale = 0.5 / sqrt(t)
     return scale * q0, scale * q1, scale * q2, scale * q3
+
+
+@jit
+def _larger(p0, p1, p2, p3, s, q0, q1, q2, q3, t):
+    """Return the vector of four with the larger size, and this size: p with s, or q with t."""
+    is_larger = s > t
+    return (
+        where(is_larger, p0, q0),
+        where(is_larger, p1, q1),
+        where(is_larger, p2, q2),
+        where(is_larger, p3, q3),
+        where(is_larger, s, t),
+    )
 
 
 @jit
@@ -153,23 +191,28 @@ def to_local(nav, code, q, v, r):
 
     q, v, r : offsets of attitude, velocity and position in the state
     """
-    x, y, z = nav[r], nav[r + 1], nav[r + 2]
+    x = nav[r]
+    y = nav[r + 1]
+    z = nav[r + 2]
     height, ux, uy, uz = height_and_up(x, y, z)
     # fixed point: the normal is parallel to (x, y, z (N + h) / (N (1 - e^2) + h)), N the radius of the prime vertical
     for _ in range(_ROUNDS):
         prime = SEMI_MAJOR / sqrt(1.0 - ECCENTRICITY_2 * (uz * uz))
         uz = z * (prime + height) / (prime * (1.0 - ECCENTRICITY_2) + height)
         length = sqrt(x * x + y * y + uz * uz)
-        ux, uy, uz = x / length, y / length, uz / length
+        ux = x / length
+        uy = y / length
+        uz = uz / length
+        # h = r . u - a sqrt(1 - e^2 sin^2 L)
         surface = SEMI_MAJOR * sqrt(1.0 - ECCENTRICITY_2 * (uz * uz))
         height = x * ux + y * uy + z * uz - surface
     length = 1.0 + height / SEMI_MAJOR
-    nav[r], nav[r + 1], nav[r + 2] = length * ux, length * uy, length * uz
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = axes_of(code, ux, uy, uz)
-    vx, vy, vz = nav[v], nav[v + 1], nav[v + 2]
-    nav[v], nav[v + 1] = c0 * vx + c1 * vy + c2 * vz, c3 * vx + c4 * vy + c5 * vz
-    nav[v + 2] = c6 * vx + c7 * vy + c8 * vz
-    p0, p1, p2, p3 = _quaternion(c0, c1, c2, c3, c4, c5, c6, c7, c8)
+    nav[r] = length * ux
+    nav[r + 1] = length * uy
+    nav[r + 2] = length * uz
+    c = axes_of(code, ux, uy, uz)
+    nav[v], nav[v + 1], nav[v + 2] = rotate(c, nav[v], nav[v + 1], nav[v + 2])
+    p0, p1, p2, p3 = _quaternion(c)
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
     nav[q], nav[q + 1], nav[q + 2], nav[q + 3] = p0, p1, p2, p3
 
@@ -177,13 +220,12 @@ def to_local(nav, code, q, v, r):
 @jit
 def from_local(nav, code, q, v, r):
     """Transform a navigation state (10,) from local to Earth-fixed axes, the inverse of `to_local`."""
-    px, py, pz = nav[r], nav[r + 1], nav[r + 2]
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = axes_of(code, px, py, pz)
-    vx, vy, vz = nav[v], nav[v + 1], nav[v + 2]
-    nav[v], nav[v + 1] = c0 * vx + c3 * vy + c6 * vz, c1 * vx + c4 * vy + c7 * vz
-    nav[v + 2] = c2 * vx + c5 * vy + c8 * vz
-    p0, p1, p2, p3 = _quaternion(c0, c3, c6, c1, c4, c7, c2, c5, c8)
+    px = nav[r]
+    py = nav[r + 1]
+    pz = nav[r + 2]
+    c = axes_of(code, px, py, pz)
+    nav[v], nav[v + 1], nav[v + 2] = rotate_back(c, nav[v], nav[v + 1], nav[v + 2])
+    p0, p1, p2, p3 = _quaternion((c[0], c[3], c[6], c[1], c[4], c[7], c[2], c[5], c[8]))
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
     nav[q], nav[q + 1], nav[q + 2], nav[q + 3] = p0, p1, p2, p3
-    x, y, z = position_of(px, py, pz)
-    nav[r], nav[r + 1], nav[r + 2] = x, y, z
+    nav[r], nav[r + 1], nav[r + 2] = position_of(px, py, pz)

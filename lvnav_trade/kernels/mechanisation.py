@@ -4,7 +4,7 @@ Most algorithms use `strapdown.integrate`. Products of all pairs of increments a
 only for cases that use them.
 """
 
-from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
+from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate, rotate_back
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
@@ -18,9 +18,10 @@ from lvnav_trade.kernels.strapdown import (
     Q,
     R,
     V,
-    fictitious,
     gravity,
+    increment_sums,
     integrate,
+    mean_fictitious,
     to_earth_fixed,
     to_inertial,
     turn_sums,
@@ -29,33 +30,52 @@ from lvnav_trade.kernels.strapdown import (
 
 
 @jit
-def _by_pairs(increments, first, further):
-    """Return coning (3) and sculling (3) by the weighted products of all pairs of increments of a step."""
+def _pair_products(increments, first, further):
+    """Return coning (3) and sculling (3) by the weighted products of all pairs of increments of a step.
+
+    With the weights b_jk, coning is the sum over j < k of b_jk w_j x w_k, and sculling that of
+    b_jk (w_j x f_k + f_j x w_k).
+    """
     zero = like(increments[first, 0], 0.0)
-    cx, cy, cz, sx, sy, sz = zero, zero, zero, zero, zero, zero
+    cx = cy = cz = zero
+    sx = sy = sz = zero
     for k in range(1, further.pairs.shape[0]):
-        px, py, pz, ux, uy, uz = zero, zero, zero, zero, zero, zero
+        px = py = pz = zero
+        ux = uy = uz = zero
         for j in range(k):
-            weight, at = further.pairs[j, k], first + j
-            px, py = px + weight * increments[at, 0], py + weight * increments[at, 1]
-            ux, uy = ux + weight * increments[at, 3], uy + weight * increments[at, 4]
-            pz, uz = pz + weight * increments[at, 2], uz + weight * increments[at, 5]
-        wx, wy, wz = increments[first + k, 0], increments[first + k, 1], increments[first + k, 2]
+            weight = further.pairs[j, k]
+            row = first + j
+            px += weight * increments[row, 0]
+            py += weight * increments[row, 1]
+            pz += weight * increments[row, 2]
+            ux += weight * increments[row, 3]
+            uy += weight * increments[row, 4]
+            uz += weight * increments[row, 5]
+        later = first + k
+        wx = increments[later, 0]
+        wy = increments[later, 1]
+        wz = increments[later, 2]
         dx, dy, dz = cross(px, py, pz, wx, wy, wz)
-        ax, ay, az = cross(px, py, pz, increments[first + k, 3], increments[first + k, 4], increments[first + k, 5])
+        ax, ay, az = cross(px, py, pz, increments[later, 3], increments[later, 4], increments[later, 5])
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-        cx, cy, cz = cx + dx, cy + dy, cz + dz
-        sx, sy, sz = sx + (ax + bx), sy + (ay + by), sz + (az + bz)
+        cx += dx
+        cy += dy
+        cz += dz
+        sx += ax + bx
+        sy += ay + by
+        sz += az + bz
     return cx, cy, cz, sx, sy, sz
 
 
 @jit
-def _turned(wx, wy, wz, fx, fy, fz):
+def _velocity_rotation(wx, wy, wz, fx, fy, fz):
     """Return the change of a velocity increment f by a simultaneous rotation w at constant rates.
 
-    It is (1 - cos a) / a^2 w x f + (a - sin a) / a^3 w x (w x f), a the magnitude of w, by series in a^2.
+    It is (1 - cos a) / a^2 w x f + (a - sin a) / a^3 w x (w x f), a the magnitude of w, by series in a^2 (Savage,
+    J. Guidance 21, 1998, part 2).
     """
     square = wx * wx + wy * wy + wz * wz
+    # (1 - cos a) / a^2 = 1/2! - a^2/4! + a^4/6! - ..., (a - sin a) / a^3 = 1/3! - a^2/5! + a^4/7! - ...
     first = 0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 - square * (1.0 / 40320.0)))
     second = 1.0 / 6.0 + square * (-1.0 / 120.0 + square * (1.0 / 5040.0 - square * (1.0 / 362880.0)))
     ax, ay, az = cross(wx, wy, wz, fx, fy, fz)
@@ -66,6 +86,13 @@ def _turned(wx, wy, wz, fx, fy, fz):
 @jit
 def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     """Integrate one step in local geographic axes by the midpoint rule.
+
+    With s the velocity gained, w the rotation rate of the axes, p the place and a(p, v) the acceleration without
+    specific force:
+
+        v_mid = v + (s + dt a(p, v)) / 2,   p_mid = p + dt/2 dp/dt(p, v)
+        s_mid = s - (dt/2 w_mid) x s,       v+ = v + s_mid + dt a(p_mid, v_mid)
+        p+ = p + dt dp/dt(p_mid, (v + v+) / 2)
 
     Parameters
     ----------
@@ -79,86 +106,110 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     -------
     place (3), velocity (3) at the end; velocity gained (3) in the axes of mid-step; rotation of the axes (3), rad
     """
-    code, half = further.local, 0.5 * dt
+    code = further.local
+    half = 0.5 * dt
     x, y, z = position_of(px, py, pz)
     gx, gy, gz = gravity(algorithm.gravity, x, y, z)
     ax, ay, az = falling(code, px, py, pz, vx, vy, vz, gx, gy, gz)
-    mx, my, mz = vx + 0.5 * (sx + dt * ax), vy + 0.5 * (sy + dt * ay), vz + 0.5 * (sz + dt * az)
+    mid_vx = vx + 0.5 * (sx + dt * ax)
+    mid_vy = vy + 0.5 * (sy + dt * ay)
+    mid_vz = vz + 0.5 * (sz + dt * az)
     dx, dy, dz = moving(px, py, pz, code, vx, vy, vz)
-    qx, qy, qz = px + half * dx, py + half * dy, pz + half * dz
-    wx, wy, wz = turning(code, qx, qy, qz, mx, my, mz)
+    mid_px = px + half * dx
+    mid_py = py + half * dy
+    mid_pz = pz + half * dz
+    wx, wy, wz = turning(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz)
     kx, ky, kz = cross(half * wx, half * wy, half * wz, sx, sy, sz)
-    sx, sy, sz = sx - kx, sy - ky, sz - kz
-    x, y, z = position_of(qx, qy, qz)
+    sx -= kx
+    sy -= ky
+    sz -= kz
+    x, y, z = position_of(mid_px, mid_py, mid_pz)
     gx, gy, gz = gravity(algorithm.gravity, x, y, z)
-    ax, ay, az = falling(code, qx, qy, qz, mx, my, mz, gx, gy, gz)
-    nx, ny, nz = vx + sx + dt * ax, vy + sy + dt * ay, vz + sz + dt * az
-    dx, dy, dz = moving(qx, qy, qz, code, 0.5 * (vx + nx), 0.5 * (vy + ny), 0.5 * (vz + nz))
-    px, py, pz = px + dt * dx, py + dt * dy, pz + dt * dz
+    ax, ay, az = falling(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz, gx, gy, gz)
+    nx = vx + sx + dt * ax
+    ny = vy + sy + dt * ay
+    nz = vz + sz + dt * az
+    dx, dy, dz = moving(mid_px, mid_py, mid_pz, code, 0.5 * (vx + nx), 0.5 * (vy + ny), 0.5 * (vz + nz))
+    px += dt * dx
+    py += dt * dy
+    pz += dt * dz
     return px, py, pz, nx, ny, nz, sx, sy, sz, dt * wx, dt * wy, dt * wz
 
 
 @jit
-def _compensated(further, previous, increments, first, algorithm):
+def _compensate_step(further, previous, increments, first, algorithm):
     """Return rotation vector (3), velocity gained (3) and summed increments (6) of a step, body axes at its start.
+
+    The equations are those of `strapdown.integrate`. With products of pairs, the product across steps is that of the
+    last increment of one step and the first of the next.
 
     first : first row of the step in `increments`; previous : as in `mechanise`, updated in place
     """
     n = algorithm.subsamples
-    wx, wy, wz = increments[first, 0], increments[first, 1], increments[first, 2]
-    fx, fy, fz = increments[first, 3], increments[first, 4], increments[first, 5]
-    for at in range(first + 1, first + n):
-        wx, wy, wz = wx + increments[at, 0], wy + increments[at, 1], wz + increments[at, 2]
-        fx, fy, fz = fx + increments[at, 3], fy + increments[at, 4], fz + increments[at, 5]
-    tx, ty, tz, ux, uy, uz = wx, wy, wz, fx, fy, fz
+    wx, wy, wz, fx, fy, fz = increment_sums(increments, first, n)
+    tx, ty, tz = wx, wy, wz
+    ux, uy, uz = fx, fy, fz
     if further.pairs.shape[0] > 0:
-        tx, ty, tz = increments[first, 0], increments[first, 1], increments[first, 2]
-        ux, uy, uz = increments[first, 3], increments[first, 4], increments[first, 5]
-    px, py, pz = algorithm.across * previous[0], algorithm.across * previous[1], algorithm.across * previous[2]
+        tx, ty, tz, ux, uy, uz = increment_sums(increments, first, 1)
+    px = algorithm.across * previous[0]
+    py = algorithm.across * previous[1]
+    pz = algorithm.across * previous[2]
     cx, cy, cz = cross(px, py, pz, tx, ty, tz)
     ax, ay, az = cross(px, py, pz, ux, uy, uz)
     bx, by, bz = cross(previous[3], previous[4], previous[5], tx, ty, tz)
-    sx, sy, sz = ax + algorithm.across * bx, ay + algorithm.across * by, az + algorithm.across * bz
+    sx = ax + algorithm.across * bx
+    sy = ay + algorithm.across * by
+    sz = az + algorithm.across * bz
     if algorithm.weights.shape[0] > 0:
-        ix, iy, iz, jx, jy, jz = within(increments, first, algorithm)
-        cx, cy, cz, sx, sy, sz = cx + ix, cy + iy, cz + iz, sx + jx, sy + jy, sz + jz
+        ax, ay, az, bx, by, bz = within(increments, first, algorithm)
+        cx, cy, cz = cx + ax, cy + ay, cz + az
+        sx, sy, sz = sx + bx, sy + by, sz + bz
     if further.pairs.shape[0] > 0:
-        ix, iy, iz, jx, jy, jz = _by_pairs(increments, first, further)
-        cx, cy, cz, sx, sy, sz = cx + ix, cy + iy, cz + iz, sx + jx, sy + jy, sz + jz
-        ax, ay, az = _turned(wx, wy, wz, fx, fy, fz)
+        ax, ay, az, bx, by, bz = _pair_products(increments, first, further)
+        cx, cy, cz = cx + ax, cy + ay, cz + az
+        sx, sy, sz = sx + bx, sy + by, sz + bz
+        ax, ay, az = _velocity_rotation(wx, wy, wz, fx, fy, fz)
     else:
         ax, ay, az = cross(0.5 * wx, 0.5 * wy, 0.5 * wz, fx, fy, fz)
     last = first + n - 1
     for i in range(6):
         previous[i] = increments[last, i]
     if further.pairs.shape[0] == 0:
-        previous[0], previous[1], previous[2], previous[3], previous[4], previous[5] = wx, wy, wz, fx, fy, fz
-    dx, dy, dz = fx + ax + sx, fy + ay + sy, fz + az + sz
+        previous[0], previous[1], previous[2] = wx, wy, wz
+        previous[3], previous[4], previous[5] = fx, fy, fz
+    dx = fx + ax + sx
+    dy = fy + ay + sy
+    dz = fz + az + sz
     if algorithm.at_end:
-        b0, b1, b2, b3, b4, b5, b6, b7, b8 = matrix(*from_rotation(wx, wy, wz))
-        dx, dy, dz = b0 * fx + b1 * fy + b2 * fz, b3 * fx + b4 * fy + b5 * fz, b6 * fx + b7 * fy + b8 * fz
+        dx, dy, dz = rotate(matrix(*from_rotation(wx, wy, wz)), fx, fy, fz)
     return wx + cx, wy + cy, wz + cz, dx, dy, dz, wx, wy, wz, fx, fy, fz
 
 
 @jit
 def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
     """Integrate one step as `_local_step` does, in the inertial frame or in Earth-fixed axes, with position (m)."""
-    half, turned = 0.5 * dt, 0.0
-    x, y, z = (
-        algorithm.origin[0] + rx + half * vx,
-        algorithm.origin[1] + ry + half * vy,
-        algorithm.origin[2] + rz + half * vz,
-    )
+    half = 0.5 * dt
+    half_turn = 0.0
+    x = algorithm.origin[0] + rx + half * vx
+    y = algorithm.origin[1] + ry + half * vy
+    z = algorithm.origin[2] + rz + half * vz
     gx, gy, gz = gravity(algorithm.gravity, x, y, z)
     if algorithm.rotating:
-        turned = 0.5 * OMEGA * dt
-        sx, sy = sx + turned * sy, sy - turned * sx
-        kx, ky = fictitious(x, y, vx, vy)
-        kx, ky = fictitious(x, y, vx + 0.5 * (sx + dt * (gx + kx)), vy + 0.5 * (sy + dt * (gy + ky)))
-        gx, gy = gx + kx, gy + ky
-    nx, ny, nz = vx + sx + dt * gx, vy + sy + dt * gy, vz + sz + dt * gz
-    rx, ry, rz = rx + half * (vx + nx), ry + half * (vy + ny), rz + half * (vz + nz)
-    return rx, ry, rz, nx, ny, nz, sx, sy, sz, 0.0 * sx, 0.0 * sx, like(sx, 2.0 * turned)
+        # the axes rotate by half a step until the middle of the step
+        half_turn = 0.5 * OMEGA * dt
+        turned_x = sx + half_turn * sy
+        turned_y = sy - half_turn * sx
+        sx, sy = turned_x, turned_y
+        kx, ky = mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt)
+        gx += kx
+        gy += ky
+    nx = vx + sx + dt * gx
+    ny = vy + sy + dt * gy
+    nz = vz + sz + dt * gz
+    rx += half * (vx + nx)
+    ry += half * (vy + ny)
+    rz += half * (vz + nz)
+    return rx, ry, rz, nx, ny, nz, sx, sy, sz, 0.0 * sx, 0.0 * sx, like(sx, 2.0 * half_turn)
 
 
 @jit
@@ -168,11 +219,11 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
         sums[i] = like(nav[Q], 0.0)
     half = 0.5 * dt
     for k in range(n_step):
-        x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = _compensated(
-            further, previous, increments, k * algorithm.subsamples, algorithm
-        )
+        first = k * algorithm.subsamples
+        x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = _compensate_step(further, previous, increments, first, algorithm)
         sx, sy, sz = _add_attitude(nav, sums, half, dx, dy, dz)
-        rx, ry, rz, vx, vy, vz = nav[R], nav[R + 1], nav[R + 2], nav[V], nav[V + 1], nav[V + 2]
+        rx, ry, rz = nav[R], nav[R + 1], nav[R + 2]
+        vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
         if further.local > 0:
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _local_step(
                 further, algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
@@ -181,41 +232,45 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _fixed_step(
                 algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
             )
-        nav[R], nav[R + 1], nav[R + 2], nav[V], nav[V + 1], nav[V + 2] = rx, ry, rz, vx, vy, vz
+        nav[R], nav[R + 1], nav[R + 2] = rx, ry, rz
+        nav[V], nav[V + 1], nav[V + 2] = vx, vy, vz
+        # q+ = q(-t) q q(rotation vector), with t the rotation of the axes
         h0, h1, h2, h3 = from_rotation(-tx, -ty, -tz)
         q0, q1, q2, q3 = multiply(h0, h1, h2, h3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
         h0, h1, h2, h3 = from_rotation(x, y, z)
-        q0, q1, q2, q3 = multiply(q0, q1, q2, q3, h0, h1, h2, h3)
-        nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q0, q1, q2, q3
+        nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = multiply(q0, q1, q2, q3, h0, h1, h2, h3)
         _add_attitude(nav, sums, half, dx, dy, dz)
-        sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = sums[SUM_V] + sx, sums[SUM_V + 1] + sy, sums[SUM_V + 2] + sz
-        sums[SUM_TH], sums[SUM_TH + 1] = sums[SUM_TH] + wx, sums[SUM_TH + 1] + wy
-        sums[SUM_TH + 2], sums[SUM_F] = sums[SUM_TH + 2] + wz, sums[SUM_F] + fx
-        sums[SUM_F + 1], sums[SUM_F + 2] = sums[SUM_F + 1] + fy, sums[SUM_F + 2] + fz
-    q0, q1, q2, q3 = normalise(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q0, q1, q2, q3
+        sums[SUM_V] += sx
+        sums[SUM_V + 1] += sy
+        sums[SUM_V + 2] += sz
+        sums[SUM_TH] += wx
+        sums[SUM_TH + 1] += wy
+        sums[SUM_TH + 2] += wz
+        sums[SUM_F] += fx
+        sums[SUM_F + 1] += fy
+        sums[SUM_F + 2] += fz
+    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
 
 
 @jit
 def _add_attitude(nav, sums, half, x, y, z):
     """Add `half` (s) times the attitude matrix to its integral; return the vector x, y, z rotated from body axes."""
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    sums[0], sums[1], sums[2] = sums[0] + half * c0, sums[1] + half * c1, sums[2] + half * c2
-    sums[3], sums[4], sums[5] = sums[3] + half * c3, sums[4] + half * c4, sums[5] + half * c5
-    sums[6], sums[7], sums[8] = sums[6] + half * c6, sums[7] + half * c7, sums[8] + half * c8
-    return c0 * x + c1 * y + c2 * z, c3 * x + c4 * y + c5 * z, c6 * x + c7 * y + c8 * z
+    c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    for i in range(9):
+        sums[SUM_C + i] += half * c[i]
+    return rotate(c, x, y, z)
 
 
 @jit
-def _sums_to_earth_fixed(sums, code, px, py, pz):
+def _rotate_sums(sums, code, px, py, pz):
     """Rotate the integral of the attitude and the velocity gained from local axes at a place to Earth-fixed axes."""
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = axes_of(code, px, py, pz)
-    for i in range(4):
-        at, step = (SUM_C + i, 3) if i < 3 else (SUM_V, 1)
-        x, y, z = sums[at], sums[at + step], sums[at + 2 * step]
-        sums[at] = c0 * x + c3 * y + c6 * z
-        sums[at + step] = c1 * x + c4 * y + c7 * z
-        sums[at + 2 * step] = c2 * x + c5 * y + c8 * z
+    c = axes_of(code, px, py, pz)
+    for column in range(3):
+        x, y, z = rotate_back(c, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
+        sums[SUM_C + column] = x
+        sums[SUM_C + 3 + column] = y
+        sums[SUM_C + 6 + column] = z
+    sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = rotate_back(c, sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2])
 
 
 @jit
@@ -236,8 +291,8 @@ def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, alg
         to_local(nav, further.local, Q, V, R)
         px, py, pz = nav[R], nav[R + 1], nav[R + 2]
         _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
-        px, py, pz = px + nav[R], py + nav[R + 1], pz + nav[R + 2]  # direction of the place at mid-window
-        _sums_to_earth_fixed(sums, further.local, px, py, pz)
+        # the sum of the places at start and end has the direction of the place at mid-window
+        _rotate_sums(sums, further.local, px + nav[R], py + nav[R + 1], pz + nav[R + 2])
         from_local(nav, further.local, Q, V, R)
     else:
         _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)

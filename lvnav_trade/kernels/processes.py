@@ -15,7 +15,7 @@ from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OW
 BIAS, OWN, OTHER, SQUARES, N_TABLE = 0, 3, 12, 21, 24
 
 _START, _ZERO = np.uint64(0), np.uint64(0)
-# 2**52 * 1.5: adding and taking it off rounds a float64 below 2**51 to the nearest whole number
+# 2**52 * 1.5: adding and subtracting it rounds a float64 below 2**51 to the nearest whole number
 _ROUND = 6755399441055744.0
 
 
@@ -69,21 +69,25 @@ def gather(tables, values, sensors, drivers):
         for i in range(N_TABLE):
             tables[sensor, i] = 0.0 * values[0, 0]
     for b in range(sensors.shape[0]):
-        table, kind = tables[sensors[b]], drivers[b]
+        table = tables[sensors[b]]
+        driver = drivers[b]
         for axis in range(3):
-            at = SQUARES + axis
-            if kind == CONSTANT:
-                at = BIAS + axis
-            elif OWN_0 <= kind and kind <= OWN_2:
-                at = OWN + 3 * axis + (axis + kind - OWN_0) % 3
-            elif OTHER_0 <= kind and kind <= OTHER_2:
-                at = OTHER + 3 * axis + kind - OTHER_0
-            table[at] = table[at] + values[b, axis]
+            entry = SQUARES + axis
+            if driver == CONSTANT:
+                entry = BIAS + axis
+            elif OWN_0 <= driver and driver <= OWN_2:
+                entry = OWN + 3 * axis + (axis + driver - OWN_0) % 3  # inputs are rolled, see `transition.driver`
+            elif OTHER_0 <= driver and driver <= OTHER_2:
+                entry = OTHER + 3 * axis + driver - OTHER_0
+            table[entry] += values[b, axis]
 
 
 @jit
 def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, dt):
     """Return the error of the increment of one axis over a tick, rad or m/s.
+
+    It is dt b + M u + G v + k u_axis^2 / dt, with the increments u of the sensor and v of the other sensor, and one row
+    of the matrices: bias b, scale factors and misalignments M, g-sensitivity G, quadratic term k.
 
     own_0 to other_2 : increments of the sensor and of the other sensor; square : square of the axis' increment / dt
     """
@@ -103,7 +107,14 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
 def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
     """Return the errors of a tick's increments, of the gyro (a0, a1, a2) and of the accelerometer (f0, f1, f2)."""
     if biases_only:
-        return dt * gyro[0], dt * gyro[1], dt * gyro[2], dt * accel[0], dt * accel[1], dt * accel[2]
+        return (
+            dt * gyro[BIAS],
+            dt * gyro[BIAS + 1],
+            dt * gyro[BIAS + 2],
+            dt * accel[BIAS],
+            dt * accel[BIAS + 1],
+            dt * accel[BIAS + 2],
+        )
     return (
         error(gyro, 0, a0, a1, a2, f0, f1, f2, a0 * a0 / dt, dt),
         error(gyro, 1, a0, a1, a2, f0, f1, f2, a1 * a1 / dt, dt),
@@ -139,7 +150,8 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     """
     dt = unit.dt
     for k in range(n_tick):
-        tick, out = first_tick + k, at + k
+        tick = first_tick + k
+        row = at + k
         a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
         f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
         number = np.uint64(tick)
@@ -147,23 +159,18 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, number, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, number, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
-        increments[out, 0], increments[out, 1], increments[out, 2] = (
-            a0 + e0 + noise[0] * n0,
-            a1 + e1 + noise[1] * n1,
-            a2 + e2 + noise[2] * n2,
-        )
-        increments[out, 3], increments[out, 4], increments[out, 5] = (
-            f0 + e3 + noise[3] * n3,
-            f1 + e4 + noise[4] * n4,
-            f2 + e5 + noise[5] * n5,
-        )
+        increments[row, 0] = a0 + e0 + noise[0] * n0
+        increments[row, 1] = a1 + e1 + noise[1] * n1
+        increments[row, 2] = a2 + e2 + noise[2] * n2
+        increments[row, 3] = f0 + e3 + noise[3] * n3
+        increments[row, 4] = f1 + e4 + noise[4] * n4
+        increments[row, 5] = f2 + e5 + noise[5] * n5
     for sensor in range(2):
-        if noise[6 + sensor] > 0.0:
-            for k in range(at, at + n_tick):
+        step_size = noise[6 + sensor]
+        if step_size > 0.0:
+            for row in range(at, at + n_tick):
                 for axis in range(3 * sensor, 3 * sensor + 3):
-                    increments[k, axis], remainder[axis] = quantise(
-                        increments[k, axis], remainder[axis], noise[6 + sensor]
-                    )
+                    increments[row, axis], remainder[axis] = quantise(increments[row, axis], remainder[axis], step_size)
 
 
 @jit
@@ -184,10 +191,12 @@ def compensate(increments, n_tick, gyro, accel, biases_only, dt):
     for k in range(n_tick):
         a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
         f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
-        w0, w1, w2, g0, g1, g2 = a0, a1, a2, f0, f1, f2
+        w0, w1, w2 = a0, a1, a2
+        g0, g1, g2 = f0, f1, f2
         for _ in range(2):
             e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, biases_only, w0, w1, w2, g0, g1, g2, dt)
-            w0, w1, w2, g0, g1, g2 = a0 - e0, a1 - e1, a2 - e2, f0 - e3, f1 - e4, f2 - e5
+            w0, w1, w2 = a0 - e0, a1 - e1, a2 - e2
+            g0, g1, g2 = f0 - e3, f1 - e4, f2 - e5
         increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
         increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2
 

@@ -37,10 +37,15 @@ def seed_words(seed: int) -> tuple[np.uint64, np.uint64]:
 def philox(c0, c1, c2, c3, k0, k1):
     """Return the four 32-bit output words (stored in 64 bits) of Philox4x32-10 for a counter and a key."""
     for _ in range(10):
-        p0, p1 = (c0 & _LOW) * _MULTIPLIER_0, (c2 & _LOW) * _MULTIPLIER_1
-        c0, c2 = (p1 >> _32) ^ c1 ^ k0, (p0 >> _32) ^ c3 ^ k1
-        c1, c3 = p1 & _LOW, p0 & _LOW
-        k0, k1 = (k0 + _WEYL_0) & _LOW, (k1 + _WEYL_1) & _LOW
+        # high and low words of two products are permuted over the counter; the key is a Weyl sequence
+        p0 = (c0 & _LOW) * _MULTIPLIER_0
+        p1 = (c2 & _LOW) * _MULTIPLIER_1
+        c0 = (p1 >> _32) ^ c1 ^ k0
+        c2 = (p0 >> _32) ^ c3 ^ k1
+        c1 = p1 & _LOW
+        c3 = p0 & _LOW
+        k0 = (k0 + _WEYL_0) & _LOW
+        k1 = (k1 + _WEYL_1) & _LOW
     return c0, c1, c2, c3
 
 
@@ -57,6 +62,7 @@ def log_unit(x):
     large = mantissa > 1.4142135623730951
     mantissa = where(large, 0.5 * mantissa, mantissa)
     exponent = where(large, exponent + 1.0, exponent)
+    # 2 atanh(s) = 2 s + s z (2/3 + 2/5 z + 2/7 z^2 + ...), z = s^2
     s = (mantissa - 1.0) / (mantissa + 1.0)
     z = s * s
     series = 2.0 / 19.0 + z * (2.0 / 21.0)
@@ -79,6 +85,7 @@ def cos_sin_turn(word):
     q = to_float(quadrant)
     a = (turn - 0.25 * q) * _TWO_PI
     z = a * a
+    # sin a = a - a^3/3! + ... - a^15/15!, cos a = 1 - a^2/2! + ... + a^16/16!
     s = -1.0 / 1307674368000.0 * z + 1.0 / 6227020800.0
     s = (s * z - 1.0 / 39916800.0) * z + 1.0 / 362880.0
     s = ((s * z - 1.0 / 5040.0) * z + 1.0 / 120.0) * z - 1.0 / 6.0
@@ -88,7 +95,8 @@ def cos_sin_turn(word):
     c = ((c * z + 1.0 / 40320.0) * z - 1.0 / 720.0) * z + 1.0 / 24.0
     c = 1.0 + z * (z * c - 0.5)
     odd = (q == 1.0) | (q == 3.0)
-    cosine, sine = where(odd, s, c), where(odd, c, s)
+    cosine = where(odd, s, c)
+    sine = where(odd, c, s)
     return where((q == 1.0) | (q == 2.0), -cosine, cosine), where(q >= 2.0, -sine, sine)
 
 
@@ -105,9 +113,11 @@ def normals(k0, k1, source, run, epoch, index):
     index : distinguishes draws of the same epoch (satellite, group of axes), a word
     """
     w0, w1, w2, w3 = philox(word_like(run, epoch), run, word_like(run, source), word_like(run, index), k0, k1)
+    # Box-Muller: sqrt(-2 ln u) cos(2 pi v) and sqrt(-2 ln u) sin(2 pi v), with u in (0, 1)
     radius = sqrt(-2.0 * log_unit((to_float(w0) + 0.5) * _2M32))
     cosine, sine = cos_sin_turn(w1)
-    n0, n1 = radius * cosine, radius * sine
+    n0 = radius * cosine
+    n1 = radius * sine
     radius = sqrt(-2.0 * log_unit((to_float(w2) + 0.5) * _2M32))
     cosine, sine = cos_sin_turn(w3)
     return n0, n1, radius * cosine, radius * sine

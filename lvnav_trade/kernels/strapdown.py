@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
+from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate
 from lvnav_trade.kernels.earth import OMEGA, gravity_j2, gravity_j4, gravity_point
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
@@ -86,18 +86,45 @@ def full_rate(gravity: int) -> Strapdown:
 
 
 @inlined
+def increment_sums(increments, first, subsamples):
+    """Return the sums of angle (3) rad and velocity (3) m/s increments of a step, which begins at row `first`."""
+    wx = increments[first, 0]
+    wy = increments[first, 1]
+    wz = increments[first, 2]
+    fx = increments[first, 3]
+    fy = increments[first, 4]
+    fz = increments[first, 5]
+    for row in range(first + 1, first + subsamples):
+        wx += increments[row, 0]
+        wy += increments[row, 1]
+        wz += increments[row, 2]
+        fx += increments[row, 3]
+        fy += increments[row, 4]
+        fz += increments[row, 5]
+    return wx, wy, wz, fx, fy, fz
+
+
+@inlined
 def within(increments, first, algorithm):
     """Return coning (3) rad and sculling (3) m/s by the increments of a step, which begin at row `first`.
 
-    The weighted sum of all increments but the last is multiplied by the last.
+    The weighted sum of all increments but the last is multiplied by the last (Ignagni, J. Guidance 19, 1996).
     """
     last = first + algorithm.subsamples - 1
     px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
     for j in range(algorithm.weights.shape[0]):
-        weight, at = algorithm.weights[j], first + j
-        px, py, pz = px + weight * increments[at, 0], py + weight * increments[at, 1], pz + weight * increments[at, 2]
-        ux, uy, uz = ux + weight * increments[at, 3], uy + weight * increments[at, 4], uz + weight * increments[at, 5]
-    wx, wy, wz = increments[last, 0], increments[last, 1], increments[last, 2]
+        weight = algorithm.weights[j]
+        row = first + j
+        px += weight * increments[row, 0]
+        py += weight * increments[row, 1]
+        pz += weight * increments[row, 2]
+        ux += weight * increments[row, 3]
+        uy += weight * increments[row, 4]
+        uz += weight * increments[row, 5]
+    wx = increments[last, 0]
+    wy = increments[last, 1]
+    wz = increments[last, 2]
+    # coning p x w, sculling p x f + u x w; p, u: weighted sums of angles and velocities, w, f: the last increments
     cx, cy, cz = cross(px, py, pz, wx, wy, wz)
     ax, ay, az = cross(px, py, pz, increments[last, 3], increments[last, 4], increments[last, 5])
     bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
@@ -108,9 +135,29 @@ def within(increments, first, algorithm):
 def fictitious(x, y, vx, vy):
     """Return the sum of centrifugal and Coriolis acceleration (m/s^2) along the Earth-fixed x and y axes.
 
-    x, y m, vx, vy m/s, Earth-fixed axes. The component along the polar axis is zero.
+    It is -w x (w x r) - 2 w x v. x, y m, vx, vy m/s, Earth-fixed axes. The component along the polar axis is zero.
     """
-    return OMEGA * OMEGA * x + 2.0 * OMEGA * vy, OMEGA * OMEGA * y - 2.0 * OMEGA * vx
+    ax = OMEGA * OMEGA * x + 2.0 * OMEGA * vy
+    ay = OMEGA * OMEGA * y - 2.0 * OMEGA * vx
+    return ax, ay
+
+
+@inlined
+def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
+    """Return the acceleration of `fictitious` at the mean velocity of a step dt (s).
+
+    vx, vy : m/s, velocity at its start; sx, sy : m/s, velocity gained by specific force; gx, gy : m/s^2, gravitation
+    """
+    kx, ky = fictitious(x, y, vx, vy)
+    mean_vx = vx + 0.5 * (sx + dt * (gx + kx))
+    mean_vy = vy + 0.5 * (sy + dt * (gy + ky))
+    return fictitious(x, y, mean_vx, mean_vy)
+
+
+@inlined
+def rotate_polar(angle_cos, angle_sin, x, y):
+    """Return x and y in axes that are rotated about the polar axis by an angle with this cosine and sine."""
+    return angle_cos * x + angle_sin * y, angle_cos * y - angle_sin * x
 
 
 @jit
@@ -119,14 +166,19 @@ def to_earth_fixed(nav, algorithm, angle):
 
     angle : rad, from frame i to the Earth-fixed axes
     """
-    c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
-    rx, ry = nav[R], nav[R + 1]
+    c, s = math.cos(angle), math.sin(angle)
+    half_c, half_s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    rx = nav[R]
+    ry = nav[R + 1]
     # velocity relative to the rotating Earth, v - w x r, before the rotation about the polar axis
-    vx, vy = nav[V] + OMEGA * ry, nav[V + 1] - OMEGA * rx
-    nav[V], nav[V + 1] = c * vx + s * vy, c * vy - s * vx
-    nav[R], nav[R + 1] = c * rx + s * ry - algorithm.origin[0], c * ry - s * rx - algorithm.origin[1]
-    nav[R + 2] = nav[R + 2] - algorithm.origin[2]
-    q = multiply(ch, 0.0, 0.0, -sh, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    vx = nav[V] + OMEGA * ry
+    vy = nav[V + 1] - OMEGA * rx
+    nav[V], nav[V + 1] = rotate_polar(c, s, vx, vy)
+    x, y = rotate_polar(c, s, rx, ry)
+    nav[R] = x - algorithm.origin[0]
+    nav[R + 1] = y - algorithm.origin[1]
+    nav[R + 2] -= algorithm.origin[2]
+    q = multiply(half_c, 0.0, 0.0, -half_s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
 
 
@@ -135,11 +187,19 @@ def to_inertial(nav, algorithm, angle):
     """Transform a navigation state (10,) from Earth-fixed axes back to the inertial frame, the inverse of
     `to_earth_fixed`.
     """
-    c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
-    x, y, vx, vy = nav[R] + algorithm.origin[0], nav[R + 1] + algorithm.origin[1], nav[V], nav[V + 1]
-    nav[R], nav[R + 1], nav[R + 2] = c * x - s * y, s * x + c * y, nav[R + 2] + algorithm.origin[2]
-    nav[V], nav[V + 1] = c * vx - s * vy - OMEGA * nav[R + 1], s * vx + c * vy + OMEGA * nav[R]
-    q = multiply(ch, 0.0, 0.0, sh, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    c, s = math.cos(angle), math.sin(angle)
+    half_c, half_s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    x = nav[R] + algorithm.origin[0]
+    y = nav[R + 1] + algorithm.origin[1]
+    vx = nav[V]
+    vy = nav[V + 1]
+    nav[R] = c * x - s * y
+    nav[R + 1] = s * x + c * y
+    nav[R + 2] += algorithm.origin[2]
+    # v + w x r, with the position in the inertial frame
+    nav[V] = c * vx - s * vy - OMEGA * nav[R + 1]
+    nav[V + 1] = s * vx + c * vy + OMEGA * nav[R]
+    q = multiply(half_c, 0.0, 0.0, half_s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
 
 
@@ -147,16 +207,28 @@ def to_inertial(nav, algorithm, angle):
 def turn_sums(sums, angle):
     """Rotate the integral of the attitude and the velocity gained from Earth-fixed axes to frame i; angle (rad)."""
     c, s = math.cos(angle), math.sin(angle)
-    for i in range(3):
-        x, y = sums[SUM_C + i], sums[SUM_C + 3 + i]
-        sums[SUM_C + i], sums[SUM_C + 3 + i] = c * x - s * y, s * x + c * y
-    x, y = sums[SUM_V], sums[SUM_V + 1]
-    sums[SUM_V], sums[SUM_V + 1] = c * x - s * y, s * x + c * y
+    for column in range(3):
+        x = sums[SUM_C + column]
+        y = sums[SUM_C + 3 + column]
+        sums[SUM_C + column] = c * x - s * y
+        sums[SUM_C + 3 + column] = s * x + c * y
+    x = sums[SUM_V]
+    y = sums[SUM_V + 1]
+    sums[SUM_V] = c * x - s * y
+    sums[SUM_V + 1] = s * x + c * y
 
 
 @inlined
 def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
     """Integrate the steps of a window in the frame of `nav`; the parameters are those of `mechanise`.
+
+    In a step, w and f are the sums of angle and velocity increments, p and u those of the step before, a the weight
+    of products across steps (1/12 at the full rate), and C the attitude at the start of the step:
+
+        rotation vector = w + a p x w + coning within the step
+        velocity gained = C (f + w x f / 2 + a (p x f + u x w) + sculling within the step)
+
+    (Savage, J. Guidance 21, 1998, parts 1 and 2). Position is integrated by the trapezoidal rule.
 
     general : whether `algorithm` may differ from `full_rate`. Callers pass a constant, so that the compiler removes
         the branches they do not need. Long because its state stays in registers over the loop.
@@ -164,78 +236,108 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
     q0, q1, q2, q3 = nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
     vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
     rx, ry, rz = nav[R], nav[R + 1], nav[R + 2]
-    px, py, pz, ux, uy, uz = previous[0], previous[1], previous[2], previous[3], previous[4], previous[5]
+    px, py, pz = previous[0], previous[1], previous[2]
+    ux, uy, uz = previous[3], previous[4], previous[5]
     zero = like(q0, 0.0)
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(q0, q1, q2, q3)
-    m0, m1, m2, m3, m4, m5, m6, m7, m8 = zero, zero, zero, zero, zero, zero, zero, zero, zero
-    gained_x, gained_y, gained_z = zero, zero, zero
-    th_x, th_y, th_z, f_x, f_y, f_z = zero, zero, zero, zero, zero, zero
-    half, turned = 0.5 * dt, 0.5 * OMEGA * dt
-    rotating, at_end, n_sample, across = False, False, 1, 1.0 / 12.0
+    c = matrix(q0, q1, q2, q3)
+    m0 = m1 = m2 = m3 = m4 = m5 = m6 = m7 = m8 = zero
+    gained_x = gained_y = gained_z = zero
+    th_x = th_y = th_z = zero
+    f_x = f_y = f_z = zero
+    half = 0.5 * dt
+    half_turn = 0.5 * OMEGA * dt
+    rotating = False
+    at_end = False
+    n_sample = 1
+    across = 1.0 / 12.0
     if general:
-        rotating, at_end, n_sample, across = (
-            algorithm.rotating,
-            algorithm.at_end,
-            algorithm.subsamples,
-            algorithm.across,
-        )
+        rotating = algorithm.rotating
+        at_end = algorithm.at_end
+        n_sample = algorithm.subsamples
+        across = algorithm.across
     for k in range(n_step):
         first = k * n_sample
-        wx, wy, wz = increments[first, 0], increments[first, 1], increments[first, 2]
-        fx, fy, fz = increments[first, 3], increments[first, 4], increments[first, 5]
-        for at in range(first + 1, first + n_sample):
-            wx, wy, wz = wx + increments[at, 0], wy + increments[at, 1], wz + increments[at, 2]
-            fx, fy, fz = fx + increments[at, 3], fy + increments[at, 4], fz + increments[at, 5]
+        wx, wy, wz, fx, fy, fz = increment_sums(increments, first, n_sample)
+
+        # coning a p x w and sculling a (p x f + u x w) across steps
         coning_x, coning_y, coning_z = cross(px, py, pz, wx, wy, wz)
-        coning_x, coning_y, coning_z = across * coning_x, across * coning_y, across * coning_z
+        coning_x = across * coning_x
+        coning_y = across * coning_y
+        coning_z = across * coning_z
         ax, ay, az = cross(px, py, pz, fx, fy, fz)
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-        sx, sy, sz = across * (ax + bx), across * (ay + by), across * (az + bz)
+        sculling_x = across * (ax + bx)
+        sculling_y = across * (ay + by)
+        sculling_z = across * (az + bz)
         if general and algorithm.weights.shape[0] > 0:
-            ix, iy, iz, jx, jy, jz = within(increments, first, algorithm)
-            coning_x, coning_y, coning_z = coning_x + ix, coning_y + iy, coning_z + iz
-            sx, sy, sz = sx + jx, sy + jy, sz + jz
+            ax, ay, az, bx, by, bz = within(increments, first, algorithm)
+            coning_x += ax
+            coning_y += ay
+            coning_z += az
+            sculling_x += bx
+            sculling_y += by
+            sculling_z += bz
+
+        # velocity gained in body axes at the start of the step, then in the axes of integration
         e0, e1, e2, e3 = from_rotation(wx + coning_x, wy + coning_y, wz + coning_z)
         if at_end:
-            b0, b1, b2, b3, b4, b5, b6, b7, b8 = matrix(e0, e1, e2, e3)
-            dx, dy, dz = b0 * fx + b1 * fy + b2 * fz, b3 * fx + b4 * fy + b5 * fz, b6 * fx + b7 * fy + b8 * fz
+            dx, dy, dz = rotate(matrix(e0, e1, e2, e3), fx, fy, fz)
         else:
             rotation_x, rotation_y, rotation_z = cross(wx, wy, wz, fx, fy, fz)
-            dx, dy, dz = fx + 0.5 * rotation_x + sx, fy + 0.5 * rotation_y + sy, fz + 0.5 * rotation_z + sz
-        sx, sy, sz = c0 * dx + c1 * dy + c2 * dz, c3 * dx + c4 * dy + c5 * dz, c6 * dx + c7 * dy + c8 * dz
+            dx = fx + 0.5 * rotation_x + sculling_x
+            dy = fy + 0.5 * rotation_y + sculling_y
+            dz = fz + 0.5 * rotation_z + sculling_z
+        sx, sy, sz = rotate(c, dx, dy, dz)
+
+        # gravitation at the middle of the step
         if rotating:
             # the axes rotate by half a step until the middle of the step; the Coriolis term uses the mean velocity
-            sx, sy = sx + turned * sy, sy - turned * sx
-            x, y = algorithm.origin[0] + rx + half * vx, algorithm.origin[1] + ry + half * vy
-            gx, gy, gz = gravity(algorithm.gravity, x, y, algorithm.origin[2] + rz + half * vz)
-            kx, ky = fictitious(x, y, vx, vy)
-            kx, ky = fictitious(x, y, vx + 0.5 * (sx + dt * (gx + kx)), vy + 0.5 * (sy + dt * (gy + ky)))
-            gx, gy = gx + kx, gy + ky
-            q0, q1, q2, q3 = multiply(1.0 - 0.5 * turned * turned, 0.0, 0.0, -turned, q0, q1, q2, q3)
+            turned_x = sx + half_turn * sy
+            turned_y = sy - half_turn * sx
+            sx, sy = turned_x, turned_y
+            x = algorithm.origin[0] + rx + half * vx
+            y = algorithm.origin[1] + ry + half * vy
+            z = algorithm.origin[2] + rz + half * vz
+            gx, gy, gz = gravity(algorithm.gravity, x, y, z)
+            kx, ky = mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt)
+            gx += kx
+            gy += ky
+            q0, q1, q2, q3 = multiply(1.0 - 0.5 * half_turn * half_turn, 0.0, 0.0, -half_turn, q0, q1, q2, q3)
         else:
             gx, gy, gz = gravity(algorithm.gravity, rx + half * vx, ry + half * vy, rz + half * vz)
-        nx, ny, nz = vx + sx + dt * gx, vy + sy + dt * gy, vz + sz + dt * gz
-        rx, ry, rz = rx + half * (vx + nx), ry + half * (vy + ny), rz + half * (vz + nz)
+        nx = vx + sx + dt * gx
+        ny = vy + sy + dt * gy
+        nz = vz + sz + dt * gz
+        rx += half * (vx + nx)
+        ry += half * (vy + ny)
+        rz += half * (vz + nz)
         vx, vy, vz = nx, ny, nz
         gained_x += sx
         gained_y += sy
         gained_z += sz
         q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
+
         # mean of C over the step by the trapezoidal rule, because a spinning body rotates by up to 0.2 rad in a step
-        m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
-        m3, m4, m5 = m3 + c3, m4 + c4, m5 + c5
-        m6, m7, m8 = m6 + c6, m7 + c7, m8 + c8
-        c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(q0, q1, q2, q3)
-        m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
-        m3, m4, m5 = m3 + c3, m4 + c4, m5 + c5
-        m6, m7, m8 = m6 + c6, m7 + c7, m8 + c8
-        th_x, th_y, th_z = th_x + wx, th_y + wy, th_z + wz
-        f_x, f_y, f_z = f_x + fx, f_y + fy, f_z + fz
-        px, py, pz, ux, uy, uz = wx, wy, wz, fx, fy, fz
+        m0, m1, m2 = m0 + c[0], m1 + c[1], m2 + c[2]
+        m3, m4, m5 = m3 + c[3], m4 + c[4], m5 + c[5]
+        m6, m7, m8 = m6 + c[6], m7 + c[7], m8 + c[8]
+        c = matrix(q0, q1, q2, q3)
+        m0, m1, m2 = m0 + c[0], m1 + c[1], m2 + c[2]
+        m3, m4, m5 = m3 + c[3], m4 + c[4], m5 + c[5]
+        m6, m7, m8 = m6 + c[6], m7 + c[7], m8 + c[8]
+        th_x += wx
+        th_y += wy
+        th_z += wz
+        f_x += fx
+        f_y += fy
+        f_z += fz
+        px, py, pz = wx, wy, wz
+        ux, uy, uz = fx, fy, fz
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
     nav[V], nav[V + 1], nav[V + 2] = vx, vy, vz
     nav[R], nav[R + 1], nav[R + 2] = rx, ry, rz
-    previous[0], previous[1], previous[2], previous[3], previous[4], previous[5] = px, py, pz, ux, uy, uz
+    previous[0], previous[1], previous[2] = px, py, pz
+    previous[3], previous[4], previous[5] = ux, uy, uz
     sums[0], sums[1], sums[2] = half * m0, half * m1, half * m2
     sums[3], sums[4], sums[5] = half * m3, half * m4, half * m5
     sums[6], sums[7], sums[8] = half * m6, half * m7, half * m8
@@ -250,4 +352,5 @@ def place(nav, reference, tick):
     for i in range(4):
         nav[Q + i] = reference.q_b_i[tick, i]
     for i in range(3):
-        nav[V + i], nav[R + i] = reference.v_i[tick, i], reference.r_i[tick, i]
+        nav[V + i] = reference.v_i[tick, i]
+        nav[R + i] = reference.r_i[tick, i]

@@ -13,7 +13,7 @@ third order in the window length (Strang, SIAM J. Numer. Anal. 5, 1968), with ha
 sum would need.
 """
 
-from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
+from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V
@@ -40,14 +40,17 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
     own_x, own_y, own_z : mean input of the sensor: rad/s of a gyro, m/s^2 of an accelerometer
     other_x, other_y, other_z : mean input of the other sensor
     """
-    own, other = (own_x, own_y, own_z), (other_x, other_y, other_z)
     if kind == CONSTANT:
-        one = 0.0 * own_x + 1.0
-        return one, one, one
+        unity = 0.0 * own_x + 1.0  # one number, or eight lanes
+        return unity, unity, unity
     if OWN_0 <= kind and kind <= OWN_2:
-        return own[kind - OWN_0], own[(kind - OWN_0 + 1) % 3], own[(kind - OWN_0 + 2) % 3]
+        inputs = (own_x, own_y, own_z)
+        shift = kind - OWN_0
+        return inputs[shift], inputs[(shift + 1) % 3], inputs[(shift + 2) % 3]
     if OTHER_0 <= kind and kind <= OTHER_2:
-        return other[kind - OTHER_0], other[kind - OTHER_0], other[kind - OTHER_0]
+        inputs = (other_x, other_y, other_z)
+        axis = kind - OTHER_0
+        return inputs[axis], inputs[axis], inputs[axis]
     return own_x * own_x, own_y * own_y, own_z * own_z
 
 
@@ -81,21 +84,22 @@ def _gradient(block, factor, x, y, z):
 @inlined
 def _column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * (integral of C) diag(u)."""
-    for row in range(3):
-        at = SUM_C + 3 * row
-        block[3 * row] = factor * sums[at] * ux
-        block[3 * row + 1] = factor * sums[at + 1] * uy
-        block[3 * row + 2] = factor * sums[at + 2] * uz
+    for i in range(0, 9, 3):
+        block[i] = factor * sums[SUM_C + i] * ux
+        block[i + 1] = factor * sums[SUM_C + i + 1] * uy
+        block[i + 2] = factor * sums[SUM_C + i + 2] * uz
 
 
 @inlined
-def _turned_column(block, factor, sums, ux, uy, uz):
+def _cross_column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * [velocity gained x] (integral of C) diag(u)."""
     vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     for column in range(3):
         u = (ux, uy, uz)[column]
         x, y, z = cross(vx, vy, vz, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
-        block[column], block[3 + column], block[6 + column] = factor * u * x, factor * u * y, factor * u * z
+        block[column] = factor * u * x
+        block[3 + column] = factor * u * y
+        block[6 + column] = factor * u * z
 
 
 @inlined
@@ -122,7 +126,7 @@ def parameter_block(block, kind, driven_by, sums, seconds):
         if kind == ATT_GYRO:
             _column(block, -1.0, sums, ux, uy, uz)
         else:
-            _turned_column(block, 0.5, sums, ux, uy, uz)
+            _cross_column(block, 0.5, sums, ux, uy, uz)
 
 
 @inlined
@@ -138,7 +142,8 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
     seconds : s, length of the window
     """
     for b in range(kinds.shape[0]):
-        kind, block = kinds[b], blocks[b]
+        kind = kinds[b]
+        block = blocks[b]
         if kind == VEL_ATT:
             _skew(block, -sums[SUM_V], -sums[SUM_V + 1], -sums[SUM_V + 2])
         elif kind == VEL_POS:
@@ -148,7 +153,9 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
         elif kind in (POS_VEL, POS_VEL_HALF):
             share = 1.0 if kind == POS_VEL else 0.5
             for i in range(9):
-                block[i] = share * seconds + 0.0 * x if i % 4 == 0 else 0.0 * x
+                block[i] = 0.0 * x
+            for i in range(0, 9, 4):  # the diagonal
+                block[i] = share * seconds + 0.0 * x
         else:
             parameter_block(block, kind, drivers[b], sums, seconds)
 
@@ -173,13 +180,15 @@ def linearise(rates, nav, code):
     """
     if code == RENEWED:
         c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-        now, last = rates[0], rates[1]
+        renewed, last = rates[0], rates[1]
         for i in range(9):
-            now[SUM_C + i] = c[i]
+            renewed[SUM_C + i] = c[i]
         for i in range(3):
-            now[SUM_TH + i], now[SUM_F + i] = last[SUM_TH + i], last[SUM_F + i]
-        for i in range(3):
-            now[SUM_V + i] = c[3 * i] * now[SUM_F] + c[3 * i + 1] * now[SUM_F + 1] + c[3 * i + 2] * now[SUM_F + 2]
+            renewed[SUM_TH + i] = last[SUM_TH + i]
+            renewed[SUM_F + i] = last[SUM_F + i]
+        # acceleration in frame i: C f
+        ax, ay, az = rotate(c, renewed[SUM_F], renewed[SUM_F + 1], renewed[SUM_F + 2])
+        renewed[SUM_V], renewed[SUM_V + 1], renewed[SUM_V + 2] = ax, ay, az
 
 
 @jit
@@ -196,9 +205,10 @@ def linearised_sums(rates, sums, seconds, code):
 @jit
 def correct_motion(nav, x):
     """Add the error state x (n,), truth minus estimate, to the navigation state nav (10,), updated in place."""
+    # attitude errors are in frame i, so the correction multiplies from the left
     e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
     q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
     for i in range(3):
-        nav[V + i] = nav[V + i] + x[VEL + i]
-        nav[R + i] = nav[R + i] + x[POS + i]
+        nav[V + i] += x[VEL + i]
+        nav[R + i] += x[POS + i]

@@ -13,6 +13,7 @@ rate at `motion` and specific force at `motion` + 3.
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.strapdown import SUM_V
 from lvnav_trade.kernels.transition import sensed_driver
 
 N_SAMPLE = 6
@@ -64,64 +65,69 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     n_estimated : number of estimated states
     """
     n, n_entry = P.shape[0], columns.shape[1]
-    for r in range(6):
-        c, last = columns[r, 0], min(1, n_entry - 1)  # the motion state and, if there is one, a bias in one pass
-        d, factor = columns[r, last], h[r, last] * float(last)
+    for r in range(N_SAMPLE):
+        # the motion state and, if there is one, a bias in one pass
+        second = min(1, n_entry - 1)
+        c = columns[r, 0]
+        d = columns[r, second]
+        factor = h[r, second] * float(second)
         for i in range(n):
             K[r, i] = _upper(P, i, c) + factor * _upper(P, i, d)
         for k in range(2, n_entry):
             c = columns[r, k]
             for i in range(n):
-                K[r, i] = K[r, i] + h[r, k] * _upper(P, i, c)
+                K[r, i] += h[r, k] * _upper(P, i, c)
         # K_r = P h_r' of the covariance after the updates before it: P h_r' - sum over q of K_q weight_q (K_q' h_r').
-        # Estimated states see the whole of K_q' h_r', considered states only its part over estimated states.
+        # The gain of considered states is zero, so estimated states get the whole of K_q' h_r', and considered states
+        # only its part over estimated states.
         for q in range(r):
-            estimated, total_seen = _seen_by(K, h, columns, r, q, n_estimated)
-            factor = total_seen * weight[q]
+            estimated, total = _projections(K, h, columns, r, q, n_estimated)
+            factor = total * weight[q]
             for i in range(n_estimated):
-                K[r, i] = K[r, i] - factor * K[q, i]
+                K[r, i] -= factor * K[q, i]
             factor = estimated * weight[q]
             for i in range(n_estimated, n):
-                K[r, i] = K[r, i] - factor * K[q, i]
-        total, innovation = like(x[0], variance[r]), z[r]
+                K[r, i] -= factor * K[q, i]
+        innovation_variance = like(x[0], variance[r])
+        innovation = z[r]
         for k in range(n_entry):
             c = columns[r, k]
-            total = total + h[r, k] * K[r, c]
-            innovation = innovation - h[r, k] * x[c]
-        weight[r], residual[r] = 1.0 / total, innovation
+            innovation_variance += h[r, k] * K[r, c]
+            innovation -= h[r, k] * x[c]
+        weight[r] = 1.0 / innovation_variance
+        residual[r] = innovation
         step = innovation * weight[r]
         for i in range(n_estimated):
-            x[i] = x[i] + K[r, i] * step
+            x[i] += K[r, i] * step
+    # P <- P - sum over r of K_r weight_r K_r'
     for i in range(n_estimated):
         g0, g1, g2 = K[0, i] * weight[0], K[1, i] * weight[1], K[2, i] * weight[2]
         g3, g4, g5 = K[3, i] * weight[3], K[4, i] * weight[4], K[5, i] * weight[5]
         for j in range(i, n):
-            P[i, j] = P[i, j] - (
-                g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j] + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
-            )
+            P[i, j] -= g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j] + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
 
 
 @inlined
-def _seen_by(K, h, columns, r, q, n_estimated):
-    """Return h_r K_q over the estimated states, and over all."""
+def _projections(K, h, columns, r, q, n_estimated):
+    """Return the projection h_r K_q over the estimated states, and over all."""
     estimated = like(K[q, 0], 0.0)
     considered = like(K[q, 0], 0.0)
     for k in range(columns.shape[1]):
         c = columns[r, k]
         if c < n_estimated:
-            estimated = estimated + h[r, k] * K[q, c]
+            estimated += h[r, k] * K[q, c]
         elif n_estimated < K.shape[1]:
-            considered = considered + h[r, k] * K[q, c]
+            considered += h[r, k] * K[q, c]
     return estimated, estimated + considered
 
 
 @inlined
-def _gained(sums, a0, a1, a2, f0, f1, f2):
+def _velocity_error(sums, a0, a1, a2, f0, f1, f2):
     """Return the velocity error (m/s) that errors of attitude (a) and mean specific force (f) cause over a tick.
 
     It is (integral of C) f - [velocity gained x] a.
     """
-    vx, vy, vz = sums[9], sums[10], sums[11]
+    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     return (
         vz * a1 - vy * a2 + sums[0] * f0 + sums[1] * f1 + sums[2] * f2,
         vx * a2 - vz * a0 + sums[3] * f0 + sums[4] * f1 + sums[5] * f2,
@@ -131,7 +137,7 @@ def _gained(sums, a0, a1, a2, f0, f1, f2):
 
 @jit
 def advance(P, moved, sums, dt, motion):
-    """Propagate the covariance over a tick, without process noise.
+    """Propagate the covariance over a tick, without process noise: P <- Phi P Phi'.
 
     Parameters
     ----------
@@ -142,35 +148,41 @@ def advance(P, moved, sums, dt, motion):
     motion : first motion state
     """
     n = P.shape[0]
-    w, f, half = motion, motion + 3, 0.5 * dt
+    w = motion
+    f = motion + 3
+    half = 0.5 * dt
+    # first nine rows of M = (Phi - I) P, column by column; the others are zero
     for j in range(n):
         w0, w1, w2 = _upper(P, w, j), _upper(P, w + 1, j), _upper(P, w + 2, j)
-        gained = _gained(
-            sums, P[0, j], _upper(P, 1, j), _upper(P, 2, j), _upper(P, f, j), _upper(P, f + 1, j), _upper(P, f + 2, j)
-        )
+        f0, f1, f2 = _upper(P, f, j), _upper(P, f + 1, j), _upper(P, f + 2, j)
+        gained = _velocity_error(sums, P[0, j], _upper(P, 1, j), _upper(P, 2, j), f0, f1, f2)
         for i in range(3):
             moved[i, j] = sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
             moved[3 + i, j] = gained[i]
             moved[6 + i, j] = dt * _upper(P, 3 + i, j) + half * gained[i]
-    _add_moved(P, moved, sums, dt, motion, n)
+    _add_changes(P, moved, sums, dt, motion, n)
 
 
 @inlined
-def _add_moved(P, moved, sums, dt, motion, n):
-    """P <- P + M + M' + M (Phi - I)' with M = (Phi - I) P, whose first nine rows are given."""
-    half, w, f = 0.5 * dt, motion, motion + 3
+def _add_changes(P, moved, sums, dt, motion, n):
+    """P <- P + M + M' + M (Phi - I)' with the first nine rows `moved` of M = (Phi - I) P."""
+    w = motion
+    f = motion + 3
+    half = 0.5 * dt
     for i in range(N_NAV):
-        for j in range(9, n):
-            P[i, j] = P[i, j] + moved[i, j]
+        for j in range(N_NAV, n):
+            P[i, j] += moved[i, j]
         for j in range(i, N_NAV):
             P[i, j] = P[i, j] + moved[i, j] + moved[j, i]
         w0, w1, w2 = moved[i, w], moved[i, w + 1], moved[i, w + 2]
-        gained = _gained(sums, moved[i, 0], moved[i, 1], moved[i, 2], moved[i, f], moved[i, f + 1], moved[i, f + 2])
+        gained = _velocity_error(
+            sums, moved[i, 0], moved[i, 1], moved[i, 2], moved[i, f], moved[i, f + 1], moved[i, f + 2]
+        )
         for k in range(3):
             if i <= k:
                 P[i, k] = P[i, k] + sums[3 * k] * w0 + sums[3 * k + 1] * w1 + sums[3 * k + 2] * w2
             if i <= 3 + k:
-                P[i, 3 + k] = P[i, 3 + k] + gained[k]
+                P[i, 3 + k] += gained[k]
             if i <= 6 + k:
                 P[i, 6 + k] = P[i, 6 + k] + dt * moved[i, 3 + k] + half * gained[k]
 
@@ -178,13 +190,15 @@ def _add_moved(P, moved, sums, dt, motion, n):
 @jit
 def advance_vector(y, sums, dt, motion):
     """Replace a vector y (n,) of the error state by Phi y of a tick; arguments as in `advance`."""
-    w, f, half = motion, motion + 3, 0.5 * dt
+    w = motion
+    f = motion + 3
+    half = 0.5 * dt
     w0, w1, w2 = y[w], y[w + 1], y[w + 2]
-    gained = _gained(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
+    gained = _velocity_error(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
     for i in range(3):
         y[i] = y[i] + sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
         y[6 + i] = y[6 + i] + dt * y[3 + i] + half * gained[i]
-        y[3 + i] = y[3 + i] + gained[i]
+        y[3 + i] += gained[i]
 
 
 @jit
@@ -207,16 +221,18 @@ def joint_gain(G, K, weight, h, columns, n_estimated):
         for i in range(n):
             G[r, i] = K[r, i] * weight[r] if i < n_estimated else 0.0
         for q in range(r):
-            seen = 0.0
+            projection = 0.0  # h_r G_q
             for k in range(columns.shape[1]):
-                seen += h[r, k] * G[q, columns[r, k]]
+                projection += h[r, k] * G[q, columns[r, k]]
             for i in range(n_estimated):
-                G[q, i] -= G[r, i] * seen
+                G[q, i] -= G[r, i] * projection
 
 
 @jit
 def update_together(P, Y, S, G, h, columns, noise):
     """P <- (I - G H) P (I - G H)' + G R G' for any joint gain of the six measurements of a tick.
+
+    With S = H P H' + R and Y = P H' - G S / 2, this is P - G Y' - Y G'.
 
     Parameters
     ----------
@@ -227,32 +243,32 @@ def update_together(P, Y, S, G, h, columns, noise):
     noise : (6,) diagonal of R
     """
     n, n_entry = P.shape[0], columns.shape[1]
-    for r in range(N_SAMPLE):
+    for r in range(N_SAMPLE):  # Y = P H'
         for i in range(n):
-            c = columns[r, 0]
-            value = h[r, 0] * _upper(P, i, c)
+            value = h[r, 0] * _upper(P, i, columns[r, 0])
             for k in range(1, n_entry):
-                c = columns[r, k]
-                value = value + h[r, k] * _upper(P, i, c)
+                value += h[r, k] * _upper(P, i, columns[r, k])
             Y[r, i] = value
-    for r in range(N_SAMPLE):
+    for r in range(N_SAMPLE):  # S = H Y + R
         for q in range(N_SAMPLE):
             value = h[r, 0] * Y[q, columns[r, 0]]
             for k in range(1, n_entry):
-                value = value + h[r, k] * Y[q, columns[r, k]]
+                value += h[r, k] * Y[q, columns[r, k]]
             S[r, q] = value
-        S[r, r] = S[r, r] + noise[r]
-    for r in range(N_SAMPLE):
+        S[r, r] += noise[r]
+    for r in range(N_SAMPLE):  # Y <- Y - G S / 2
         for i in range(n):
             value = Y[r, i]
             for q in range(N_SAMPLE):
-                value = value - 0.5 * G[q, i] * S[q, r]
+                value -= 0.5 * G[q, i] * S[q, r]
             Y[r, i] = value
-    for i in range(n):  # P <- P - sum of (g y' + y g') over six rows, in one pass
-        g0, g1, g2, g3, g4, g5 = G[0, i], G[1, i], G[2, i], G[3, i], G[4, i], G[5, i]
-        y0, y1, y2, y3, y4, y5 = Y[0, i], Y[1, i], Y[2, i], Y[3, i], Y[4, i], Y[5, i]
+    for i in range(n):  # P <- P - G Y' - Y G', in one pass
+        g0, g1, g2 = G[0, i], G[1, i], G[2, i]
+        g3, g4, g5 = G[3, i], G[4, i], G[5, i]
+        y0, y1, y2 = Y[0, i], Y[1, i], Y[2, i]
+        y3, y4, y5 = Y[3, i], Y[4, i], Y[5, i]
         for j in range(i, n):
-            P[i, j] = P[i, j] - (
+            P[i, j] -= (
                 g0 * Y[0, j]
                 + g1 * Y[1, j]
                 + g2 * Y[2, j]
@@ -269,32 +285,36 @@ def update_together(P, Y, S, G, h, columns, noise):
 
 
 @jit
-def update_vector_together(y, seen, gain, h, columns):
-    """Y <- (I - G H) y; seen (6,) is set to H y before the update. One vector, or lanes."""
+def update_vector_together(y, projections, gain, h, columns):
+    """Y <- (I - G H) y; projections (6,) is set to H y before the update. One vector, or lanes."""
     for r in range(N_SAMPLE):
         value = like(y[0], 0.0)
         for k in range(columns.shape[1]):
-            value = value + h[r, k] * y[columns[r, k]]
-        seen[r] = value
+            value += h[r, k] * y[columns[r, k]]
+        projections[r] = value
     for i in range(y.shape[0]):
         value = y[i]
         for r in range(N_SAMPLE):
-            value = value - gain[r, i] * seen[r]
+            value -= gain[r, i] * projections[r]
         y[i] = value
 
 
 @jit
 def advance_vector_transposed(y, sums, dt, motion):
     """Replace the vector y (n,) by Phi' y of a tick; see `advance_vector`."""
-    w, f, half = motion, motion + 3, 0.5 * dt
-    vx, vy, vz = sums[9], sums[10], sums[11]
+    w = motion
+    f = motion + 3
+    half = 0.5 * dt
+    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     # a velocity gain enters velocity, and with half of the tick position
-    p0, p1, p2 = y[3] + half * y[6], y[4] + half * y[7], y[5] + half * y[8]
+    p0 = y[3] + half * y[6]
+    p1 = y[4] + half * y[7]
+    p2 = y[5] + half * y[8]
     a0, a1, a2 = y[0], y[1], y[2]
     for k in range(3):
         y[w + k] = y[w + k] + sums[k] * a0 + sums[3 + k] * a1 + sums[6 + k] * a2
         y[f + k] = y[f + k] + sums[k] * p0 + sums[3 + k] * p1 + sums[6 + k] * p2
-        y[3 + k] = y[3 + k] + dt * y[6 + k]
+        y[3 + k] += dt * y[6 + k]
     # the transpose of p = (vz a1 - vy a2, vx a2 - vz a0, vy a0 - vx a1)
     y[0] = a0 - vz * p1 + vy * p2
     y[1] = a1 + vz * p0 - vx * p2

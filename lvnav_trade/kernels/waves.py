@@ -13,6 +13,9 @@ N_WAVE = 15  # rotation vector, its rate, displacement, its rate, its accelerati
 def sum_of_waves(t, omega, turn, shift):
     """Return the sum over spectral lines of the real part of amplitude times exp(i omega t), and its derivatives.
 
+    With the amplitude a + i b of a line: a cos(w t) - b sin(w t), its rate -w (a sin(w t) + b cos(w t)), its
+    acceleration -w^2 (a cos(w t) - b sin(w t)).
+
     Parameters
     ----------
     t : (n,) s
@@ -27,12 +30,15 @@ def sum_of_waves(t, omega, turn, shift):
     for n in range(t.size):
         for k in range(omega.size):
             w = omega[k]
-            c, s = math.cos(w * t[n]), math.sin(w * t[n])
+            c = math.cos(w * t[n])
+            s = math.sin(w * t[n])
             for axis in range(3):
-                a, b = turn[k, axis], turn[k, axis + 3]
+                a = turn[k, axis]
+                b = turn[k, axis + 3]
                 out[n, axis] += a * c - b * s
                 out[n, axis + 3] -= w * (a * s + b * c)
-                a, b = shift[k, axis], shift[k, axis + 3]
+                a = shift[k, axis]
+                b = shift[k, axis + 3]
                 out[n, axis + 6] += a * c - b * s
                 out[n, axis + 9] -= w * (a * s + b * c)
                 out[n, axis + 12] -= w * w * (a * c - b * s)

@@ -22,21 +22,21 @@ def whiten(R, z, H, n, n_entry):
     H : (n, n_entry) Jacobian rows, updated in place
     n, n_entry : number of rows and of entries
     """
-    for i in range(n):
+    for i in range(n):  # Cholesky factor and forward substitution, row by row
         pivot = R[i, i]
         for k in range(i):
-            pivot = pivot - R[i, k] * R[i, k]
-            z[i] = z[i] - R[i, k] * z[k]
+            pivot -= R[i, k] * R[i, k]
+            z[i] -= R[i, k] * z[k]
             for e in range(n_entry):
-                H[i, e] = H[i, e] - R[i, k] * H[k, e]
+                H[i, e] -= R[i, k] * H[k, e]
         root = sqrt(where(pivot > 0.0, pivot, np.nan))
         scale = 1.0 / root
         R[i, i] = root
-        z[i] = z[i] * scale
+        z[i] *= scale
         for e in range(n_entry):
-            H[i, e] = H[i, e] * scale
+            H[i, e] *= scale
         for j in range(i + 1, n):
             value = R[j, i]
             for k in range(i):
-                value = value - R[j, k] * R[i, k]
+                value -= R[j, k] * R[i, k]
             R[j, i] = value * scale
