@@ -45,9 +45,9 @@ def resolve(text: str, events: Mapping[str, float]) -> float:
     return events[name] + (-offset if match["sign"] == "-" else offset)
 
 
-def _seconds(part: str, text: str) -> float:
+def _seconds(duration: str, text: str) -> float:
     try:
-        return parse(part.strip(), "s")
+        return parse(duration.strip(), "s")
     except ValueError as error:
         raise InputError(f"{text!r} is not a time: {error}") from None
 
@@ -55,9 +55,9 @@ def _seconds(part: str, text: str) -> float:
 def _instant(text: str) -> str:
     """Return the text after a check of its duration; ValueError if that is no time. Events are checked later."""
     match = _TIMED.match(text)
-    part = text if match is None else match["offset"]
+    duration = text if match is None else match["offset"]
     try:
-        parse((part or "0 s").strip(), "s")
+        parse((duration or "0 s").strip(), "s")
     except ValueError as error:
         raise ValueError(f"{text!r} is not a time: {error}") from None
     return text
@@ -199,16 +199,20 @@ class FlightProfile:
         level : float
             Value of the bound (SI).
         """
-        row, up = BOUNDS[name]
-        on = (self.values[row] >= level) == up
-        at = np.flatnonzero(on[1:] != on[:-1])
-        low, high = self.times[at], self.times[at + 1]
-        for _ in range(_HALVINGS if at.size else 0):
+        row, is_above = BOUNDS[name]
+        is_met = (self.values[row] >= level) == is_above
+        steps = np.flatnonzero(is_met[1:] != is_met[:-1])
+        low = self.times[steps]
+        high = self.times[steps + 1]
+        for _ in range(_HALVINGS if steps.size else 0):
             middle = 0.5 * (low + high)
-            same = ((self.sampled(middle)[row] >= level) == up) == on[at]
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
+            is_met_there = (self.sampled(middle)[row] >= level) == is_above
+            is_before = is_met_there == is_met[steps]
+            low = np.where(is_before, middle, low)
+            high = np.where(is_before, high, middle)
         edges = [-np.inf, *high.tolist(), np.inf]
-        return tuple(pair for k, pair in enumerate(pairwise(edges)) if bool(on[0]) == (k % 2 == 0))
+        intervals = tuple(pairwise(edges))  # in turn with and without the condition
+        return intervals[0 if is_met[0] else 1 :: 2]
 
     def holding(self, conditions: Conditions) -> Intervals:
         """Return the intervals in which all conditions are true, except those on elevation.
@@ -243,8 +247,14 @@ class FlightProfile:
 
 def both(first: Intervals, second: Intervals) -> Intervals:
     """Return the intersection of two lists of intervals."""
-    cut = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
-    return tuple(sorted((start, end) for start, end in cut if start < end))
+    overlaps = []
+    for first_start, first_end in first:
+        for second_start, second_end in second:
+            start = max(first_start, second_start)
+            end = min(first_end, second_end)
+            if start < end:
+                overlaps.append((start, end))
+    return tuple(sorted(overlaps))
 
 
 def inside(intervals: Intervals, t: Floats) -> Mask:
@@ -269,9 +279,11 @@ def never(conditions: Conditions, course: FlightProfile) -> Mistake | None:
     bounds = [name for name in BOUNDS if getattr(conditions, name) is not None]
     for name in bounds:
         if not both(course.beyond(name, getattr(conditions, name)), flight):
-            what, factor, unit = _SHOWN[BOUNDS[name][0]]
-            low, high = (factor * f(course.values[BOUNDS[name][0]]) for f in (np.min, np.max))
-            return Mistake(f"holds at no time of the flight, whose {what} is {low:.4g} to {high:.4g} {unit}", name)
+            row, _ = BOUNDS[name]
+            quantity, factor, unit = _SHOWN[row]
+            low = factor * np.min(course.values[row])
+            high = factor * np.max(course.values[row])
+            return Mistake(f"holds at no time of the flight, whose {quantity} is {low:.4g} to {high:.4g} {unit}", name)
     if bounds and not both(course.holding(conditions), flight):
         return Mistake("holds at no time of the flight together with the other conditions", bounds[0])
     return None

@@ -58,10 +58,14 @@ def read_columns(
     InputError
         No such file, no such column, a field that is no finite number, too few rows. The message names file and row.
     """
-    table, places = _numbers(path, names) if _is_parquet(path) else _text(path, names, delimiter, blanks)
+    if _is_parquet(path):
+        table, places = _parquet_numbers(path, names)
+    else:
+        table, places = _text_numbers(path, names, delimiter, blanks)
     if len(table) < fewest:
         raise InputError(f"{path}: {len(table)} rows of data, {what} needs {fewest} or more")
-    wrong = ~np.isfinite(table) & ~(np.isnan(table) & np.isin(names, blanks))
+    is_blank = np.isnan(table) & np.isin(names, blanks)
+    wrong = ~np.isfinite(table) & ~is_blank
     for row, column in np.argwhere(wrong)[:1]:
         raise InputError(f"{path}:{places[row]}: {names[column]} is {table[row, column]}, not a finite number")
     return table, places
@@ -69,22 +73,28 @@ def read_columns(
 
 def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
     """Return a column of texts, row by row, of a file that `read_columns` has read; InputError if there is none."""
-    if not _is_parquet(path):
-        head = _head(path, delimiter)
-        _refuse_missing(f"{path}:{head.number}", [name], head.titles)
-        at = head.titles.index(name)
-        return [_fields(line, delimiter, f"{path}:{number}")[at].strip() for number, line in head.lines]
+    if _is_parquet(path):
+        return _parquet_texts(path, name)
+    head = _head(path, delimiter)
+    _refuse_missing(f"{path}:{head.number}", [name], head.titles)
+    column = head.titles.index(name)
+    return [_fields(line, delimiter, f"{path}:{number}")[column].strip() for number, line in head.lines]
+
+
+def _parquet_texts(path: str, name: str) -> list[str]:
     import pyarrow as pa
 
     with _parquet(path, (name,)) as file:  # as a dictionary, so that repeated texts are in memory once
-        kind = _column_type(path, file, name)
-        if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
-            raise InputError(f"{path}: column {name!r} is of {kind}, not of texts")
+        column_type = _column_type(path, file, name)
+        if not (pa.types.is_string(column_type) or pa.types.is_large_string(column_type)):
+            raise InputError(f"{path}: column {name!r} is of {column_type}, not of texts")
         _try_first_row(file, [name])
         _refuse_large(path, file, [name])
-        column = file.read(columns=[name]).column(0).combine_chunks().cast(pa.dictionary(pa.int32(), pa.string()))
+        column = file.read(columns=[name]).column(0).combine_chunks()
+        column = column.cast(pa.dictionary(pa.int32(), pa.string()))
         column.validate(full=True)  # a damaged file may have indices without a text
-        texts, index = column.dictionary.to_pylist(), column.indices.to_pylist()
+        texts = column.dictionary.to_pylist()
+        index = column.indices.to_pylist()
     longest = max(map(len, texts), default=0)
     if longest > FIELD_LENGTH:
         raise InputError(f"{path}: {name}: a text of {longest} characters; at most {FIELD_LENGTH} are read")
@@ -108,7 +118,9 @@ def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: 
 def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
     """Return the intervals (n - 1,) between times t (n,) in s; InputError if times repeat or decrease."""
     interval = np.diff(t)
-    for k in np.flatnonzero(interval <= 0.0)[:1]:
+    wrong = np.flatnonzero(interval <= 0.0)
+    if wrong.size:
+        k = wrong[0]
         fault = "repeats" if interval[k] == 0.0 else "goes back from"
         raise InputError(f"{path}:{places[k + 1]}: time {t[k + 1]:.9g} s {fault} {t[k]:.9g} s of the row before")
     return interval
@@ -118,7 +130,11 @@ def time_stamps(column: Floats, unit: str, path: str, places: list[str]) -> Floa
     """Return a column of time (n,), restored to its grid if of single precision; InputError if such times repeat."""
     stamps = restored(column, unit)
     repeated = (np.diff(column, prepend=-math.inf) == 0.0) & (stamps.apart > 0.0)
-    refuse_first(repeated, path, places, lambda k: f"time {column[k]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}")
+
+    def fault(row: int) -> str:
+        return f"time {column[row]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}"
+
+    refuse_first(repeated, path, places, fault)
     return stamps.column
 
 
@@ -145,7 +161,7 @@ def _parquet(path: str, texts: tuple[str, ...] = ()) -> "Iterator[pq.ParquetFile
             raise InputError(f"{path}: cannot be read as Parquet: {str(error).partition(chr(10))[0]}") from None
 
 
-def _numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
+def _parquet_numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
     import pyarrow as pa
 
     with _parquet(path) as file:
@@ -156,7 +172,8 @@ def _numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
         table = file.read(columns=names)
         # unsafe cast: integers beyond 2**53, such as nanoseconds since 1970, are rounded as in a CSV file
         columns = [table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names]
-    return np.column_stack(columns).astype(float), [f"row {number}" for number in range(1, table.num_rows + 1)]
+    places = [f"row {number}" for number in range(1, table.num_rows + 1)]
+    return np.column_stack(columns).astype(float), places
 
 
 def _column_type(path: str, file: "pq.ParquetFile", name: str) -> "pa.DataType":
@@ -164,21 +181,24 @@ def _column_type(path: str, file: "pq.ParquetFile", name: str) -> "pa.DataType":
     import pyarrow as pa
 
     _refuse_missing(path, [name], list(file.schema_arrow.names))
-    kind = file.schema_arrow.field(name).type
-    return kind.value_type if pa.types.is_dictionary(kind) else kind
+    column_type = file.schema_arrow.field(name).type
+    return column_type.value_type if pa.types.is_dictionary(column_type) else column_type
 
 
-def _refuse_no_number(path: str, name: str, kind: "pa.DataType") -> None:
+def _refuse_no_number(path: str, name: str, column_type: "pa.DataType") -> None:
     """Raise InputError if the type of a column is not numeric."""
     from pyarrow import types
 
-    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+    if types.is_integer(column_type) or types.is_floating(column_type) or types.is_decimal(column_type):
         return
-    if types.is_timestamp(kind) or types.is_duration(kind) or types.is_date(kind) or types.is_time(kind):
-        hint = f"of {kind}, not of numbers: write seconds, in pandas such as (t - t.iloc[0]).dt.total_seconds()"
-    else:
-        texts = types.is_string(kind) or types.is_large_string(kind)
-        hint = f"of {'texts' if texts else 'truth values' if types.is_boolean(kind) else kind}, not of numbers"
+    is_moment = types.is_timestamp(column_type) or types.is_date(column_type) or types.is_time(column_type)
+    hint = f"of {column_type}, not of numbers"
+    if is_moment or types.is_duration(column_type):
+        hint += ": write seconds, in pandas such as (t - t.iloc[0]).dt.total_seconds()"
+    elif types.is_string(column_type) or types.is_large_string(column_type):
+        hint = "of texts, not of numbers"
+    elif types.is_boolean(column_type):
+        hint = "of truth values, not of numbers"
     raise InputError(f"{path}: column {name!r} is {hint}")
 
 
@@ -188,9 +208,9 @@ def _try_first_row(file: "pq.ParquetFile", names: list[str]) -> None:
     Damaged statistics of a column raise an error here; without this read they end the process when the metadata of the
     column are accessed.
     """
-    groups = [k for k in range(file.num_row_groups) if file.metadata.row_group(k).total_byte_size <= DATA_BYTES]
-    for group in groups:
-        next(file.iter_batches(batch_size=1, row_groups=[group], columns=names), None)
+    for group in range(file.num_row_groups):
+        if file.metadata.row_group(group).total_byte_size <= DATA_BYTES:
+            next(file.iter_batches(batch_size=1, row_groups=[group], columns=names), None)
 
 
 def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
@@ -198,8 +218,10 @@ def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
     metadata = file.metadata
     if metadata.num_rows > DATA_ROWS:
         raise InputError(f"{path}: {metadata.num_rows} rows; at most {DATA_ROWS} are read")
-    at = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.split(".")[0] in names]
-    chunks = [metadata.row_group(group).column(k) for group in range(metadata.num_row_groups) for k in at]
+    columns = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.split(".")[0] in names]
+    chunks = []
+    for group in range(metadata.num_row_groups):
+        chunks += [metadata.row_group(group).column(k) for k in columns]
     size = sum(chunk.total_uncompressed_size for chunk in chunks)
     if size > DATA_BYTES:
         raise InputError(f"{path}: {', '.join(names)}: unpacked {size} bytes; at most {DATA_BYTES} are read")
@@ -224,7 +246,8 @@ def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
     lines: list[tuple[int, str]] = []
     for number, line in enumerate(read_text(path, DATA_BYTES).splitlines(), start=1):
         if line.lstrip().startswith("#"):
-            comments += [(number, line)] * (not lines)
+            if not lines:
+                comments.append((number, line))
         elif line.strip():
             lines.append((number, line))
     if not lines:
@@ -235,10 +258,10 @@ def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
     titles = _titles(first, delimiter, f"{path}:{number}")
     if not all(map(_is_number, titles)):
         return _Head(number, titles, lines[1:])
-    for at, comment in reversed(comments):
-        names = _titles(comment.lstrip().lstrip("#"), delimiter, f"{path}:{at}")
+    for comment_number, comment in reversed(comments):
+        names = _titles(comment.lstrip().lstrip("#"), delimiter, f"{path}:{comment_number}")
         if len(names) == len(titles) and not any(map(_is_number, names)):
-            return _Head(at, names, lines)
+            return _Head(comment_number, names, lines)
     raise InputError(f"{path}:{number}: has numbers where the names of the columns should be: add a line of names")
 
 
@@ -254,23 +277,26 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _text(path: str, names: list[str], delimiter: str, blanks: tuple[str, ...]) -> tuple[Floats, list[str]]:
-    number, titles, lines = _head(path, delimiter)
-    _refuse_missing(f"{path}:{number}", names, titles)
-    at = [titles.index(name) for name in names]
-    empty = {titles.index(name) for name in blanks}  # fields that may be
+def _text_numbers(path: str, names: list[str], delimiter: str, blanks: tuple[str, ...]) -> tuple[Floats, list[str]]:
+    head = _head(path, delimiter)
+    titles = head.titles
+    _refuse_missing(f"{path}:{head.number}", names, titles)
+    columns = [titles.index(name) for name in names]
+    may_be_empty = {titles.index(name) for name in blanks}
     rows: list[list[float]] = []
     places: list[str] = []
-    for number, line in lines:
-        fields = _fields(line, delimiter, f"{path}:{number}")
-        if len(fields) != len(titles):
-            raise InputError(f"{path}:{number}: {len(fields)} fields, the header has {len(titles)}")
+    for number, line in head.lines:
         where = f"{path}:{number}"
-        rows.append(
-            [math.nan if k in empty and not fields[k].strip() else _number(fields[k], titles[k], where) for k in at]
-        )
+        fields = _fields(line, delimiter, where)
+        if len(fields) != len(titles):
+            raise InputError(f"{where}: {len(fields)} fields, the header has {len(titles)}")
+        row = []
+        for k in columns:
+            is_blank = k in may_be_empty and not fields[k].strip()
+            row.append(math.nan if is_blank else _number(fields[k], titles[k], where))
+        rows.append(row)
         if len(rows) > DATA_ROWS:
-            raise InputError(f"{path}:{number}: more than {DATA_ROWS} rows")
+            raise InputError(f"{where}: more than {DATA_ROWS} rows")
         places.append(str(number))
     return np.array(rows, dtype=float).reshape(len(rows), len(names)), places
 

@@ -78,18 +78,21 @@ _OTHERS = {
     "recorded receiver error": (),
     "wild samples": (),
 }
+
+
+def _all_sources() -> dict[str, Source]:
+    sources = {}
+    for label, triad in (("gyro", "gyro"), ("accelerometer", "accel")):
+        for term, field in _IMU.items():
+            key = f"{label} {term}"
+            sources[key] = Source(key, key, _linear(f"imu.{triad}.{field}"))
+    for key, fields in _OTHERS.items():
+        sources[key] = Source(key, key, fields)
+    return sources
+
+
 # Every source except those of sensors, by key
-SOURCES = {
-    source.key: source
-    for source in (
-        *(
-            Source(f"{label} {row}", f"{label} {row}", _linear(f"imu.{part}.{field}"))
-            for label, part in (("gyro", "gyro"), ("accelerometer", "accel"))
-            for row, field in _IMU.items()
-        ),
-        *(Source(key, key, fields) for key, fields in _OTHERS.items()),
-    )
-}
+SOURCES = _all_sources()
 
 
 def label_of(key: str) -> str:
@@ -106,4 +109,7 @@ def fields_of(label: str) -> tuple[Field, ...]:
     if numbered:
         place = ("imu", "units", str(int(numbered[1]) - 1))
         return tuple(((*place, *path[1:]), power) for path, power in fields_of(numbered[2]))
-    return next((source.fields for source in SOURCES.values() if source.label == label), ())
+    for source in SOURCES.values():
+        if source.label == label:
+            return source.fields
+    return ()

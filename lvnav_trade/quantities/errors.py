@@ -84,7 +84,7 @@ class Mistake(NamedTuple):
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return ": ".join(part for part in (where, self.path, self.message) if part)
+        return ": ".join(text for text in (where, self.path, self.message) if text)
 
 
 def is_full_disk(error: BaseException) -> TypeGuard[OSError]:

@@ -51,15 +51,14 @@ def _fault(node: ast.AST, text: str, is_called: bool) -> str:
     is_called : Whether the node is the function of a call.
     """
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _CALLED:
-        fits = node.args and not node.keywords and (len(node.args) == 1 or node.func.id not in _SINGLE)
-        return "" if fits else _call(node.func.id)
+        name = node.func.id
+        has_arguments = bool(node.args) and not node.keywords
+        too_many = name in _SINGLE and len(node.args) != 1
+        return "" if has_arguments and not too_many else _call_fault(name)
     if isinstance(node, ast.Name) and node.id in _CALLED and not is_called:
-        return _call(node.id)
+        return _call_fault(node.id)
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        written = ast.get_source_segment(text, node) or ""
-        if not re.fullmatch(DECIMAL, written):
-            return f"should have decimal numbers such as 1000.5, not {quoted(written)}"
-        return "" if math.isfinite(float(written)) else f"should have numbers below 1e308, not {quoted(written)}"
+        return _number_fault(ast.get_source_segment(text, node) or "")
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return ""
     if isinstance(node, (ast.BinOp, ast.Name, ast.Load, ast.USub, *_BINARY)):
@@ -67,7 +66,15 @@ def _fault(node: ast.AST, text: str, is_called: bool) -> str:
     return f"should be made of terms, numbers, + - * /, {', '.join(_CALLED)} and brackets"
 
 
-def _call(name: str) -> str:
+def _number_fault(written: str) -> str:
+    if not re.fullmatch(DECIMAL, written):
+        return f"should have decimal numbers such as 1000.5, not {quoted(written)}"
+    if not math.isfinite(float(written)):
+        return f"should have numbers below 1e308, not {quoted(written)}"
+    return ""
+
+
+def _call_fault(name: str) -> str:
     if name in _SINGLE:
         return f"should call {name} with one value, as in {name}(a)"
     return f"should call {name} with its values, as in {name}(a, b)"

@@ -46,10 +46,12 @@ def reporting_axes(
     if frame == "orbital":
         return rotation_i_o(r_i, v_i)
     theta = earth_angle(theta0, t)
+    if frame == "ecef":
+        return rotation_i_e(theta)
     if frame == "pad":
         r_e = ecef_from_eci(r_i, theta)
         return rotation_e_pad(r_e, r_e[0] if pad_e is None else pad_e) @ rotation_i_e(theta)
-    return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
+    return rotation_i_n(r_i, theta)
 
 
 _ABOVE = 1.0  # m; a vehicle closer to the pad than this, over the ground, has no azimuth from it
@@ -69,12 +71,15 @@ def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
     _, east, down = rotation_e_n(latitude, longitude)
     from_pad = r_e - pad_e
     level = from_pad - (from_pad @ down)[:, None] * down
-    away = np.linalg.norm(level, axis=1) > _ABOVE
-    outward = unit(np.where((np.linalg.norm(from_pad, axis=1) > _ABOVE)[:, None], from_pad, -down))
-    azimuth = unit(np.where(away[:, None], np.cross(level, -down), east))
+    is_away = np.linalg.norm(level, axis=1) > _ABOVE
+    has_left = np.linalg.norm(from_pad, axis=1) > _ABOVE
+    outward = unit(np.where(has_left[:, None], from_pad, -down))
+    azimuth = unit(np.where(is_away[:, None], np.cross(level, -down), east))
     # make the direction to the vehicle exactly perpendicular to the azimuth axis
-    outward = unit(outward - np.sum(outward * azimuth, axis=1)[:, None] * azimuth)
-    return np.stack([azimuth, outward, np.cross(azimuth, outward)], axis=1)
+    along_azimuth = np.sum(outward * azimuth, axis=1)
+    outward = unit(outward - along_azimuth[:, None] * azimuth)
+    elevation = np.cross(azimuth, outward)
+    return np.stack([azimuth, outward, elevation], axis=1)
 
 
 class Elements(NamedTuple):
@@ -103,11 +108,13 @@ def gmst(iso: str) -> float:
     """
     instant = datetime.fromisoformat(iso)
     instant = instant.replace(tzinfo=UTC) if instant.tzinfo is None else instant.astimezone(UTC)
-    since = instant - datetime(2000, 1, 1, 12, tzinfo=UTC)
-    seconds = since.seconds + since.microseconds * 1e-6  # since noon; separate from the days for precision
-    century = (since.days + seconds / 86400.0) / 36525.0
+    since_j2000 = instant - datetime(2000, 1, 1, 12, tzinfo=UTC)
+    seconds = since_j2000.seconds + since_j2000.microseconds * 1e-6  # since noon; separate from the days for precision
+    century = (since_j2000.days + seconds / 86400.0) / 36525.0
+    # sidereal time exceeds the time since noon by this polynomial, in seconds of time (Aoki et al. 1982)
     excess = 67310.54841 + 8640184.812866 * century + 0.093104 * century**2 - 6.2e-6 * century**3
-    return math.fmod((excess + seconds) / 86400.0, 1.0) % 1.0 * 2.0 * math.pi
+    turns = math.fmod((excess + seconds) / 86400.0, 1.0) % 1.0
+    return turns * 2.0 * math.pi
 
 
 def earth_angle(theta0: float, t: ArrayLike) -> Floats:
@@ -120,7 +127,13 @@ def rotation_i_e(theta: ArrayLike) -> Floats:
     theta = np.asarray(theta, dtype=float)
     c, s = np.cos(theta), np.sin(theta)
     zeros, ones = np.zeros_like(theta), np.ones_like(theta)
-    return _matrix([[c, s, zeros], [-s, c, zeros], [zeros, zeros, ones]])
+    return _matrix(
+        [
+            [c, s, zeros],
+            [-s, c, zeros],
+            [zeros, zeros, ones],
+        ]
+    )
 
 
 def ecef_from_eci(r_i: ArrayLike, theta: ArrayLike) -> Floats:
@@ -142,9 +155,10 @@ def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     r_i, v_i : (..., 3) m, m/s. Position and inertial velocity, frame i.
     """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
-    across = np.zeros(r_i.shape)
-    across[..., 0], across[..., 1] = -r_i[..., 1], r_i[..., 0]
-    return np.asarray(v_i - OMEGA * across)
+    cross = np.zeros(r_i.shape)  # of the polar axis and the position
+    cross[..., 0] = -r_i[..., 1]
+    cross[..., 1] = r_i[..., 0]
+    return np.asarray(v_i - OMEGA * cross)
 
 
 # --- geodetic and local frames ----------------------------------------------------------------------------------------
@@ -153,9 +167,10 @@ def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
 def ecef_from_geodetic(latitude: ArrayLike, longitude: ArrayLike, height: ArrayLike) -> Floats:
     """Return positions (..., 3) in m, frame e, of geodetic latitude, longitude (rad) and ellipsoidal height (m)."""
     lat, lon, h = (np.asarray(value, dtype=float) for value in (latitude, longitude, height))
-    normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
+    normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)  # radius of the prime vertical
     flat = (normal + h) * np.cos(lat)
-    return np.stack([flat * np.cos(lon), flat * np.sin(lon), ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat)], -1)
+    z = ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat)
+    return np.stack([flat * np.cos(lon), flat * np.sin(lon), z], axis=-1)
 
 
 def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -170,21 +185,30 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     p = np.hypot(x, y)
     reduced = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
     lat = reduced
-    for _ in range(4):  # Bowring: each iteration gains four digits or more, the fourth only confirms
-        lat = np.arctan2(
-            z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * np.sin(reduced) ** 3,
-            p - ECCENTRICITY_2 * SEMI_MAJOR * np.cos(reduced) ** 3,
-        )
+    for _ in range(4):  # each iteration gains four digits or more, the fourth only confirms
+        # tan lat = (z + e'^2 b sin^3 reduced) / (p - e^2 a cos^3 reduced)
+        polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * np.sin(reduced) ** 3
+        level = p - ECCENTRICITY_2 * SEMI_MAJOR * np.cos(reduced) ** 3
+        lat = np.arctan2(polar, level)
         reduced = np.arctan2((1.0 - FLATTENING) * np.sin(lat), np.cos(lat))
-    height = p * np.cos(lat) + z * np.sin(lat) - SEMI_MAJOR * np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
-    return np.asarray(lat), np.asarray(np.arctan2(y, x)), np.asarray(height)
+    surface = SEMI_MAJOR * np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
+    height = p * np.cos(lat) + z * np.sin(lat) - surface
+    lon = np.arctan2(y, x)
+    return np.asarray(lat), np.asarray(lon), np.asarray(height)
 
 
 def rotation_e_n(latitude: ArrayLike, longitude: ArrayLike) -> Floats:
     """Return C_e_n (..., 3, 3): Earth-fixed to north-east-down components."""
     lat, lon = np.broadcast_arrays(np.asarray(latitude, dtype=float), np.asarray(longitude, dtype=float))
-    sp, cp, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    return _matrix([[-sp * cl, -sp * sl, cp], [-sl, cl, np.zeros_like(sl)], [-cp * cl, -cp * sl, -sp]])
+    sp, cp = np.sin(lat), np.cos(lat)
+    sl, cl = np.sin(lon), np.cos(lon)
+    return _matrix(
+        [
+            [-sp * cl, -sp * sl, cp],
+            [-sl, cl, np.zeros_like(sl)],
+            [-cp * cl, -cp * sl, -sp],
+        ]
+    )
 
 
 def rotation_i_n(r_i: ArrayLike, theta: ArrayLike) -> Floats:
@@ -204,8 +228,10 @@ def rotation_i_o(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     the velocity on a circular orbit only.
     """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
-    radial, cross = unit(r_i), unit(np.cross(r_i, v_i))
-    return np.stack([radial, np.cross(cross, radial), cross], axis=-2)
+    radial = unit(r_i)
+    cross_track = unit(np.cross(r_i, v_i))
+    along_track = np.cross(cross_track, radial)
+    return np.stack([radial, along_track, cross_track], axis=-2)
 
 
 # --- orbital elements -------------------------------------------------------------------------------------------------
@@ -219,21 +245,23 @@ def elements_from_state(r_i: ArrayLike, v_i: ArrayLike) -> Elements:
     """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i, axis=-1)
-    h_i = np.cross(r_i, v_i)
-    e_i = np.cross(v_i, h_i) / GM - r_i / r[..., None]
+    h_i = np.cross(r_i, v_i)  # angular momentum
+    e_i = np.cross(v_i, h_i) / GM - r_i / r[..., None]  # eccentricity vector, towards the perigee
     e = np.linalg.norm(e_i, axis=-1)
-    flat = np.hypot(h_i[..., 0], h_i[..., 1]) < 1e-12 * np.linalg.norm(h_i, axis=-1)
-    node = np.where(flat, 0.0, np.arctan2(h_i[..., 0], -h_i[..., 1]))
-    towards = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
-    across = np.cross(unit(h_i), towards)
-    perigee = np.where(e < 1e-12, 0.0, _angle(e_i, towards, across))
+    h_level = np.hypot(h_i[..., 0], h_i[..., 1])
+    is_equatorial = h_level < 1e-12 * np.linalg.norm(h_i, axis=-1)
+    node = np.where(is_equatorial, 0.0, np.arctan2(h_i[..., 0], -h_i[..., 1]))
+    to_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
+    across = np.cross(unit(h_i), to_node)
+    perigee = np.where(e < 1e-12, 0.0, _angle(e_i, to_node, across))
+    # vis-viva: 1/a = 2/r - v^2 / GM
     return Elements(
-        1.0 / (2.0 / r - np.sum(v_i * v_i, axis=-1) / GM),
-        e,
-        np.arctan2(np.hypot(h_i[..., 0], h_i[..., 1]), h_i[..., 2]),
-        np.mod(node, 2.0 * np.pi),
-        np.mod(perigee, 2.0 * np.pi),
-        np.mod(_angle(r_i, towards, across) - perigee, 2.0 * np.pi),
+        semi_major_axis=1.0 / (2.0 / r - np.sum(v_i * v_i, axis=-1) / GM),
+        eccentricity=e,
+        inclination=np.arctan2(h_level, h_i[..., 2]),
+        node=np.mod(node, 2.0 * np.pi),
+        perigee_argument=np.mod(perigee, 2.0 * np.pi),
+        true_anomaly=np.mod(_angle(r_i, to_node, across) - perigee, 2.0 * np.pi),
     )
 
 
@@ -241,15 +269,19 @@ def state_from_elements(elements: Elements) -> tuple[Floats, Floats]:
     """Return r_i (m) and v_i (m/s), each (..., 3), of osculating elements."""
     a, e, inclination, node, perigee, anomaly = (np.asarray(value, dtype=float) for value in elements)
     p = a * (1.0 - e * e)
-    u = perigee + anomaly
+    u = perigee + anomaly  # argument of latitude
     r = p / (1.0 + e * np.cos(anomaly))
-    cn, sn, ci, si = np.cos(node), np.sin(node), np.cos(inclination), np.sin(inclination)
-    towards = np.stack(np.broadcast_arrays(cn, sn, np.zeros_like(cn)), axis=-1)
+    cn, sn = np.cos(node), np.sin(node)
+    ci, si = np.cos(inclination), np.sin(inclination)
+    to_node = np.stack(np.broadcast_arrays(cn, sn, np.zeros_like(cn)), axis=-1)
     across = np.stack([-sn * ci, cn * ci, si * np.ones_like(cn)], axis=-1)
+    r_node = r * np.cos(u)
+    r_across = r * np.sin(u)
+    r_i = r_node[..., None] * to_node + r_across[..., None] * across
     speed = np.sqrt(GM / p)
-    r_i = (r * np.cos(u))[..., None] * towards + (r * np.sin(u))[..., None] * across
-    back = -speed * (np.sin(u) + e * np.sin(perigee))
-    v_i = back[..., None] * towards + (speed * (np.cos(u) + e * np.cos(perigee)))[..., None] * across
+    v_node = -speed * (np.sin(u) + e * np.sin(perigee))
+    v_across = speed * (np.cos(u) + e * np.cos(perigee))
+    v_i = v_node[..., None] * to_node + v_across[..., None] * across
     return np.asarray(r_i), np.asarray(v_i)
 
 
@@ -263,18 +295,27 @@ def quaternions(C: Floats, continuous: bool = True) -> Floats:
 
     Notes
     -----
-    Shepperd's method: divide by the largest component, so that every rotation is well conditioned.
+    Shepperd's method: divide by the largest component, so that every rotation is well conditioned. The matrix 4 q q'
+    follows from sums and differences of entries of C; each of its rows is proportional to the quaternion.
     """
     trace = np.trace(C, axis1=1, axis2=2)
-    squares = np.concatenate([(1.0 + trace)[:, None], 1.0 + 2.0 * np.diagonal(C, axis1=1, axis2=2) - trace[:, None]], 1)
-    k = np.argmax(squares, axis=1)
+    ww = 1.0 + trace
+    xx, yy, zz = (1.0 + 2.0 * np.diagonal(C, axis1=1, axis2=2) - trace[:, None]).T
     wx, wy, wz = C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]
     xy, xz, yz = C[:, 0, 1] + C[:, 1, 0], C[:, 0, 2] + C[:, 2, 0], C[:, 1, 2] + C[:, 2, 1]
-    s0, s1, s2, s3 = squares.T
-    rows = np.array([[s0, wx, wy, wz], [wx, s1, xy, xz], [wy, xy, s2, yz], [wz, xz, yz, s3]])
-    q = unit(rows[k, :, np.arange(len(k))])
+    products = np.array(
+        [
+            [ww, wx, wy, wz],
+            [wx, xx, xy, xz],
+            [wy, xy, yy, yz],
+            [wz, xz, yz, zz],
+        ]
+    )
+    largest = np.argmax([ww, xx, yy, zz], axis=0)
+    q = unit(products[largest, :, np.arange(len(largest))])
     if continuous:
-        q[1:] *= np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
+        is_opposite = np.sum(q[1:] * q[:-1], axis=1) < 0.0
+        q[1:] *= np.cumprod(np.where(is_opposite, -1.0, 1.0))[:, None]
     return q
 
 

@@ -79,8 +79,8 @@ def read_text(path: str | Path, most: int) -> str:
     InputError as in `open_regular`, and if the file is not text.
     """
     data = read_bytes(path, most)
-    marked = next((name for mark, name in _ENCODINGS.items() if data.startswith(mark)), "")
-    for encoding in [marked] if marked else ["utf-8", _ELSE]:
+    encodings = [name for mark, name in _ENCODINGS.items() if data.startswith(mark)][:1]
+    for encoding in encodings or ["utf-8", _ELSE]:
         try:
             text = data.decode(encoding)
         except UnicodeDecodeError:

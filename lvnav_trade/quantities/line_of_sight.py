@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.kernels.attitude import cross, matrix
+from lvnav_trade.kernels.attitude import cross, matrix, rotate
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.kernels.jit import jit
@@ -42,17 +42,20 @@ def antenna(out: Any, nav: Any, rate: Any, lever: Any, sign: float) -> None:
         Derivative of the body rate by the state that carries its error: 1 for a rate state, -1 for a gyro bias.
     """
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    sx, sy, sz = cross(rate[0], rate[1], rate[2], lever[0], lever[1], lever[2])
+    lx, ly, lz = lever[0], lever[1], lever[2]
+    sx, sy, sz = cross(rate[0], rate[1], rate[2], lx, ly, lz)
+    arm = rotate(c, lx, ly, lz)
+    swing = rotate(c, sx, sy, sz)
     for i in range(3):
-        row = 3 * i
-        arm = c[row] * lever[0] + c[row + 1] * lever[1] + c[row + 2] * lever[2]
-        swing = c[row] * sx + c[row + 1] * sy + c[row + 2] * sz
-        out[i], out[3 + i] = nav[R + i] + arm, nav[V + i] + swing
-        out[6 + i], out[9 + i] = arm, swing
+        out[i] = nav[R + i] + arm[i]
+        out[3 + i] = nav[V + i] + swing[i]
+        out[6 + i] = arm[i]
+        out[9 + i] = swing[i]
         # d(C (w x l))/dw = -C [l x]
-        out[12 + row] = sign * (c[row + 2] * lever[1] - c[row + 1] * lever[2])
-        out[13 + row] = sign * (c[row] * lever[2] - c[row + 2] * lever[0])
-        out[14 + row] = sign * (c[row + 1] * lever[0] - c[row] * lever[1])
+        row = 3 * i
+        out[12 + row] = sign * (c[row + 2] * ly - c[row + 1] * lz)
+        out[13 + row] = sign * (c[row] * lz - c[row + 2] * lx)
+        out[14 + row] = sign * (c[row + 1] * lx - c[row] * ly)
 
 
 @jit
@@ -62,7 +65,9 @@ def line_of_sight(satellite: Any, at: Any) -> Any:
     satellite : (3,) m, frame i
     at : state of the antenna, as `antenna` sets it
     """
-    dx, dy, dz = satellite[0] - at[0], satellite[1] - at[1], satellite[2] - at[2]
+    dx = satellite[0] - at[0]
+    dy = satellite[1] - at[1]
+    dz = satellite[2] - at[2]
     distance = sqrt(dx * dx + dy * dy + dz * dz)
     scale = 1.0 / distance
     return dx * scale, dy * scale, dz * scale, distance
@@ -131,6 +136,8 @@ def falling(r_i: Floats, gm: float) -> Floats:
 def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
     """Return position (m) and velocity (m/s), (n_epoch, 3) each, of a point of the vehicle such as an antenna.
 
+    r_a = r + C l,   v_a = v + C (w x l)
+
     Parameters
     ----------
     at : Motion
@@ -140,7 +147,10 @@ def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats
     lever_b : (3,) m
         Point relative to the IMU, body axes.
     """
-    return at.r_i + C_b_i @ lever_b, at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
+    swing_b = np.cross(at.w_ib_b, lever_b)
+    position_i = at.r_i + C_b_i @ lever_b
+    velocity_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, swing_b)
+    return position_i, velocity_i
 
 
 def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
@@ -163,7 +173,8 @@ def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
     """
     towards = np.einsum("esi,eij->esj", seen.direction, C_b_i)  # u in body axes
     swinging = np.cross(towards, w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
-    return np.stack([-towards, -swinging - np.einsum("esi,eij->esj", seen.turning, C_b_i)], axis=2)
+    turning = np.einsum("esi,eij->esj", seen.turning, C_b_i)
+    return np.stack([-towards, -swinging - turning], axis=2)
 
 
 def ranging_rows(direction: Floats) -> Floats:
@@ -235,8 +246,11 @@ def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) 
     theta = earth_angle(theta0, t)
     latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(antenna_r, theta))
     direction_e = ecef_from_eci(direction, theta[:, None])
-    north, east, down = np.moveaxis(np.einsum("nij,nsj->nsi", rotation_e_n(latitude, longitude), direction_e), -1, 0)
-    return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arcsin(np.clip(-down, -1.0, 1.0))
+    direction_n = np.einsum("nij,nsj->nsi", rotation_e_n(latitude, longitude), direction_e)
+    north, east, down = np.moveaxis(direction_n, -1, 0)
+    azimuth = np.mod(np.arctan2(east, north), 2.0 * np.pi)
+    elevation = np.arcsin(np.clip(-down, -1.0, 1.0))
+    return azimuth, elevation
 
 
 def off_nadir(r_sat: Floats, direction: Floats) -> Floats:
@@ -263,9 +277,11 @@ def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
     """
     # stretching z turns the ellipsoid into a sphere and keeps straight lines straight
     stretch = np.array([1.0, 1.0, SEMI_MAJOR / SEMI_MINOR])
-    near, far = antenna_r * stretch, satellite_r * stretch
-    ray = far - near
-    along = -np.sum(near * ray, axis=-1) / np.sum(ray * ray, axis=-1)
-    lowest = near + along[..., None] * ray
-    ahead = (along > 0.0) & (along < 1.0)
-    return np.asarray(ahead & (np.sum(lowest * lowest, axis=-1) < (SEMI_MAJOR + grazing) ** 2))
+    start = antenna_r * stretch
+    ray = satellite_r * stretch - start
+    # the point start + along ray is closest to the centre where start . ray + along ray . ray = 0
+    along = -np.sum(start * ray, axis=-1) / np.sum(ray * ray, axis=-1)
+    lowest = start + along[..., None] * ray
+    is_between = (along > 0.0) & (along < 1.0)
+    is_low = np.sum(lowest * lowest, axis=-1) < (SEMI_MAJOR + grazing) ** 2
+    return np.asarray(is_between & is_low)

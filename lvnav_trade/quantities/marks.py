@@ -57,26 +57,34 @@ class MarkedField(NamedTuple):
 
 def misnamed(card: BaseModel) -> Iterator[str]:
     """Yield the input errors of a card's marks: a path that is no field of the card, a field with both marks."""
-    both = {path for path, _ in getattr(card, MARKS[0])} & {path for path, _ in getattr(card, MARKS[1])}
+    assumed = {path for path, _ in getattr(card, MARKS[0])}
+    second_hand = {path for path, _ in getattr(card, MARKS[1])}
     for mark in MARKS:
         for path, _ in getattr(card, mark):
-            if path in both:
+            if path in assumed & second_hand:
                 yield f"{mark}.{path}: marked as assumed and as second hand; leave one"
-            elif wrong := _stray(card, path):
-                yield f"{mark}.{path}: {wrong}"
+            elif fault := _path_fault(card, path):
+                yield f"{mark}.{path}: {fault}"
 
 
-def _stray(card: BaseModel, path: str) -> str:
+def _path_fault(card: BaseModel, path: str) -> str:
     """Return the error of the first step of a path that is no field; empty if the whole path is a field."""
     values: list[Any] = [card]
     for step in path.split("."):
-        known = [name for value in values for name in _fields(value)]
-        if step in MARKS or step not in known:
-            near = difflib.get_close_matches(step, known, 1)
-            hint = f"did you mean {quoted(near[0])}?" if near else f"known: {', '.join(dict.fromkeys(known)) or 'none'}"
+        fields = [name for value in values for name in _fields(value)]
+        if step in MARKS or step not in fields:
+            near = difflib.get_close_matches(step, fields, 1)
+            if near:
+                hint = f"did you mean {quoted(near[0])}?"
+            else:
+                hint = f"known: {', '.join(dict.fromkeys(fields)) or 'none'}"
             return f"{quoted(step)} is not a field of the card ({hint})"
-        values = [below for value in values for below in _below(value, step)]
+        values = _all_below(values, step)
     return ""
+
+
+def _all_below(values: list[Any], step: str) -> list[Any]:
+    return [below for value in values for below in _below(value, step)]
 
 
 def _fields(value: Any) -> Iterable[str]:
@@ -84,7 +92,10 @@ def _fields(value: Any) -> Iterable[str]:
     if isinstance(value, BaseModel):
         return [info.alias or name for name, info in type(value).model_fields.items()]
     if isinstance(value, tuple):
-        return [*map(str, range(len(value))), *(name for item in value for name in _fields(item))]
+        steps = [str(index) for index in range(len(value))]
+        for item in value:
+            steps += _fields(item)
+        return steps
     return map(str, value) if isinstance(value, Mapping) else ()
 
 
@@ -107,18 +118,31 @@ def marks_in(data: Any, path: str = "") -> Iterator[MarkedField]:
     """
     if isinstance(data, Mapping):
         for mark in MARKS:
-            for field, reason in data[mark].items() if _is_marks(data, mark) else ():
-                values: list[Any] = [data]
-                for step in field.split("."):
-                    values = [below for value in values for below in _below(value, step)]
-                distinct = list({str(value): value for value in values}.values())
-                value = distinct[0] if len(distinct) == 1 else distinct
-                yield MarkedField(path, str(data.get("name") or ""), field, mark.replace("_", " "), value, str(reason))
+            if not _is_marks(data, mark):
+                continue
+            for field, reason in data[mark].items():
+                yield MarkedField(
+                    card=path,
+                    name=str(data.get("name") or ""),
+                    field=field,
+                    mark=mark.replace("_", " "),
+                    value=_marked_value(data, field),
+                    reason=str(reason),
+                )
         for key, below in data.items():
             yield from marks_in(below, f"{path}.{key}" if path else str(key))
     elif isinstance(data, list) and data and isinstance(data[0], Mapping):
         for number, below in enumerate(data):
             yield from marks_in(below, f"{path}.{number}")
+
+
+def _marked_value(data: Any, field: str) -> Any:
+    """Return the value of a marked field; a list if its items have different values."""
+    values: list[Any] = [data]
+    for step in field.split("."):
+        values = _all_below(values, step)
+    distinct = list({str(value): value for value in values}.values())
+    return distinct[0] if len(distinct) == 1 else distinct
 
 
 def without_marks(data: Any) -> Any:

@@ -20,23 +20,31 @@ def by_axis(unit: str) -> Any:
     """
 
     def read(value: Any) -> PerAxis:
-        several = isinstance(value, list | tuple)
-        if several and len(value) != 3:
+        items = value if isinstance(value, list | tuple) else [value]
+        if items is value and len(items) != 3:
             raise ValueError(f"expected one quantity in a unit of {units.example(unit)}, or three, of x, y and z")
-        numbers = tuple(units.read(item, unit, has_sign=False) for item in (value if several else [value]))
+        numbers = tuple(units.read(item, unit, has_sign=False) for item in items)
         if min(numbers) < 0.0:
             raise PydanticKnownError("greater_than_equal", {"ge": 0})
         return numbers[0] if len(set(numbers)) == 1 else numbers  # type: ignore[return-value]
 
-    def written(value: PerAxis) -> str | list[str]:
-        return [f"{number!r} {unit}" for number in value] if isinstance(value, tuple) else f"{value!r} {unit}"
+    def write(value: PerAxis) -> str | list[str]:
+        if isinstance(value, tuple):
+            return [f"{number!r} {unit}" for number in value]
+        return f"{value!r} {unit}"
 
     quantity = {"type": ["string", "number"]}
+    by_axes = {"type": "array", "items": quantity, "minItems": 3, "maxItems": 3}
     schema = {
-        "anyOf": [quantity, {"type": "array", "items": quantity, "minItems": 3, "maxItems": 3}],
+        "anyOf": [quantity, by_axes],
         "description": f"quantity with a unit: {units.example(unit)}, or three, of x, y and z",
     }
-    return Annotated[PerAxis, BeforeValidator(read), PlainSerializer(written, when_used="json"), WithJsonSchema(schema)]
+    return Annotated[
+        PerAxis,
+        BeforeValidator(read),
+        PlainSerializer(write, when_used="json"),
+        WithJsonSchema(schema),
+    ]
 
 
 def axes(value: PerAxis) -> tuple[float, float, float]:
@@ -46,7 +54,9 @@ def axes(value: PerAxis) -> tuple[float, float, float]:
 
 def rms(value: PerAxis) -> float:
     """Return the root mean square over the axes."""
-    return math.sqrt(sum(number * number for number in value) / 3.0) if isinstance(value, tuple) else value
+    if not isinstance(value, tuple):
+        return value
+    return math.sqrt(sum(number * number for number in value) / 3.0)
 
 
 def each_axis(function: Callable[..., float], *values: PerAxis) -> PerAxis:

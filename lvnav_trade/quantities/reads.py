@@ -30,19 +30,22 @@ class FieldReads:
         Dotted paths of the fields that were read, as a user writes them.
     """
 
-    def __init__(self, whole: Card) -> None:
+    def __init__(self, settings: Card) -> None:
         self.paths: set[str] = set()
-        self.card = self._copy(whole, "")
+        self.card = self._copy(settings, "")
 
     def _copy(self, value: Any, prefix: str) -> Any:
         if isinstance(value, Card):
-            fields = {name: item for name, item in value.__dict__.items() if name != _NOTES}
-            within = {name: self._copy(item, f"{prefix}{_key(value, name)}.") for name, item in fields.items()}
-            return _recording_copy(value, within | {_NOTES: _Notes(self.paths, prefix)})
+            values: dict[str, Any] = {}
+            for name, item in value.__dict__.items():
+                if name != _NOTES:
+                    values[name] = self._copy(item, f"{prefix}{_key(value, name)}.")
+            values[_NOTES] = _Notes(self.paths, prefix)
+            return _recording_copy(value, values)
         if isinstance(value, Mapping):
-            return {name: self._copy(below, f"{prefix}{name}.") for name, below in value.items()}
+            return {name: self._copy(item, f"{prefix}{name}.") for name, item in value.items()}
         if type(value) is tuple:
-            return tuple(self._copy(below, f"{prefix}{number}.") for number, below in enumerate(value))
+            return tuple(self._copy(item, f"{prefix}{number}.") for number, item in enumerate(value))
         return value
 
 
@@ -89,17 +92,22 @@ def _itself(card: Card) -> Card:
 
 
 @cache
-def _recording_class(kind: type[Card]) -> type[Card]:
+def _recording_class(card_class: type[Card]) -> type[Card]:
     """Return the class of the recording copies of a card."""
-    if issubclass(kind, _Recording):
-        return kind
-    names = {"__module__": kind.__module__, "__qualname__": kind.__qualname__, "__doc__": kind.__doc__}
-    recording: type[Card] = types.new_class(kind.__name__, (_Recording, kind), {}, lambda body: body.update(names))
+    if issubclass(card_class, _Recording):
+        return card_class
+    names = {
+        "__module__": card_class.__module__,
+        "__qualname__": card_class.__qualname__,
+        "__doc__": card_class.__doc__,
+    }
+    bases = (_Recording, card_class)
+    recording: type[Card] = types.new_class(card_class.__name__, bases, {}, lambda body: body.update(names))
     return recording
 
 
 def _recording_copy(card: Card, values: dict[str, Any]) -> Card:
-    return _copied(card, _recording_class(type(card)), values)
+    return _make_copy(card, _recording_class(type(card)), values)
 
 
 def _plain(card: Card) -> Card:
@@ -109,15 +117,17 @@ def _plain(card: Card) -> Card:
         if isinstance(value, _Recording):
             return _plain(value)
         if isinstance(value, dict):
-            return {name: plain(below) for name, below in value.items()}
+            return {name: plain(item) for name, item in value.items()}
         return tuple(map(plain, value)) if type(value) is tuple else value
 
-    kind = type(card).__mro__[2]
-    return _copied(card, kind, {name: plain(value) for name, value in card.__dict__.items() if name != _NOTES})
+    card_class = type(card).__mro__[2]  # after the recording class itself and `_Recording`
+    values = {name: plain(value) for name, value in card.__dict__.items() if name != _NOTES}
+    return _make_copy(card, card_class, values)
 
 
-def _copied(card: Card, kind: type[Card], values: dict[str, Any]) -> Card:
-    copy = kind.__new__(kind)
+def _make_copy(card: Card, card_class: type[Card], values: dict[str, Any]) -> Card:
+    """Return a copy of a card as an instance of a class, with other values, without validation."""
+    copy = card_class.__new__(card_class)
     object.__setattr__(copy, "__dict__", values)
     for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
         object.__setattr__(copy, name, object.__getattribute__(card, name))
@@ -138,19 +148,19 @@ def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Valu
     """
 
     def decorate(function: Callable[..., Value]) -> Callable[..., Value]:
-        kept: OrderedDict[Hashable, tuple[Value, frozenset[str]]] = OrderedDict()
+        results: OrderedDict[Hashable, tuple[Value, frozenset[str]]] = OrderedDict()
 
         @wraps(function)
         def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
-            if (key, rest) in kept:
-                kept.move_to_end((key, rest))
+            if (key, rest) in results:
+                results.move_to_end((key, rest))
             else:
                 reads = FieldReads(card)
                 value = function(key, reads.card, *rest)
-                kept[key, rest] = value, frozenset(reads.paths)
-                while len(kept) > size:
-                    kept.popitem(last=False)
-            value, names = kept[key, rest]
+                results[key, rest] = value, frozenset(reads.paths)
+                while len(results) > size:
+                    results.popitem(last=False)
+            value, names = results[key, rest]
             note(card, names)
             return value
 
@@ -163,23 +173,36 @@ class _CachedResult(NamedTuple):
     """A cached result and the settings from which it was computed.
 
     key : Key and rest of the arguments.
-    whole : Values read from the card, by path.
-    built : Structure of the settings above these values, by path.
-    value : The result.
+    values : Values read from the card, by path.
+    structures : Structure of the settings above these values, by path.
+    result : The result.
     """
 
     key: tuple[Hashable, ...]
-    whole: Mapping[str, Any]
-    built: Mapping[str, Any]
-    value: Any
+    values: Mapping[str, Any]
+    structures: Mapping[str, Any]
+    result: Any
 
-    def is_of(self, key: tuple[Hashable, ...], card: Card) -> bool:
+    def is_valid(self, key: tuple[Hashable, ...], card: Card) -> bool:
         """Whether the result is valid for a card: all values that were read are equal."""
-        return (
-            self.key == key
-            and all(_built(_at(card, path)) == structure for path, structure in self.built.items())
-            and all(_at(card, path) == value for path, value in self.whole.items())
-        )
+        if self.key != key:
+            return False
+        for path, structure in self.structures.items():
+            if _structure(_value_at(card, path)) != structure:
+                return False
+        return all(_value_at(card, path) == value for path, value in self.values.items())
+
+
+def _cached_result(key: tuple[Hashable, ...], card: Card, paths: set[str], result: Any) -> _CachedResult:
+    above: set[str] = set()
+    for path in paths:
+        above.update(_paths_above(path))
+    return _CachedResult(
+        key=key,
+        values={path: _value_at(card, path) for path in paths - above},
+        structures={path: _structure(_value_at(card, path)) for path in above},
+        result=result,
+    )
 
 
 def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
@@ -190,22 +213,26 @@ def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[
     """
 
     def decorate(function: Callable[..., Value]) -> Callable[..., Value]:
-        kept: list[_CachedResult] = []
+        results: list[_CachedResult] = []
+
+        def find(key: tuple[Hashable, ...], card: Card) -> _CachedResult | None:
+            for cached in reversed(results):
+                if cached.is_valid(key, card):
+                    return cached
+            return None
 
         @wraps(function)
         def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
             plain = _plain(card) if isinstance(card, _Recording) else card
-            cached = next((result for result in reversed(kept) if result.is_of((key, *rest), plain)), None)
+            cached = find((key, *rest), plain)
             if cached is None:
                 reads = FieldReads(plain)
                 value = function(key, reads.card, *rest)
-                above = {above for path in reads.paths for above in _above(path)}
-                whole = {path: _at(plain, path) for path in reads.paths - above}
-                cached = _CachedResult((key, *rest), whole, {path: _built(_at(plain, path)) for path in above}, value)
-                kept.append(cached)
-                del kept[:-size]
-            note(card, {*cached.whole, *cached.built})
-            return cached.value
+                cached = _cached_result((key, *rest), plain, reads.paths, value)
+                results.append(cached)
+                del results[:-size]
+            note(card, {*cached.values, *cached.structures})
+            return cached.result
 
         return call
 
@@ -215,20 +242,18 @@ def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[
 _ABSENT = object()
 
 
-def _above(path: str) -> list[str]:
+def _paths_above(path: str) -> list[str]:
     """Return the paths of the settings that contain a path."""
     steps = path.split(".")
     return [".".join(steps[:depth]) for depth in range(1, len(steps))]
 
 
-def _at(card: Card, path: str) -> Any:
+def _value_at(card: Card, path: str) -> Any:
     """Return the value at a path of settings, without noting it as read."""
     value: Any = card
     for step in path.split("."):
         if isinstance(value, Card):
-            fields = value.__dict__
-            name = step if step in fields else next((field for field in fields if _key(value, field) == step), "")
-            value = fields.get(name, _ABSENT)
+            value = _field_value(value, step)
         elif isinstance(value, Mapping):
             value = value.get(step, _ABSENT)
         elif isinstance(value, tuple) and step.isdigit() and int(step) < len(value):
@@ -238,7 +263,18 @@ def _at(card: Card, path: str) -> Any:
     return value
 
 
-def _built(value: Any) -> Any:
+def _field_value(card: Card, step: str) -> Any:
+    """Return the value of a field by its name, or by the key that a user writes for it."""
+    fields = card.__dict__
+    if step in fields:
+        return fields[step]
+    for name in fields:
+        if _key(card, name) == step:
+            return fields[name]
+    return _ABSENT
+
+
+def _structure(value: Any) -> Any:
     """Return the structure of settings without their content: their class, or the classes of their items."""
     if isinstance(value, Mapping):
         return {key: type(item) for key, item in value.items()}

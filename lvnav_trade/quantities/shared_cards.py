@@ -99,10 +99,12 @@ def noise_factor(tables: Sequence[NoiseFactor], measurement: str, at: Dynamics) 
     """
     factor = np.ones(at.altitude.size)
     for table in tables:
-        if measurement in table.of:
-            for name in QUANTITIES:
-                if getattr(table, name):
-                    factor = factor * np.interp(getattr(at, name), getattr(table, name), table.factor)
+        if measurement not in table.of:
+            continue
+        for name in QUANTITIES:
+            points = getattr(table, name)
+            if points:
+                factor = factor * np.interp(getattr(at, name), points, table.factor)
     return factor
 
 

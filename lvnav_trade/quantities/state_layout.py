@@ -147,12 +147,15 @@ def states_modelling(extras: tuple[ExtraBlock, ...], state: str, label: str) -> 
         Index of the block and index among all extra states: the state of that kind and label, or the states of all
         satellites if the filter models the error by satellite.
     """
-    labelled = [(k, block.name, member) for k, block in enumerate(extras) for member in block.labels]
-    return [
-        (k, number)
-        for number, (k, name, member) in enumerate(labelled)
-        if (name, member) == (state, label) or (state and BY_SATELLITE.get(name) == state)
-    ]
+    states = []
+    number = 0
+    for k, block in enumerate(extras):
+        is_by_satellite = bool(state) and BY_SATELLITE.get(block.name) == state
+        for member in block.labels:
+            if is_by_satellite or (block.name, member) == (state, label):
+                states.append((k, number))
+            number += 1
+    return states
 
 
 class StateLayout(NamedTuple):
@@ -211,8 +214,9 @@ def state_names(layout: StateLayout) -> tuple[str, ...]:
 
     Navigation states are resolved in frame i, IMU parameters in body axes.
     """
-    axes = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
-    names = [*axes, *(f"{output.quantity} {output.axis}" for output in state_outputs(layout, "inertial")[9:])]
+    names = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
+    for output in state_outputs(layout, "inertial")[len(names) :]:
+        names.append(f"{output.quantity} {output.axis}")
     for clone, state in enumerate(layout.cloned, start=layout.clone):
         names[clone] = f"delayed_{names[state]}"
     return tuple(names)
@@ -234,14 +238,18 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
     one of `AXES`.
     """
     states = state_outputs(layout, frame)
-    samples = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
-    return (*(states[i] for i in layout.reported), *samples)
+    columns = [states[i] for i in layout.reported]
+    if layout.samples:
+        for sample in SAMPLES:
+            columns += _motion_outputs(f"{sample}_")
+    return tuple(columns)
 
 
 def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
     """Return quantity and unit of every state; a clone has those of its original state."""
-    attitude = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
-    table: dict[int, Output] = dict(enumerate(attitude + _moving("", frame)))
+    navigation = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
+    navigation += _trajectory_outputs("", frame)
+    table = dict(enumerate(navigation))
     for block in layout.parameters:
         _, drivers, unit, label_unit, factor = PARAMETERS[block.name]
         suffix = "" if len(drivers) == 1 else str(block.part + 1)
@@ -254,25 +262,23 @@ def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
         for i, label in enumerate(extra.labels):
             table[extra.offset + i] = Output(extra.name, label or "all", *extra.unit)
     if layout.motion >= 0:
-        table.update(enumerate(_of_motion(""), start=layout.motion))
-    table.update({layout.clone + k: table[state] for k, state in enumerate(layout.cloned)})
+        table.update(enumerate(_motion_outputs(""), start=layout.motion))
+    for clone, state in enumerate(layout.cloned, start=layout.clone):
+        table[clone] = table[state]
     return [table[i] for i in range(layout.n_state)]
 
 
-def _moving(prefix: str, frame: str) -> list[Output]:
-    return [
-        Output(f"{prefix}{name}", axis, unit, unit, 1.0)
-        for name, unit in (("velocity", "m/s"), ("position", "m"))
-        for axis in AXES[frame]
-    ]
+def _trajectory_outputs(prefix: str, frame: str) -> list[Output]:
+    velocity = [Output(f"{prefix}velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
+    position = [Output(f"{prefix}position", axis, "m", "m", 1.0) for axis in AXES[frame]]
+    return velocity + position
 
 
-def _of_motion(prefix: str) -> list[Output]:
-    return [
-        Output(prefix + name, axis, unit, label_unit, factor)
-        for name, unit, label_unit, factor in MOTION
-        for axis in _BODY[name]
-    ]
+def _motion_outputs(prefix: str) -> list[Output]:
+    columns = []
+    for name, unit, label_unit, factor in MOTION:
+        columns += [Output(prefix + name, axis, unit, label_unit, factor) for axis in _BODY[name]]
+    return columns
 
 
 # Quantities with a protection level, and the SI unit of that level
@@ -292,13 +298,13 @@ BACKUP = "backup_"
 def backup_outputs(frame: str) -> tuple[Output, ...]:
     """Return the outputs of the backup strapdown, which the filter never corrects; they follow all other outputs."""
     attitude = [Output(f"{BACKUP}attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
-    return (*attitude, *_moving(BACKUP, frame))
+    return (*attitude, *_trajectory_outputs(BACKUP, frame))
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:
     """Return the outputs of the receiver solution; they follow those of the filter states."""
     return (
-        *_moving("solution_", frame),
+        *_trajectory_outputs("solution_", frame),
         Output("receiver_clock_bias", "time", "m", "m", 1.0),
         Output("receiver_clock_drift", "rate", "m/s", "m/s", 1.0),
     )

@@ -87,8 +87,11 @@ def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_RO
 
     rollover : Number of weeks of an era.
     """
-    stated, era = week * SECONDS_PER_WEEK + seconds, rollover * SECONDS_PER_WEEK
-    return stated if week >= rollover else stated + era * max(0, round((near - stated) / era))
+    time = week * SECONDS_PER_WEEK + seconds
+    if week >= rollover:
+        return time
+    era = rollover * SECONDS_PER_WEEK
+    return time + era * max(0, round((near - time) / era))
 
 
 def resolve_beidou_week(week: int, seconds: float, near: float) -> float:
@@ -158,15 +161,19 @@ def _is_single(column: Floats, single: np.ndarray) -> bool:
     """
     if np.all(single == column):
         return True
-    some = slice(None, None, 1 + column.size // _SEEN)
-    decimals = column[some].tolist()
-    if any(float(str(short)) != number for short, number in zip(single[some], decimals, strict=True)):
-        return False
-    return 2 * sum(_significant(number) >= _ALL_DIGITS for number in decimals) > len(decimals)
+    sample = slice(None, None, 1 + column.size // _SEEN)
+    decimals = column[sample].tolist()
+    for short, number in zip(single[sample], decimals, strict=True):
+        if float(str(short)) != number:
+            return False
+    n_full = sum(_digit_count(number) >= _ALL_DIGITS for number in decimals)
+    return 2 * n_full > len(decimals)
 
 
-def _significant(number: float) -> int:
-    return len(repr(abs(number)).partition("e")[0].replace(".", "").strip("0"))
+def _digit_count(number: float) -> int:
+    """Return the number of significant decimal digits of a number."""
+    mantissa, _, _ = repr(abs(number)).partition("e")
+    return len(mantissa.replace(".", "").strip("0"))
 
 
 def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
@@ -177,10 +184,12 @@ def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
         grid = np.round(column, digits)
         if np.all(np.abs(grid - column) <= _HALF * near):
             return np.asarray(grid)
-    usual = float(np.median(np.diff(column)))
+    # even intervals: a line fitted to the times by the number of intervals since the first
+    intervals = np.diff(column)
+    usual = float(np.median(intervals))
     if usual < _CLEAR * apart:
         return None
-    count = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(column) / usual))])
+    count = np.concatenate([[0.0], np.cumsum(np.rint(intervals / usual))])
     if count[-1] < 1.0:
         return None
     slope, base = np.polyfit(count, column - column[0], 1)

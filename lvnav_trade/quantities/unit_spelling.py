@@ -159,17 +159,25 @@ _LIST = (
 
 def _spellings(listed: _UnitSpellings) -> Iterator[tuple[str, Powers]]:
     """Yield every spelling of a unit with its size."""
-    words = [
-        word + end for word in listed.words.split() for end in ("", "s") if not (end and word.endswith(("s", "z")))
-    ]
-    yield from ((name, listed.size) for name in (*listed.symbols.split(), *words))
+    symbols = listed.symbols.split()
+    words = []
+    for word in listed.words.split():
+        words.append(word)
+        if not word.endswith(("s", "z")):
+            words.append(word + "s")
+    for name in (*symbols, *words):
+        yield name, listed.size
     for prefix in listed.prefixes:
-        word, factor = _PREFIXES[prefix]
+        prefix_word, factor = _PREFIXES[prefix]
         # the prefix first: the order in which numbers are multiplied decides the last bit
-        size = {factor: 1.0, **listed.size} | {factor: 1.0 + listed.size.get(factor, 0.0)}
+        size = {factor: 1.0, **listed.size}
+        size[factor] = 1.0 + listed.size.get(factor, 0.0)
         letters = MICRO if prefix == "u" else prefix
-        yield from ((letter + name, size) for name in listed.symbols.split() for letter in letters)
-        yield from ((word + name, size) for name in words)
+        for name in symbols:
+            for letter in letters:
+                yield letter + name, size
+        for name in words:
+            yield prefix_word + name, size
 
 
 def _listed(entries: Iterable[_UnitSpellings]) -> Iterator[tuple[str, Unit]]:
@@ -239,8 +247,11 @@ def product(text: str) -> Product:
     dimension: dict[str, float] = {}
     for unit, exponent in factors:
         for number, power in unit.size.items():
-            side, power = (above, power * exponent) if power * exponent > 0.0 else (below, -power * exponent)
-            side[number] = side.get(number, 0.0) + power
+            total = power * exponent
+            if total > 0.0:
+                above[number] = above.get(number, 0.0) + total
+            else:
+                below[number] = below.get(number, 0.0) - total
         for base, power in unit.dimension.items():
             dimension[base] = dimension.get(base, 0.0) + power * exponent
     alone = len(factors) == 1 and factors[0][1] == 1.0
@@ -259,8 +270,9 @@ def conversion(source: Product, target: Product) -> float:
     for number, power in target.below.items():
         above[number] = above.get(number, 0.0) + power
     for number in above.keys() & below.keys():
-        both = min(above[number], below[number])
-        above[number], below[number] = above[number] - both, below[number] - both
+        common = min(above[number], below[number])
+        above[number] -= common
+        below[number] -= common
     factor = 1.0
     for number, power in above.items():
         factor *= number**power

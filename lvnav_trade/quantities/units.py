@@ -95,9 +95,9 @@ def with_ascii_minus(text: str) -> str:
 def _no_quantity(text: str, unit: str) -> str:
     """Return the error of a text that is not a number, a space and a unit."""
     number, _, _ = text.partition(" ")
-    letter = next((char for char in number if not char.isascii() and char not in "\u00b1\u00b0\u00b5\u03bc"), "")
-    if letter:
-        named = f"U+{ord(letter):04X} {unicodedata.name(letter, 'without a name')}"
+    foreign = [char for char in number if not char.isascii() and char not in "\u00b1\u00b0\u00b5\u03bc"]
+    if foreign:
+        named = f"U+{ord(foreign[0]):04X} {unicodedata.name(foreign[0], 'without a name')}"
         return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
     if _BARE.fullmatch(text):
         return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
@@ -282,10 +282,10 @@ class Card(BaseModel):
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return pydantic's schema of the settings with the stricter rules for numbers and lists of words."""
         schema = handler(source)
-        whole: Any = handler.resolve_ref_schema(schema)
-        while whole["type"] != "model":  # validators of the whole model wrap its schema
-            whole = whole["schema"]
-        whole["schema"] = _stricter(whole["schema"])
+        model: Any = handler.resolve_ref_schema(schema)
+        while model["type"] != "model":  # validators of the whole model wrap its schema
+            model = model["schema"]
+        model["schema"] = _stricter(model["schema"])
         return schema
 
 
