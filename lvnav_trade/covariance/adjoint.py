@@ -66,11 +66,15 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
     whitened : whether the measurement is from a decorrelated solution
     place : place of the stored state that a delayed measurement was compared with
     """
-    gain, h, epoch, channel = tape.gain[row_of], tape.h[row_of], tape.epoch[row_of], tape.channel[row_of]
+    # the update e+ = (I - k h) e - k v gives lambda <- lambda - h' (k' lambda); v contributes (k' lambda)^2 Var(v)
+    gain, h = tape.gain[row_of], tape.h[row_of]
+    epoch, channel = tape.epoch[row_of], tape.channel[row_of]
     source = true.noise_source[channel]
     # the noise of a decorrelated solution entered with the receiver-error states
     is_in_states = whitened or source < 0
-    variance = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    variance = 0.0
+    if not is_in_states:
+        variance = signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     for m in range(back.e.shape[0]):
         through = _dot(gain, back.e[m])
         if variance > 0.0:
@@ -97,21 +101,25 @@ def _components_back(back, scratch, sums, true, units, seconds, window, time_bin
     decay = true.decay[length]
     fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
     for c in range(true.source.shape[0]):
-        source, k, states = true.source[c], true.slot[c], (true.state_from[c], true.state_from[c + 1])
+        source, k = true.source[c], true.slot[c]
         g, lane = true.group[source], true.lane[source]
-        factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
-        echo = 1.0 if true.echo[length, g, k, 0, lane] > 0.0 else 0.0
+        first_pair, last_pair = true.state_from[c], true.state_from[c + 1]
+        factor = true.factor[length, g, k, 0, lane]
+        noise = true.noise[length, g, k, 0, lane]
+        has_echo = true.echo[length, g, k, 0, lane] > 0.0
         b = scratch.b[g, k, ..., lane]
         for m in range(back.e.shape[0]):
-            through, entered = back.c[m, c], 0.0
+            through = back.c[m, c]  # effect on the metric of the noise that drives the component
+            entered = 0.0  # effect of the component by the states that it enters over the window
             # the same noise drives the component and the error of the states that model it
-            for p in range(states[0], states[1]):
-                at = true.states[p]
-                through += back.e[m, at]
-                entered += (factor - decay[at]) * back.e[m, at]
-            if states[0] == states[1] and true.moves[g, k]:
+            for p in range(first_pair, last_pair):
+                state = true.states[p]
+                through += back.e[m, state]
+                entered += (factor - decay[state]) * back.e[m, state]
+            if first_pair == last_pair and true.moves[g, k]:
                 entered = _dot(b, back.e[m])
-                through -= echo * entered
+                if has_echo:
+                    through -= entered
             back.contribution[m, source, time_bin] += through * through * noise
             back.c[m, c] = factor * back.c[m, c] + entered
 
@@ -132,14 +140,15 @@ def _start_back(back, true):
     """Add the contributions of initial errors, and of initial values of components with the states that model them."""
     n = back.e.shape[1]
     for m in range(back.e.shape[0]):
-        for source in range(true.initial.shape[0]):
+        y = back.e[m]
+        for source in range(true.initial.shape[0]):  # lambda' P lambda
             for i in range(n):
                 for k in range(n):
-                    back.contribution[m, source, 0] += back.e[m, i] * true.initial[source, i, k] * back.e[m, k]
+                    back.contribution[m, source, 0] += y[i] * true.initial[source, i, k] * y[k]
         for c in range(true.source.shape[0]):
             through = back.c[m, c]
             for p in range(true.state_from[c], true.state_from[c + 1]):
-                through += back.e[m, true.states[p]]
+                through += y[true.states[p]]
             back.contribution[m, true.source[c], 0] += through * through * true.start[c]
 
 
@@ -147,13 +156,15 @@ def _start_back(back, true):
 def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_bin):
     """Propagate the adjoint backwards through the update of a tick by IMU samples, and add contributions."""
     fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+    gain_adjoint = scratch.y
+    n_axis = 1 if units is None else 3  # an axis of an array enters all combined axes
     for m in range(back.e.shape[0]):
         y = back.e[m]
         for r in range(N_SAMPLE):
-            scratch.y[r] = _dot(sample_gain[tick, r], y)
+            gain_adjoint[r] = _dot(sample_gain[tick, r], y)
         for source in range(true.group.shape[0]):
             for r in range(N_SAMPLE):
-                through = scratch.y[r]
+                through = gain_adjoint[r]
                 back.contribution[m, source, time_bin] += through * through * true.sample_noise[source, r]
         for j in range(true.sensor.shape[0]):
             if true.sampled[j] and true.profile[j] < 0:
@@ -161,12 +172,12 @@ def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_b
                 source, k = true.source[first], true.slot[first]
                 g, lane = true.group[source], true.lane[source]
                 for axis in range(3):
-                    for i in range(1 if units is None else 3):  # an axis of an array enters all combined axes
+                    for i in range(n_axis):
                         r = 3 * true.sensor[j] + (axis + i) % 3
-                        back.c[m, first + axis] -= scratch.y[r] * scratch.a[g, k + axis, r, lane]
+                        back.c[m, first + axis] -= gain_adjoint[r] * scratch.a[g, k + axis, r, lane]
         for r in range(N_SAMPLE):
             for k in range(vehicle.columns.shape[1]):
-                y[vehicle.columns[r, k]] -= scratch.y[r] * scratch.h[r, k]
+                y[vehicle.columns[r, k]] -= gain_adjoint[r] * scratch.h[r, k]
 
 
 @jit
@@ -198,15 +209,16 @@ def _window_back(back, scratch, tape, true, case, w, time_bin):
     """Propagate the adjoint backwards over window w, and add the contributions of process noise and components."""
     schedule, model = case.schedule, case.model
     length = schedule.length[w]
-    sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
-    transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
+    seconds = model.seconds[length]
+    sums, position = tape.sums[w], tape.position[w]
+    x, y, z = position[0], position[1], position[2]
+    transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
     _white_back(back, true, length, time_bin)
     window = length, schedule.first_tick[w], schedule.n_tick[w]
     _components_back(back, scratch, sums, true, case.options.units, seconds, window, time_bin)
+    rows, columns, decay = true.nav_rows, true.nav_columns, true.decay[length]
     for m in range(back.e.shape[0]):
-        apply_phi_transposed(
-            back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], model.clock, seconds
-        )
+        apply_phi_transposed(back.e[m], scratch.D, rows, columns, decay, model.clock, seconds)
     _white_back(back, true, length, time_bin)
 
 
@@ -215,6 +227,17 @@ def _solution_back(back, y, chain, true, epoch, time_bin):
     """Propagate the adjoint backwards through an epoch of the receiver-error states (SolutionErrorModel, or None)."""
     if chain is not None:
         solution_back(back, y, chain, true, epoch, time_bin)
+
+
+@jit
+def _add_metrics(back, entering, hist):
+    """Add the weights of the metrics at a history time to the adjoint; return whether the metrics have any."""
+    if hist < 0 or entering.place[hist] < 0:
+        return False
+    for m in range(back.e.shape[0]):
+        for i in range(back.e.shape[1]):
+            back.e[m, i] += entering.rows[entering.place[hist], m, i]
+    return True
 
 
 @jit
@@ -230,28 +253,25 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
     entering : BackwardMetrics, the metrics
     time_bins : (n_window,) time bin of each window
     """
-    schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance
+    schedule, signals, options = case.schedule, case.signals, case.options
     has_entered = False
     # each window in the reverse order of `forward.forward`: history, clones, updates, receiver errors, propagation
     for w in range(schedule.n_tick.shape[0] - 1, -1, -1):
-        time_bin, at, hist = time_bins[w], schedule.epoch[w], schedule.hist[w]
-        if hist >= 0 and entering.place[hist] >= 0:
+        time_bin, epoch = time_bins[w], schedule.epoch[w]
+        if _add_metrics(back, entering, schedule.hist[w]):
             has_entered = True
-            for m in range(back.e.shape[0]):
-                for i in range(back.e.shape[1]):
-                    back.e[m, i] += entering.rows[entering.place[hist], m, i]
         if not has_entered:
             continue
-        if at >= 0:
-            joint_back(back, true, options.late, options.delayed, at)
+        if epoch >= 0:
+            joint_back(back, true, options.late, options.delayed, epoch)
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
             place = place_of_channel(options.late, tape.channel[row], tape.epoch[row])
-            whitened = whitens and tape.channel[row] < signals.n_receiver
+            whitened = case.model.has_covariance and tape.channel[row] < signals.n_receiver
             _update_back(back, tape, true, signals, row, time_bin, whitened, place)
-        if at >= 0:
-            _solution_back(back, scratch.y, flight.chain, true, at, time_bin)
-            renew_back(back, true.successive, case.model, at, time_bin)
-            _solution_back(back, scratch.y, true.successive, true, at, time_bin)
+        if epoch >= 0:
+            _solution_back(back, scratch.y, flight.chain, true, epoch, time_bin)
+            renew_back(back, true.successive, case.model, epoch, time_bin)
+            _solution_back(back, scratch.y, true.successive, true, epoch, time_bin)
         if schedule.n_tick[w] > 0:
             clone_back(back, true, options.late, w)
             _window_back(back, scratch, tape, true, case, w, time_bin)

@@ -1,7 +1,6 @@
 """Truth-side error components of a case, as arrays for the covariance kernels. The filter's models are separate."""
 
 import math
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -128,36 +127,63 @@ class Components(NamedTuple):
 
 def _terms(prepared: Prepared) -> list[ErrorTerm]:
     """Return the random errors of the IMUs; `offset` of each is the first filter state that models it, -1 none."""
-    several = prepared.options.units is not None  # a state then models a sum of components, not one of them
-    states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    states = _modelling_states(prepared)
     terms = [term._replace(offset=states.get((term.sensor, term.driver), -1)) for term in prepared.sources]
-    for triad, (number, unit) in enumerate(mounted(prepared.scenario.imu)):
-        for sensor, card, label in ((GYRO, unit.gyro, "gyro"), (ACCEL, unit.accel, "accelerometer")):
+    for triad, (number, imu) in enumerate(mounted(prepared.scenario.imu)):
+        for sensor, card, label in ((GYRO, imu.gyro, "gyro"), (ACCEL, imu.accel, "accelerometer")):
             if card.quantisation > 0.0:
-                step = card.quantisation / math.sqrt(12.0)
-                name = keyed(f"{label} quantisation", number)
-                terms.append(ErrorTerm(name, 0, sensor, REMAINDER, 0.0, step, triad=triad))
+                remainder = ErrorTerm(
+                    name=keyed(f"{label} quantisation", number),
+                    part=0,
+                    sensor=sensor,
+                    driver=REMAINDER,
+                    sigma=0.0,
+                    walk=card.quantisation / math.sqrt(12.0),  # sigma of a uniform error over a step
+                    triad=triad,
+                )
+                terms.append(remainder)
             # noise of unequal axes is a component in body axes, which rotate; equal axes need no component, since their
             # noise is isotropic (`_white_noise`)
-            by_axis = several or isinstance(card.random_walk, tuple)
+            by_axis = prepared.options.units is not None or isinstance(card.random_walk, tuple)
             if by_axis and prepared.layout.motion < 0 and rms(card.random_walk) > 0.0:
-                name = keyed(f"{label} random walk", number)
-                terms.append(ErrorTerm(name, 0, sensor, WHITE, card.random_walk, 0.0, WHITE_TIME, triad))
+                noise = ErrorTerm(
+                    name=keyed(f"{label} random walk", number),
+                    part=0,
+                    sensor=sensor,
+                    driver=WHITE,
+                    sigma=card.random_walk,
+                    time_constant=WHITE_TIME,
+                    triad=triad,
+                )
+                terms.append(noise)
     return terms
+
+
+def _modelling_states(prepared: Prepared) -> dict[tuple[int, int], int]:
+    """Return the first filter state that models an IMU error, by sensor and driver.
+
+    Empty for an IMU array, in which a state models a sum of components.
+    """
+    if prepared.options.units is not None:
+        return {}
+    return {(block.sensor, block.driver): block.offset for block in prepared.layout.parameters}
 
 
 def _profiles(prepared: Prepared) -> list[tuple[int, int, int, int]]:
     """Return sensor, driver, first filter state that models it (-1 none) and triad of each deterministic profile."""
-    states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
-    if prepared.options.units is not None:
-        states = {}
-    coded = zip(prepared.unit.profile_sensor.tolist(), prepared.unit.profile_driver.tolist(), strict=True)
-    return [(code % 2, driver, states.get((code % 2, driver), -1), code // 2) for code, driver in coded]
+    states = _modelling_states(prepared)
+    unit = prepared.unit
+    profiles = []
+    for code, driver in zip(unit.profile_sensor.tolist(), unit.profile_driver.tolist(), strict=True):
+        triad, sensor = divmod(code, 2)
+        profiles.append((sensor, driver, states.get((sensor, driver), -1), triad))
+    return profiles
 
 
-def _of_term(prepared: Prepared, term: ErrorTerm, source: int, moves: bool, samples: bool) -> list[Component]:
+def _term_components(prepared: Prepared, term: ErrorTerm, source: int, moves: bool, samples: bool) -> list[Component]:
     """Return the three components of an error term, one per axis."""
-    seconds, variances, walks = prepared.lengths, squares(term.sigma), squares(term.walk)
+    seconds = prepared.lengths
+    variances, walks = squares(term.sigma), squares(term.walk)
     if term.driver == REMAINDER:
         # the remainder is new at the end of every window, uniform over a step; it stays in a window without ticks
         factor = np.where(seconds > 0.0, 0.0, 1.0)
@@ -167,44 +193,68 @@ def _of_term(prepared: Prepared, term: ErrorTerm, source: int, moves: bool, samp
         # Gauss-Markov: s^2 (1 - exp(-2 t / T)) keeps the variance s^2; a random walk adds its PSD times t
         loss = np.expm1(-2.0 * seconds / term.time_constant)
         noise = [walk * seconds - variance * loss for variance, walk in zip(variances, walks, strict=True)]
-    alike = term.offset >= 0 and np.array_equal(factor, prepared.model.decay[:, term.offset])
-    states = [(term.offset + i,) for i in range(3)] if term.offset >= 0 else [(), (), ()]
+    is_modelled = term.offset >= 0
+    has_same_decay = is_modelled and np.array_equal(factor, prepared.model.decay[:, term.offset])
     return [
-        Component(source, factor, driven, variance, modelled, not alike, moves, samples, term.driver == REMAINDER)
-        for driven, variance, modelled in zip(noise, variances, states, strict=True)
+        Component(
+            source=source,
+            factor=factor,
+            noise=noise[axis],
+            start=variances[axis],
+            states=(term.offset + axis,) if is_modelled else (),
+            followed=not has_same_decay,
+            moves=moves,
+            samples=samples,
+            echoes=term.driver == REMAINDER,
+        )
+        for axis in range(3)
     ]
 
 
 def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple[Floats, Floats]:
     """Return decay factor and driving variance (n_length,) of a correlated measurement error."""
     # an error without memory is new at every epoch; it stays in a window without ticks
-    still = 1.0 if math.isinf(time_constant) else 0.0
-    factor = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
+    if time_constant > 0.0:
+        factor = np.exp(-seconds / time_constant)
+    else:
+        factor = np.where(seconds > 0.0, 0.0, 1.0)
     return factor, sigma**2 * (1.0 - factor**2)
 
 
-def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
+def _shared_components(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
     """Return the components of correlated measurement errors, and by family the block of extra states (-1 none)."""
-    model, signals, shared_components, blocks = prepared.model, prepared.signals, list[Component](), list[int]()
-    shared = signals.shared
+    model, shared = prepared.model, prepared.signals.shared
+    shared_components: list[Component] = []
+    blocks: list[int] = []
     for number, family in enumerate(prepared.families if model.aided else ()):
-        stand = states_modelling(prepared.layout.extras, family.state, family.labels[0])
-        state = stand[0][0] if stand else -1
+        modelling = states_modelling(prepared.layout.extras, family.state, family.labels[0])
+        block = modelling[0][0] if modelling else -1
+        blocks.append(block)
         factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
-        entering = shared.member[number] >= 0
-        # whether the true partial derivatives differ from those of the filter state
-        differs = (
-            prepared.chain is not None
-            or state < 0
-            or not np.array_equal(shared.partial[number], np.where(entering, signals.partial[state], 0.0))
-        )
+        has_same_partials = _has_filter_partials(prepared, number, block)
         for _ in family.labels:
-            states = tuple(model.extra_offset[shared.state_of[shared.error_of == len(shared_components)]].tolist())
-            follow = differs or any(not np.array_equal(factor, model.decay[:, at]) for at in states)
-            source = names.index(family.source)
-            shared_components.append(Component(source, factor, noise, family.sigma**2, states, follow))
-        blocks.append(state)
+            modelled = shared.state_of[shared.error_of == len(shared_components)]
+            states = tuple(model.extra_offset[modelled].tolist())
+            has_same_decay = all(np.array_equal(factor, model.decay[:, state]) for state in states)
+            component = Component(
+                source=names.index(family.source),
+                factor=factor,
+                noise=noise,
+                start=family.sigma**2,
+                states=states,
+                followed=not (has_same_partials and has_same_decay),
+            )
+            shared_components.append(component)
     return shared_components, blocks
+
+
+def _has_filter_partials(prepared: Prepared, family: int, block: int) -> bool:
+    """Return whether the true partial derivatives of correlated errors are those of a block of filter states."""
+    if prepared.chain is not None or block < 0:
+        return False
+    shared = prepared.signals.shared
+    modelled = np.where(shared.member[family] >= 0, prepared.signals.partial[block], 0.0)
+    return np.array_equal(shared.partial[family], modelled)
 
 
 def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
@@ -214,9 +264,10 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
     seconds = prepared.lengths[:, None]
     # noise of an IMU array or of unequal axes enters by components, noise of IMU samples by their update
     if layout.motion < 0 and isinstance(imu, ImuCard):
-        for label, at, card in (("gyro", ATT, imu.gyro), ("accelerometer", VEL, imu.accel)):
+        for label, first, card in (("gyro", ATT, imu.gyro), ("accelerometer", VEL, imu.accel)):
             if not isinstance(card.random_walk, tuple):
-                noise[names.index(f"{label} random walk"), :, at : at + 3] = card.random_walk**2 * seconds
+                source = names.index(f"{label} random walk")
+                noise[source, :, first : first + 3] = card.random_walk**2 * seconds
     if layout.clock >= 0:
         densities = np.array(spectral_densities(receiver.clock.h0, receiver.clock.h_minus2))
         noise[names.index("receiver clock"), :, layout.clock : layout.clock + 2] = seconds * densities
@@ -225,13 +276,14 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
 
 def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
     """Return the true noise variance of an IMU sample by source, (n_source, 6) SI squared."""
-    imu, noise, units = prepared.scenario.imu, np.zeros((len(names), 6)), prepared.options.units
-    for triad, (number, unit) in enumerate(mounted(imu)):
-        sizes = np.array([squares(unit.gyro.random_walk), squares(unit.accel.random_walk)]) * imu.rate
+    imu, units = prepared.scenario.imu, prepared.options.units
+    noise = np.zeros((len(names), 6))
+    for triad, (number, card) in enumerate(mounted(imu)):
+        variance = np.array([squares(card.gyro.random_walk), squares(card.accel.random_walk)]) * imu.rate
         if units is not None:  # solved (2, 3, 3): weights of each sensing axis in the combined triad
-            sizes = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, sizes) * units.noisy[0, :, 1] ** 2
-        noise[names.index(keyed("gyro random walk", number)), :3] += sizes[0]
-        noise[names.index(keyed("accelerometer random walk", number)), 3:] += sizes[1]
+            variance = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, variance) * units.noisy[0, :, 1] ** 2
+        noise[names.index(keyed("gyro random walk", number)), :3] += variance[0]
+        noise[names.index(keyed("accelerometer random walk", number)), 3:] += variance[1]
     return noise
 
 
@@ -239,9 +291,9 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
     """Return the initial covariance of the joint states by source, (n_source, N, N) SI squared."""
     n, layout, clock = n_joint(prepared), prepared.layout, prepared.scenario.receiver.clock
     initial = np.zeros((len(names), n, n))
-    for index, at in enumerate((ATT, VEL, POS)):
-        root = prepared.start.roots[index]
-        initial[index, at : at + 3, at : at + 3] = root @ root.T
+    for source, first in enumerate((ATT, VEL, POS)):  # the first three sources are the initial errors
+        root = prepared.start.roots[source]
+        initial[source, first : first + 3, first : first + 3] = root @ root.T
     if layout.clock >= 0:
         variances = np.array([clock.initial_bias, clock.initial_drift]) ** 2
         states = slice(layout.clock, layout.clock + 2)
@@ -255,22 +307,26 @@ def components(prepared: Prepared) -> Components:
     The models are those of the truth. Of the filter only the state layout, the decay factors and the partial
     derivatives are used, to find by how much a component differs from the state that models it.
     """
-    names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
-    terms, by_samples, units = _terms(prepared), prepared.layout.motion >= 0, prepared.options.units
-    profiles = _profiles(prepared)
-    blocks = [*((term.sensor, term.driver, term.offset, term.triad) for term in terms), *profiles]
+    names, model = source_names(prepared), prepared.model
+    terms, profiles = _terms(prepared), _profiles(prepared)
+    by_samples = prepared.layout.motion >= 0
+    blocks = [(term.sensor, term.driver, term.offset, term.triad) for term in terms] + profiles
     sensor, driver, matched, triad = np.array(blocks, dtype=np.int64).reshape(-1, 4).T.copy()
     profile = np.array([*[-1] * len(terms), *range(len(profiles))], dtype=np.int64)
     moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
     sampled = (matched < 0) & (driver >= 0) & by_samples
-    of_terms = [
-        _of_term(prepared, term, names.index(term.name), bool(moving[k]), bool(sampled[k]))
-        for k, term in enumerate(terms)
-    ]
-    shared, state_blocks = _of_families(prepared, names)
-    n_imu = 3 * len(terms)
+    all_components: list[Component] = []
+    for k, term in enumerate(terms):
+        source = names.index(term.name)
+        all_components += _term_components(prepared, term, source, bool(moving[k]), bool(sampled[k]))
+    n_imu = len(all_components)
     first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
-    tables = slot_tables([*chain.from_iterable(of_terms), *shared], len(names), prepared.lengths.size)
+    shared, state_blocks = _shared_components(prepared, names)
+    tables = slot_tables(all_components + shared, len(names), prepared.lengths.size)
+    stands = np.zeros((0, 0, 3, 0))
+    if prepared.options.units is not None:
+        stands = state_weights(prepared.layout, prepared.options.units, sensor, driver, triad)
+    n_further = n_joint(prepared) - prepared.layout.n_state  # these joint states do not decay
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
     if by_samples:  # everything but the gravity gradient is propagated sample by sample
         rows, columns, kinds, drivers = model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
@@ -281,9 +337,7 @@ def components(prepared: Prepared) -> Components:
         matched=matched,
         profile=profile,
         triad=triad,
-        stands=np.zeros((0, 0, 3, 0))
-        if units is None
-        else state_weights(prepared.layout, units, sensor, driver, triad),
+        stands=stands,
         first=first,
         moving=moving,
         sampled=sampled,
@@ -297,7 +351,7 @@ def components(prepared: Prepared) -> Components:
         white=by_length(_white_noise(prepared, names), tables["group"], tables["lane"]),
         initial=_initial(prepared, names),
         noise_source=noise_sources(prepared, names),
-        decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
+        decay=np.pad(model.decay, ((0, 0), (0, n_further)), constant_values=1.0),
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
         differences=differences(prepared, sensor, driver, triad, profile, first, n_imu),
@@ -310,12 +364,14 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
 
     The initial estimate of a component is zero, so the error of the state that models it is the component itself.
     """
-    sources, start = true.initial.copy(), np.zeros((len(true.initial), true.followed.shape[1], 1))
-    cross = np.zeros((*start.shape[:2], n_joint(prepared)))
-    start[true.source, true.slot, 0] = true.start
+    n_source, n_slot = len(true.initial), true.followed.shape[1]
+    sources = true.initial.copy()
+    cross = np.zeros((n_source, n_slot, n_joint(prepared)))
+    variances = np.zeros((n_source, n_slot, 1))
+    variances[true.source, true.slot, 0] = true.start
     for c, (source, slot, variance) in enumerate(zip(true.source, true.slot, true.start, strict=True)):
         states = true.states[true.state_from[c] : true.state_from[c + 1]]
         sources[source, states[:, None], states] += variance
         cross[source, slot, states] += variance
-    sources, cross, start = (as_lanes(values, true.group, true.lane) for values in (sources, cross, start))
-    return sources, cross, start
+    group, lane = true.group, true.lane
+    return as_lanes(sources, group, lane), as_lanes(cross, group, lane), as_lanes(variances, group, lane)

@@ -14,7 +14,7 @@ from lvnav_trade.covariance.receiver_error import advance_solution, clone_states
 from lvnav_trade.filter.policies.delay import place_of
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import group, like
-from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.quantities.state_layout import OF_OBSERVABLES
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES, OF_ONE, PHASES
 from lvnav_trade.simulation.epoch.joint import N_CLONE
@@ -59,13 +59,12 @@ def difference_channels(prepared: Prepared) -> list[int]:
     channels = prepared.channels
     if prepared.options.delayed is None:
         return []
-    return [
-        int(channel)
-        for name in channels.observables
-        if name in DIFFERENCES
-        for channel, seen in zip(np.arange(channels.n_channel)[channels.of(name)], channels.seen, strict=True)
-        if seen
-    ]
+    tracked = []
+    for name in channels.observables:
+        if name in DIFFERENCES:
+            by_satellite = np.arange(channels.n_channel)[channels.of(name)]
+            tracked += by_satellite[np.asarray(channels.seen, dtype=bool)].tolist()
+    return tracked
 
 
 def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> SuccessiveErrors | None:
@@ -85,56 +84,74 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
     signals, frozen = prepared.signals, prepared.signals.frozen
     channels = difference_channels(prepared)
     n, n_epoch, n_kind = len(channels), prepared.t_epoch.size, prepared.model.n_kind
-    observables = [prepared.channels.observables[channel % n_kind] for channel in channels]
-    used = np.zeros((n_epoch, len(prepared.sky.names)), dtype=np.bool_)
-    for epoch in range(n_epoch):
-        used[epoch, signals.used[epoch, : signals.n_used[epoch]]] = True
-    new = used & ~frozen[:, None]
-    move, white = np.zeros((n_epoch, 2 * n, 2 * n)), np.zeros((n_epoch, 2 * n, n))
-    variance, shared = np.zeros((n_epoch, n)), np.zeros((n_epoch, 2 * n, signals.shared.start.size))
+    is_new = _new_measurements(prepared)
+    move = np.zeros((n_epoch, 2 * n, 2 * n))
+    white = np.zeros((n_epoch, 2 * n, n))
+    variance = np.zeros((n_epoch, n))
+    shared = np.zeros((n_epoch, 2 * n, signals.shared.start.size))
     is_state = prepared.scenario.filter.previous_noise == "estimated"
-    for i, (channel, name) in enumerate(zip(channels, observables, strict=True)):
+    for i, channel in enumerate(channels):
         satellite = channel // n_kind
-        move[:, n + i, i], move[:, i, i] = 1.0, frozen
+        move[:, n + i, i] = 1.0  # the present error becomes that of the previous epoch
+        move[:, i, i] = frozen  # a frozen measurement keeps its error
         white[:, i, i] = 1.0
         if not is_state:
-            variance[:, i] = np.where(new[:, satellite], signals.sigma[:, channel] ** 2, 0.0)
-        true = channel if name in PHASES else n_kind * satellite
+            variance[:, i] = np.where(is_new[:, satellite], signals.sigma[:, channel] ** 2, 0.0)
+        is_phase = prepared.channels.observables[channel % n_kind] in PHASES
+        true_channel = channel if is_phase else n_kind * satellite
         for family, block in enumerate(families):
-            m = signals.shared.member[family, true]
-            if m >= 0:
+            member = signals.shared.member[family, true_channel]
+            if member >= 0:
                 assumed = signals.partial[block, :, channel] if block >= 0 else 0.0
-                beyond = signals.shared.partial[family, :, true] - assumed
-                shared[:, i, m] += np.where(new[:, satellite], beyond, 0.0)
+                unmodelled = signals.shared.partial[family, :, true_channel] - assumed
+                shared[:, i, member] += np.where(is_new[:, satellite], unmodelled, 0.0)
+    renewed, renewed_source = _renewed_states(prepared, names)
     return SuccessiveErrors(
-        move,
-        white,
-        variance,
-        np.array(channels, dtype=np.int64),
-        shared,
-        np.zeros((n_epoch, 2 * n)),
-        *_renewed(prepared, names),
+        move=move,
+        white=white,
+        variance=variance,
+        kind=np.array(channels, dtype=np.int64),
+        shared=shared,
+        push=np.zeros((n_epoch, 2 * n)),
+        renewed=renewed,
+        renewed_source=renewed_source,
     )
 
 
-def _renewed(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
+def _new_measurements(prepared: Prepared) -> Bools:
+    """Return whether the filter uses a satellite with a new measurement at an epoch, (n_epoch, n_satellite)."""
+    signals = prepared.signals
+    used = np.zeros((prepared.t_epoch.size, len(prepared.sky.names)), dtype=np.bool_)
+    for epoch in range(len(used)):
+        used[epoch, signals.used[epoch, : signals.n_used[epoch]]] = True
+    return used & ~signals.frozen[:, None]
+
+
+def _renewed_states(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
     """Return `renewed` and `renewed_source` of `SuccessiveErrors`."""
-    delayed, signals, n_kind = prepared.options.delayed, prepared.signals, prepared.model.n_kind
-    renewed, source = np.full(delayed.renewed.shape, -1.0), np.zeros(delayed.renewed.shape[1], dtype=np.int64)
-    first = 0
+    delayed = prepared.options.delayed
+    renewed = np.full(delayed.renewed.shape, -1.0)
+    source = np.zeros(delayed.renewed.shape[1], dtype=np.int64)
+    state = 0
     for block in prepared.layout.extras:
-        if block.name in OF_OBSERVABLES:
-            at = prepared.channels.observables.index(OF_ONE[block.name])
-            for k, label in enumerate(block.labels):
-                sigma = signals.sigma[:, n_kind * prepared.sky.names.index(label) + at]
-                name = noise_of(OF_ONE[block.name])
-                if block.name == "ambiguity":
-                    name, sigma = "carrier ambiguity", np.full(len(sigma), prepared.scenario.receiver.carrier_ambiguity)
-                anew = delayed.renewed[:, first + k] >= 0.0
-                renewed[anew, first + k] = sigma[anew] ** 2
-                source[first + k] = names.index(name) if name in names else 0
-        first += len(block.labels)
+        for label in block.labels:
+            if block.name in OF_OBSERVABLES:
+                name, sigma = _renewal_noise(prepared, block.name, label)
+                is_renewed = delayed.renewed[:, state] >= 0.0
+                renewed[is_renewed, state] = sigma[is_renewed] ** 2
+                source[state] = names.index(name) if name in names else 0
+            state += 1
     return renewed, source
+
+
+def _renewal_noise(prepared: Prepared, block: str, satellite: str) -> tuple[str, Floats]:
+    """Return the error source of a renewed state, and the sigma (n_epoch,) to which it is reset."""
+    observable = OF_ONE[block]
+    if block == "ambiguity":
+        return "carrier ambiguity", np.full(prepared.t_epoch.size, prepared.scenario.receiver.carrier_ambiguity)
+    channel = prepared.model.n_kind * prepared.sky.names.index(satellite)
+    channel += prepared.channels.observables.index(observable)
+    return noise_of(observable), prepared.signals.sigma[:, channel]
 
 
 @jit
@@ -143,18 +160,20 @@ def measure_further(nominal, further, signals, epoch):
     if further is not None:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
-            for kind in range(2, further.is_phase.shape[0]):
-                values = further.phase if further.is_phase[kind] else signals.range
-                nominal.ranges[slot, kind] = values[epoch, s]
-                if further.is_difference[kind] and epoch > 0:
-                    nominal.ranges[slot, kind] -= values[epoch - 1, s]
+            for observable in range(2, further.is_phase.shape[0]):
+                values = further.phase if further.is_phase[observable] else signals.range
+                nominal.ranges[slot, observable] = values[epoch, s]
+                if further.is_difference[observable] and epoch > 0:
+                    nominal.ranges[slot, observable] -= values[epoch - 1, s]
 
 
 @jit
-def _forget(P, at):
+def _clear_state(P, state):
     """Set the row and the column of a state in a covariance to zero."""
+    zero = like(P[0, 0], 0.0)
     for i in range(P.shape[0]):
-        P[at, i], P[i, at] = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
+        P[state, i] = zero
+        P[i, state] = zero
 
 
 @inlined
@@ -163,16 +182,17 @@ def _renew_joint(joint, successive, true, model, epoch):
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
-                at = model.extra_offset[e]
+                state = model.extra_offset[e]
                 for g in range(true.n_slot.shape[0]):
-                    _forget(group(joint.sources, g), at)
+                    _clear_state(group(joint.sources, g), state)
                     for k in range(true.n_slot[g]):
                         if true.followed[g, k]:
                             y = group(joint.cross, g)[k]
-                            y[at] = like(y[at], 0.0)
-                joint.mean[at] = 0.0
+                            y[state] = like(y[state], 0.0)
+                joint.mean[state] = 0.0
                 source = successive.renewed_source[e]
-                joint.sources[true.group[source], at, at, true.lane[source]] = successive.renewed[epoch, e]
+                g, lane = true.group[source], true.lane[source]
+                joint.sources[g, state, state, lane] = successive.renewed[epoch, e]
 
 
 @inlined
@@ -191,11 +211,11 @@ def renew_back(back, successive, model, epoch, time_bin):
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
-                at, source = model.extra_offset[e], successive.renewed_source[e]
+                state, source = model.extra_offset[e], successive.renewed_source[e]
                 for m in range(back.e.shape[0]):
-                    through = back.e[m, at]
+                    through = back.e[m, state]
                     back.contribution[m, source, time_bin] += through * through * successive.renewed[epoch, e]
-                    back.e[m, at] = 0.0
+                    back.e[m, state] = 0.0
 
 
 @jit

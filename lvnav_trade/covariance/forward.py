@@ -37,10 +37,11 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
         (n_hist, m, m) SI squared. Second moment of the true error.
     """
     sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
-    sound = np.all(sigma > 0.0, axis=1)
-    scale = sigma[sound, :, None] * sigma[sound, None, :]
+    has_nees = np.all(sigma > 0.0, axis=1)
+    scale = sigma[has_nees, :, None] * sigma[has_nees, None, :]
+    ratio = np.linalg.solve(formal[has_nees] / scale, total[has_nees] / scale)
     expected = np.full(len(formal), np.nan)
-    expected[sound] = np.trace(np.linalg.solve(formal[sound] / scale, total[sound] / scale), axis1=1, axis2=2)
+    expected[has_nees] = np.trace(ratio, axis1=1, axis2=2)
     return expected
 
 
@@ -50,7 +51,9 @@ def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
     A normalised innovation is normal, with the expected square `ratio` (n_epoch, n_row); in a matched filter it is 1.
     """
     worst = ratio.max(axis=1, initial=1e-300)
-    return chdtrc(1, gate_squared / worst) if np.isfinite(gate_squared) else np.zeros_like(worst)
+    if not np.isfinite(gate_squared):
+        return np.zeros_like(worst)
+    return chdtrc(1, gate_squared / worst)  # of a chi-square distribution with one degree of freedom
 
 
 @jit
@@ -64,7 +67,9 @@ def expected_of_samples(true, ticks, motion, vehicle):
     motion : ImuSampleWork, with P h' and weights of the filter's sequential update
     vehicle : VehicleModel
     """
-    S, T, h, columns, total = ticks.expected, ticks.turned, motion.h, vehicle.columns, 0.0
+    S, T = ticks.expected, ticks.turned
+    h, columns = motion.h, vehicle.columns
+    total = 0.0
     for r in range(N_SAMPLE):
         for q in range(N_SAMPLE):
             T[r, q] = 1.0 if q == r else 0.0
@@ -74,17 +79,17 @@ def expected_of_samples(true, ticks, motion, vehicle):
     # samples are processed in sequence: innovation r is T_r z, with T_r = e_r - sum over q < r of h_r K_q weight_q T_q
     for r in range(N_SAMPLE):
         for q in range(r):
-            seen = 0.0
+            projection = 0.0  # h_r K_q
             for k in range(columns.shape[1]):
-                seen += h[r, k] * motion.K[q, columns[r, k]]
-            factor = seen * motion.weight[q]
+                projection += h[r, k] * motion.K[q, columns[r, k]]
+            factor = projection * motion.weight[q]
             for k in range(N_SAMPLE):
                 T[r, k] -= factor * T[q, k]
-        value = 0.0
+        square = 0.0  # expected square of innovation r, T_r S T_r'
         for k in range(N_SAMPLE):
             for q in range(N_SAMPLE):
-                value += T[r, k] * S[k, q] * T[r, q]
-        total += value * motion.weight[r]
+                square += T[r, k] * S[k, q] * T[r, q]
+        total += square * motion.weight[r]
     return total
 
 
@@ -101,16 +106,19 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
     axes_att, axes : (3, 3) rotations from frame i to body axes and to the reporting axes, for the budget
     """
     n = formal.shape[0]
+    lane_sums = whole(scratch.spread)
     for i in range(n):
         out.mean[hist, i] = state.mean[i]
         for j in range(i, n):
-            out.formal[hist, i, j], out.formal[hist, j, i] = formal[i, j], formal[i, j]
-            sum_of = whole(scratch.spread)
-            sum_of[0] = group(state.sources, 0)[i, j]
+            out.formal[hist, i, j] = formal[i, j]
+            out.formal[hist, j, i] = formal[i, j]
+            # the true covariance is the sum over all sources: over groups by lane, then over lanes
+            lane_sums[0] = group(state.sources, 0)[i, j]
             for g in range(1, true.n_slot.shape[0]):
-                sum_of[0] = sum_of[0] + group(state.sources, g)[i, j]
+                lane_sums[0] += group(state.sources, g)[i, j]
             total = total_of(scratch.spread)
-            out.true[hist, i, j], out.true[hist, j, i] = total, total
+            out.true[hist, i, j] = total
+            out.true[hist, j, i] = total
     for g in range(true.n_slot.shape[0]):
         P, budget = group(state.sources, g), group(scratch.budget, g)
         for i in range(3):
@@ -120,9 +128,9 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
         for i in range(9, n):
             budget[i, 0] = P[i, i]
     for source in range(true.group.shape[0]):
-        budget = scratch.budget[true.group[source], ..., true.lane[source]]
+        g, lane = true.group[source], true.lane[source]
         for i in range(n):
-            out.budget[hist, source, i] = budget[i, 0]
+            out.budget[hist, source, i] = scratch.budget[g, i, 0, lane]
 
 
 @jit
@@ -143,9 +151,9 @@ def _write_biases(out, hist, state, true, samples):
     for source in range(true.group.shape[0]):
         P = state.sources[true.group[source], ..., true.lane[source]]
         for r in range(N_SAMPLE):
-            at = samples.bias[r]
-            if at >= 0:
-                out.samples[hist, source, 6 + r] += P[at, at]
+            state_of_bias = samples.bias[r]
+            if state_of_bias >= 0:
+                out.samples[hist, source, 6 + r] += P[state_of_bias, state_of_bias]
 
 
 @jit
@@ -156,15 +164,18 @@ def _write_components(out, hist, state, true, samples, tick):
             continue
         u = sensed_driver(true.sensor[j], true.driver[j], samples.rate[tick], samples.force[tick])
         for axis in range(3):
-            r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
-            source, k, at = true.source[c], true.slot[c], samples.bias[r]
+            r = 3 * true.sensor[j] + axis
+            c = true.first[j] + axis
+            source, k = true.source[c], true.slot[c]
             g, lane = true.group[source], true.lane[source]
             variance = u[axis] * u[axis] * state.variance[g, k, 0, lane]
             out.samples[hist, source, r] += variance
-            if at < 0:
+            bias = samples.bias[r]
+            if bias < 0:
                 out.samples[hist, source, 6 + r] += variance
-            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != at:
-                shared = 2.0 * u[axis] * state.cross[g, k, at, lane]
+            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != bias:
+                # the error of the corrected sample is component plus bias error: their covariance counts twice
+                shared = 2.0 * u[axis] * state.cross[g, k, bias, lane]
                 out.samples[hist, source, 6 + r] += variance + shared
 
 
@@ -194,7 +205,8 @@ def _measure_receiver(work, further, signals, tight, epoch):
     if tight:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
-            work.ranges[slot, 0], work.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
+            work.ranges[slot, 0] = signals.range[epoch, s]
+            work.ranges[slot, 1] = signals.rate[epoch, s]
         measure_further(work, further, signals, epoch)
     else:
         for axis in range(3):
@@ -208,10 +220,10 @@ def _measure_sensors(work, sensors, differences, epoch):
     if sensors is not None:
         for k in range(sensors.code.shape[0]):
             measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
-            p = differences.pair_of[k]
-            if p >= 0:
+            pair = differences.pair_of[k]
+            if pair >= 0:
                 for i in range(3):
-                    work.observed[k, i] = differences.nominal[p, epoch, i]
+                    work.observed[k, i] = differences.nominal[pair, epoch, i]
 
 
 @jit

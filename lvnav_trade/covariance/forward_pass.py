@@ -40,16 +40,12 @@ class PassOutcome(NamedTuple):
 
 def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> PassOutcome:
     """Run a forward pass and return its results; not aided: without processing measurements."""
-    parts, joint, flight = _new_parts(prepared), new_joint(prepared, true, tape), new_flight(prepared, true)
-    turned = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
-    forward(
-        new_nominal(prepared),
-        parts,
-        linear_case(prepared, aided),
-        joint,
-        flight,
-        HistoryRotations(turned, prepared.record.axes),
-    )
+    work = new_nominal(prepared)
+    parts = _new_parts(prepared)
+    joint = new_joint(prepared, true, tape)
+    C_i_b = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
+    rotations = HistoryRotations(attitude=C_i_b, axes=prepared.record.axes)
+    forward(work, parts, linear_case(prepared, aided), joint, new_flight(prepared, true), rotations)
     return PassOutcome(joint.out, parts.monitor, parts.mode_state)
 
 

@@ -55,32 +55,44 @@ def covariance(prepared: Prepared) -> CovHistory:
     The gains of the filter follow from its own models. With these gains, the true covariance is the exact sum of the
     contributions of independent error sources, and deterministic errors are propagated as the mean.
     """
-    true, nothing = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    tape = nothing if prepared.plan is None else _whole_tape(prepared)
+    true = components(prepared)
+    no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    tape = no_tape if prepared.plan is None else _whole_tape(prepared)
     passed = run_pass(prepared, true, tape)
     _refuse_unbounded(prepared, passed.out.formal)
-    out, monitor, _ = with_outputs(prepared, true, nothing, passed)
-    history = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
+    out, monitor, _ = with_outputs(prepared, true, no_tape, passed)
+    history = _history(prepared, out)
+    history = sample_outputs(prepared, true, history, out)
+    history = solution_outputs_of(prepared, history, out)
     if prepared.plan is not None:
         history = history._replace(injection=_injection(prepared, prepared.plan, tape, out))
     if monitor is not None:
-        logs = (monitor.isolated[None], monitor.excluded[None])
-        history = history._replace(decisions=decisions_of(*logs, prepared.t_epoch, 0))
+        decisions = decisions_of(monitor.isolated[None], monitor.excluded[None], prepared.t_epoch, 0)
+        history = history._replace(decisions=decisions)
     if prepared.options.backup is None:
         return history
-    # the backup strapdown does not depend on measurements, so its covariance is that of a pass without them
-    alone, motion = run_pass(prepared, true, nothing, aided=False).out, slice(0, N_MOTION)
+    return _append_backup(prepared, history, run_pass(prepared, true, no_tape, aided=False).out)
+
+
+def _append_backup(prepared: Prepared, history: CovHistory, unaided: PassResults) -> CovHistory:
+    """Append the outputs of the backup strapdown to a history.
+
+    The backup strapdown does not depend on measurements, so its covariance is that of a pass without them.
+    """
+    motion = slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
-    formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
-    mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
-    return append_outputs(history, alone.budget[:, :, motion], mean, formal, total)
+    turn_back = np.swapaxes(turn, 1, 2)
+    formal = turn @ unaided.formal[:, motion, motion] @ turn_back
+    total = turn @ unaided.true[:, motion, motion] @ turn_back
+    mean = np.einsum("hij,hj->hi", turn, unaided.mean[:, motion])
+    return append_outputs(history, unaided.budget[:, :, motion], mean, formal, total)
 
 
 def _refuse_unbounded(prepared: Prepared, formal: Floats) -> None:
-    """Raise InputError where no H-infinity filter has the errors that are asked for; formal (n_hist, n, n)."""
-    lost = ~np.isfinite(formal).all(axis=(1, 2))
-    if prepared.scenario.filter.h_infinity is not None and lost.any():
-        when = f"{prepared.t_hist[np.argmax(lost)]:g} s"
+    """Raise InputError if no H-infinity filter bounds the required errors; formal (n_hist, n, n)."""
+    is_unbounded = ~np.isfinite(formal).all(axis=(1, 2))
+    if prepared.scenario.filter.h_infinity is not None and is_unbounded.any():
+        when = f"{prepared.t_hist[np.argmax(is_unbounded)]:g} s"
         message = f"no filter bounds errors of these sizes within this time: from {when} on the covariance has no end"
         raise InputError(records=[Mistake(message, "filter.h_infinity.time")])
 
@@ -99,9 +111,10 @@ def _whole_tape(prepared: Prepared) -> UpdateTape:
     """Return an empty tape for a whole flight."""
     per_satellite = prepared.model.n_kind if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
-    n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
-    sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
-    return new_tape(prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled)
+    n_receiver = np.maximum(6, per_satellite * prepared.signals.n_used)
+    n_update = int(np.sum(n_receiver + n_sensor + 6)) + 1
+    n_tick = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
+    return new_tape(prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), n_tick)
 
 
 def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
@@ -109,16 +122,17 @@ def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: Pa
     if has_uncorrected_outputs(prepared):
         return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
     steered = steering_times(plan, prepared.t_hist)
-    by_error = sensitivity(plan, prepared.t_hist[steered])
-    if by_error.why:
-        return InjectionLaw(by_error.why)
-    rows = injection_rows(by_error)
+    derivatives = sensitivity(plan, prepared.t_hist[steered])
+    if derivatives.why:
+        return InjectionLaw(derivatives.why)
+    rows = injection_rows(derivatives)
     times = np.flatnonzero(rows.any(axis=(1, 2)))
-    variance = _go_back(prepared, times, rows[times], _whole(prepared), tape)[1].sum(axis=2)
-    return injection_law(by_error, source_labels(prepared), variance, out.mean[steered, :N_MOTION])
+    _, contribution = _go_back(prepared, times, rows[times], _whole_flight(prepared), tape)
+    variance = contribution.sum(axis=2)
+    return injection_law(derivatives, source_labels(prepared), variance, out.mean[steered, :N_MOTION])
 
 
-def _whole(prepared: Prepared) -> float:
+def _whole_flight(prepared: Prepared) -> float:
     """Return a bin length (s) with which one bin covers the whole flight."""
     return float(np.ptp(prepared.t_hist)) + 1.0
 
@@ -169,14 +183,17 @@ def adjoint(
         Variance by output, source and time bin; the outputs of a backup strapdown, if the case has one, are the last.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    rows, first = turns(prepared)[hist, :N_MOTION], prepared.options.backup
-    edges, contribution = _go_back(prepared, np.array([hist]), rows[None], bin_seconds, tape)
-    sources, shown = source_labels(prepared), prepared.outputs[:N_MOTION]
-    if first is not None:
-        alone = _go_back(prepared, np.array([hist]), rows[None], bin_seconds, forward_tape(prepared, aided=False))[1]
-        contribution = np.concatenate([contribution, alone])
-        shown = (*shown, *prepared.outputs[first : first + N_MOTION])
-    return AdjointBudget(float(prepared.t_hist[hist]), edges, sources, shown, contribution)
+    times = np.array([hist])
+    rows = turns(prepared)[None, hist, :N_MOTION]
+    edges, contribution = _go_back(prepared, times, rows, bin_seconds, tape)
+    outputs = prepared.outputs[:N_MOTION]
+    backup = prepared.options.backup
+    if backup is not None:
+        unaided_tape = forward_tape(prepared, aided=False)
+        _, unaided = _go_back(prepared, times, rows, bin_seconds, unaided_tape)
+        contribution = np.concatenate([contribution, unaided])
+        outputs = (*outputs, *prepared.outputs[backup : backup + N_MOTION])
+    return AdjointBudget(float(prepared.t_hist[hist]), edges, source_labels(prepared), outputs, contribution)
 
 
 def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None = None) -> Floats:
@@ -197,24 +214,30 @@ def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None 
     The backward pass gives variances. Covariances follow from those of sums: Cov(x, y) = (Var(x + y) - Var x - Var y)
     / 2.
     """
-    covariances = _by_source(prepared, time, tape)
+    covariances = _motion_covariances(prepared, time, tape)
     if prepared.options.backup is None:
         return covariances
-    return np.concatenate([covariances, _by_source(prepared, time, forward_tape(prepared, aided=False))], axis=1)
+    unaided = _motion_covariances(prepared, time, forward_tape(prepared, aided=False))
+    return np.concatenate([covariances, unaided], axis=1)
 
 
-def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
+def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
     """Return the true covariances (n_source, 3, 3, 3) of attitude, velocity and position by source at a time."""
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    single = turns(prepared)[hist, :9]
-    pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]
-    rows = np.vstack([single, [single[i] + single[j] for i, j in pairs]])
-    variance = _go_back(prepared, np.array([hist]), rows[None], _whole(prepared), tape)[1].sum(axis=2)
-    P = np.zeros((variance.shape[1], 9, 9))
-    P[:, range(9), range(9)] = variance[:9].T
-    for row, (i, j) in enumerate(pairs, start=9):
+    errors = turns(prepared)[hist, :N_MOTION]
+    pairs = []
+    for first in (ATT, VEL, POS):
+        pairs += [(first, first + 1), (first, first + 2), (first + 1, first + 2)]
+    sums = [errors[i] + errors[j] for i, j in pairs]
+    rows = np.vstack([errors, sums])
+    _, contribution = _go_back(prepared, np.array([hist]), rows[None], _whole_flight(prepared), tape)
+    variance = contribution.sum(axis=2)
+    P = np.zeros((variance.shape[1], N_MOTION, N_MOTION))
+    P[:, range(N_MOTION), range(N_MOTION)] = variance[:N_MOTION].T
+    for row, (i, j) in enumerate(pairs, start=N_MOTION):
         P[:, i, j] = P[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
-    return np.stack([P[:, at : at + 3, at : at + 3] for at in (ATT, VEL, POS)], axis=1)
+    blocks = [P[:, first : first + 3, first : first + 3] for first in (ATT, VEL, POS)]
+    return np.stack(blocks, axis=1)
 
 
 def _go_back(
@@ -230,38 +253,44 @@ def _go_back(
         described = case_at(prepared, true, int(hist[-1]))
         tape = tape if described is prepared else forward_tape(described)
     tape = tape or forward_tape(prepared)
-    last = int(np.flatnonzero(schedule.hist == hist[-1])[0])
+    last_window = int(np.flatnonzero(schedule.hist == hist[-1])[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
-    edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
-    bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
+    edges = np.arange(prepared.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
+    time_bins = np.searchsorted(edges, ends - 1e-9, side="right") - 1
+    time_bins = np.clip(time_bins, 0, edges.size - 2)
     n_row, n = rows.shape[1], n_joint(prepared)
     back = BackwardPass(
-        np.zeros((n_row, n)),
-        np.zeros((n_row, true.source.size)),
-        np.zeros((n_row, true.group.size, edges.size - 1)),
+        e=np.zeros((n_row, n)),
+        c=np.zeros((n_row, true.source.size)),
+        contribution=np.zeros((n_row, true.group.size, edges.size - 1)),
     )
     place = np.full(prepared.t_hist.size, -1)
     place[hist] = np.arange(len(hist))
-    entering = BackwardMetrics(
-        place, np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n - rows.shape[2])))
-    )
+    n_further = n - rows.shape[2]  # receiver errors and clones, which no metric has
+    weights = np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n_further)))
+    entering = BackwardMetrics(place, weights)
     flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
-    go_back(back, new_backward_scratch(prepared, true), tape, true, linear_case(prepared), flight, entering, bins)
+    scratch = new_backward_scratch(prepared, true)
+    go_back(back, scratch, tape, true, linear_case(prepared), flight, entering, time_bins)
     return edges, back.contribution
 
 
 def _history(prepared: Prepared, out: PassResults) -> CovHistory:
     """Return the history of a forward pass, rotated to the reporting axes."""
-    reported, m = np.array(prepared.layout.reported), prepared.layout.n_estimated
-    n, turn = reported.size, turns(prepared)
+    reported = np.array(prepared.layout.reported)
+    m = prepared.layout.n_estimated
     formal, true, mean, budget = out.formal, out.true, out.mean, out.budget
-    if n < prepared.layout.n_state:
-        formal, true = (np.ascontiguousarray(values[:, reported[:, None], reported]) for values in (formal, true))
-        mean, budget = mean[:, reported], budget[:, :, reported]
+    if reported.size < prepared.layout.n_state:
+        formal = np.ascontiguousarray(formal[:, reported[:, None], reported])
+        true = np.ascontiguousarray(true[:, reported[:, None], reported])
+        mean = mean[:, reported]
+        budget = budget[:, :, reported]
     total = true + mean[:, :, None] * mean[:, None, :]  # second moment of the true error
     nees = expected_nees(formal[:, :m, :m], total[:, :m, :m])
-    formal, true = turn @ formal @ np.swapaxes(turn, 1, 2), turn @ true @ np.swapaxes(turn, 1, 2)
-    diagonal = range(n)
+    turn = turns(prepared)
+    formal = turn @ formal @ np.swapaxes(turn, 1, 2)
+    true = turn @ true @ np.swapaxes(turn, 1, 2)
+    diagonal = range(reported.size)
     return CovHistory(
         t=prepared.t_hist,
         formal=np.sqrt(formal[:, diagonal, diagonal]),

@@ -28,11 +28,12 @@ REMAINDER, WHITE = -1, -3
 def _means(mean, units, triad, sensor, first, n_tick, seconds):
     """Set the mean inputs of a triad over a window, (2, 3) body axes: of the sensor itself, of the other sensor."""
     for i in range(3):
-        angle, speed = 0.0, 0.0
+        angle, velocity = 0.0, 0.0
         for tick in range(first, first + n_tick):
             angle += units.dtheta[triad, tick, i]
-            speed += units.dvel[triad, tick, i]
-        mean[sensor, i], mean[1 - sensor, i] = angle / seconds, speed / seconds
+            velocity += units.dvel[triad, tick, i]
+        mean[sensor, i] = angle / seconds
+        mean[1 - sensor, i] = velocity / seconds
 
 
 @jit
@@ -49,29 +50,36 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
         return
     sensor, driver, triad = true.sensor[j], true.driver[j], true.triad[j]
     _means(mean, units, triad, sensor, first, n_tick, seconds)
-    size, stage = 1.0, units.stage[first]
+    stage = units.stage[first]
     kx, ky, kz = 1.0, 1.0, 1.0  # factors by which the selection of IMUs changes random errors; 1 for profiles
     if true.profile[j] < 0:
         noisy = units.noisy[stage, sensor, 1 if driver == WHITE else 0]
         kx, ky, kz = noisy[0], noisy[1], noisy[2]
+    size = 1.0
     if driver == WHITE:  # PSD: acts like a bias of variance PSD / seconds over the window
         size = 1.0 / np.sqrt(seconds)
     elif driver == REMAINDER:
         size = -1.0 / seconds
+    first_state = ATT if sensor == GYRO else VEL
+    solved = units.solved[stage, triad, sensor]
+    gained_x, gained_y, gained_z = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     for c in range(3):
+        # error of the combined triad per unit of the component, body axes
         u = size * unit_input(units.frames[triad], c, driver, mean[0], mean[1])
-        solved = units.solved[stage, triad, sensor]
-        x, y, z = kx * u * solved[0, c], ky * u * solved[1, c], kz * u * solved[2, c]
+        x = kx * u * solved[0, c]
+        y = ky * u * solved[1, c]
+        z = kz * u * solved[2, c]
         for i in range(3):
-            at = SUM_C + 3 * i
-            b[(ATT if sensor == GYRO else VEL) + i, c] = -(sums[at] * x + sums[at + 1] * y + sums[at + 2] * z)
+            row = SUM_C + 3 * i
+            b[first_state + i, c] = -(sums[row] * x + sums[row + 1] * y + sums[row + 2] * z)
         if driver == REMAINDER:
             continue
         if sensor == GYRO:
-            vx, vy, vz = cross(
-                sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2], -b[ATT, c], -b[ATT + 1, c], -b[ATT + 2, c]
-            )
-            b[VEL, c], b[VEL + 1, c], b[VEL + 2, c] = 0.5 * vx, 0.5 * vy, 0.5 * vz
+            # the attitude error grows linearly over the window, as in `transition.parameter_block`
+            vx, vy, vz = cross(gained_x, gained_y, gained_z, -b[ATT, c], -b[ATT + 1, c], -b[ATT + 2, c])
+            b[VEL, c] = 0.5 * vx
+            b[VEL + 1, c] = 0.5 * vy
+            b[VEL + 2, c] = 0.5 * vz
         for i in range(3):
             b[POS + i, c] = 0.5 * seconds * b[VEL + i, c]
 
@@ -84,18 +92,20 @@ def inform_nominal(formal, units, model, first, n_tick, seconds):
         window
     """
     if units is not None:
-        _inform(formal, units, units.redundant, model, first, n_tick, seconds)
+        _inflate_exclusions(formal, units, units.redundant, model, first, n_tick, seconds)
 
 
 @jit
-def _inform(formal, units, vote, model, first, n_tick, seconds):
-    if vote is not None:
-        before, after = 0, 0
-        for tick in vote.lost:
-            before += 1 if tick <= first else 0
-            after += 1 if tick <= first + n_tick else 0
+def _inflate_exclusions(formal, units, redundant, model, first, n_tick, seconds):
+    if redundant is not None:
+        before, after = 0, 0  # exclusions up to the start and up to the end of the window
+        for tick in redundant.lost:
+            if tick <= first:
+                before += 1
+            if tick <= first + n_tick:
+                after += 1
         if after > 0:
-            grow(formal, vote.mean[after], vote.mean[before], 1.0, units.n_axis, vote, model, seconds)
+            grow(formal, redundant.mean[after], redundant.mean[before], 1.0, units.n_axis, redundant, model, seconds)
 
 
 @jit
@@ -111,28 +121,37 @@ def samples_of_units(out, hist, state, true, units, samples, tick, dt):
             component = true.first[j] + c
             source, k = true.source[component], true.slot[component]
             g, lane = true.group[source], true.lane[source]
-            u, variance = tick_input(units, triad, sensor, c, true.driver[j], tick, dt), state.variance[g, k, 0, lane]
+            u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
+            variance = state.variance[g, k, 0, lane]
             for i in range(3):
-                entering, r = lasting_share(units, tick, triad, sensor, i, c) * u, 3 * sensor + i
+                r = 3 * sensor + i
+                bias = samples.bias[r]
+                entering = lasting_share(units, tick, triad, sensor, i, c) * u
                 out.samples[hist, source, r] += entering * entering * variance
                 out.samples[hist, source, 6 + r] += entering * entering * variance
-                if samples.bias[r] >= 0:
-                    out.samples[hist, source, 6 + r] += 2.0 * entering * state.cross[g, k, samples.bias[r], lane]
+                if bias >= 0:
+                    out.samples[hist, source, 6 + r] += 2.0 * entering * state.cross[g, k, bias, lane]
 
 
 @jit
 def _add_component(out, hist, state, true, weights, component):
-    """Add a component to the covariances of the states that model it: weights (n_state,) of the component in them."""
+    """Add a component to the covariances of the states that model it: weights (n_state,) of the component in them.
+
+    P <- P + w y' + y w' + variance w w', with the covariance y of states and component.
+    """
     source, k = true.source[component], true.slot[component]
     g, lane = true.group[source], true.lane[source]
-    variance, n = state.variance[g, k, 0, lane], weights.shape[0]
+    variance = state.variance[g, k, 0, lane]
+    n = weights.shape[0]
     for i in range(n):
-        if weights[i] != 0.0:
-            out.budget[hist, source, i] += weights[i] * (2.0 * state.cross[g, k, i, lane] + weights[i] * variance)
+        weight = weights[i]
+        if weight != 0.0:
+            out.budget[hist, source, i] += weight * (2.0 * state.cross[g, k, i, lane] + weight * variance)
             for j in range(n):
-                out.true[hist, i, j] += weights[i] * state.cross[g, k, j, lane]
-                out.true[hist, j, i] += weights[i] * state.cross[g, k, j, lane]
-                out.true[hist, i, j] += weights[i] * weights[j] * variance
+                shared = weight * state.cross[g, k, j, lane]
+                out.true[hist, i, j] += shared
+                out.true[hist, j, i] += shared
+                out.true[hist, i, j] += weight * weights[j] * variance
 
 
 @jit
@@ -168,33 +187,36 @@ def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: In
     for stage, j in np.ndindex(weights.shape[:2]):
         if driver[j] < CONSTANT or driver[j] == SQUARE:
             continue
-        frames, solved = units.frames[triad[j]], units.solved[stage, triad[j], sensor[j]]
-        for c in range(3):
-            for block in layout.parameters:
-                if block.sensor != sensor[j]:
-                    continue
-                weights[stage, j, c, block.offset : block.offset + 3] += solved[:, c] * _share(
-                    frames[c], c, int(driver[j]), block.driver
-                )
-        for p, at in enumerate(units.pair_state.tolist()):
-            if at >= 0 and units.pair_sensor[p] == sensor[j] and driver[j] == CONSTANT:
-                weights[stage, j, :, at : at + 3] += units.pair_solved[p, triad[j]].T
+        frames = units.frames[triad[j]]
+        solved = units.solved[stage, triad[j], sensor[j]]
+        for block in layout.parameters:
+            if block.sensor != sensor[j]:
+                continue
+            states = slice(block.offset, block.offset + 3)
+            for c in range(3):
+                share = _modelled_share(frames[c], c, int(driver[j]), block.driver)
+                weights[stage, j, c, states] += solved[:, c] * share
+        for pair, state in enumerate(units.pair_state.tolist()):
+            if state >= 0 and units.pair_sensor[pair] == sensor[j] and driver[j] == CONSTANT:
+                weights[stage, j, :, state : state + 3] += units.pair_solved[pair, triad[j]].T
     return weights
 
 
-def _share(frame: Floats, c: int, driver: int, wanted: int) -> Floats:
-    """Return the part of a parameter of sensing axis c that each axis (3,) of a block of states models.
+def _modelled_share(frame: Floats, c: int, driver: int, block_driver: int) -> Floats:
+    """Return the share of a parameter of sensing axis c that each axis (3,) of a block of states models.
 
-    frame : (3, 3) directions of the axis, body axes; driver, wanted : driver of the parameter, driver of the block
+    frame : (3, 3) directions of the axis, body axes; driver, block_driver : driver of the parameter, and of the block
     """
-    own, other = range(OWN_0, OWN_2 + 1), range(OTHER_0, OTHER_2 + 1)
-    if driver == CONSTANT or wanted == CONSTANT:
-        return np.full(3, float(driver == wanted))
-    if driver in own and wanted in own:
+    own_inputs = range(OWN_0, OWN_2 + 1)
+    other_inputs = range(OTHER_0, OTHER_2 + 1)
+    if driver == CONSTANT or block_driver == CONSTANT:
+        return np.full(3, float(driver == block_driver))
+    if driver in own_inputs and block_driver in own_inputs:
         direction = frame[driver - OWN_0]
-        return np.array([direction[(i + wanted - OWN_0) % 3] for i in range(3)])
-    if driver in other and wanted in other:
-        return np.full(3, frame[(driver - OTHER_0 - c) % 3][wanted - OTHER_0])
+        shift = block_driver - OWN_0
+        return np.array([direction[(i + shift) % 3] for i in range(3)])
+    if driver in other_inputs and block_driver in other_inputs:
+        return np.full(3, frame[(driver - OTHER_0 - c) % 3][block_driver - OTHER_0])
     return np.zeros(3)
 
 
@@ -215,8 +237,12 @@ class Differences(NamedTuple):
 
 def no_differences(n_channel: int, n_device: int) -> Differences:
     """Return the empty record of a case without measured differences."""
-    none = np.full(max(1, n_device), -1, dtype=np.int64)
-    return Differences(np.full(n_channel, -1, dtype=np.int64), np.zeros((0, 0, 0)), none, np.zeros((0, 0, 3)))
+    return Differences(
+        of=np.full(n_channel, -1, dtype=np.int64),
+        reach=np.zeros((0, 0, 0)),
+        pair_of=np.full(max(1, n_device), -1, dtype=np.int64),
+        nominal=np.zeros((0, 0, 3)),
+    )
 
 
 def differences(
@@ -240,36 +266,40 @@ def differences(
     empty = no_differences(channels.n_channel, len(prepared.devices))
     if units is None or not units.pair_sensor.size:
         return empty
-    n_epoch, along = prepared.t_epoch.size, along_axes(units, dt)
-    reach = np.zeros((3 * units.pair_sensor.size, n_epoch, n_component))
-    nominal = np.zeros((units.pair_sensor.size, n_epoch, 3))
-    for at, device, p in zip(channels.first, prepared.devices, units.pair_of.tolist(), strict=True):
-        if p < 0:
+    n_epoch = prepared.t_epoch.size
+    n_pair = units.pair_sensor.size
+    increments = along_axes(units, dt)
+    reach = np.zeros((3 * n_pair, n_epoch, n_component))
+    nominal = np.zeros((n_pair, n_epoch, 3))
+    for channel, device, pair in zip(channels.first, prepared.devices, units.pair_of.tolist(), strict=True):
+        if pair < 0:
             continue
-        empty.of[at : at + 3] = range(3 * p, 3 * p + 3)
-        s, solved = int(units.pair_sensor[p]), units.pair_solved[p]
-        ticks = np.rint((np.stack([prepared.t_epoch - device.since, prepared.t_epoch]) - prepared.unit.start) / dt)
-        nominal[p] = _summed(np.einsum("tic,tnc->ni", solved, along[s]), ticks)
-        for j in np.flatnonzero((sensor == s) & (driver >= CONSTANT)).tolist():
-            entering = inputs_of(units, dt, int(driver[j]), int(triad[j]), s)
-            inputs = _summed(entering, ticks)
+        rows = slice(3 * pair, 3 * pair + 3)
+        empty.of[channel : channel + 3] = range(rows.start, rows.stop)
+        pair_sensor = int(units.pair_sensor[pair])
+        solved = units.pair_solved[pair]
+        spans = np.stack([prepared.t_epoch - device.since, prepared.t_epoch])
+        ticks = np.rint((spans - prepared.unit.start) / dt)
+        nominal[pair] = _epoch_sums(np.einsum("tic,tnc->ni", solved, increments[pair_sensor]), ticks)
+        for j in np.flatnonzero((sensor == pair_sensor) & (driver >= CONSTANT)).tolist():
+            inputs = inputs_of(units, dt, int(driver[j]), int(triad[j]), pair_sensor)
             if profile[j] >= 0:
-                errors = _profile(prepared, int(profile[j])) * (entering / dt)
-                nominal[p] += _summed(errors, ticks) @ solved[triad[j]].T
+                errors = _profile_errors(prepared, int(profile[j])) * (inputs / dt)
+                nominal[pair] += _epoch_sums(errors, ticks) @ solved[triad[j]].T
             else:
                 axes = slice(int(first[j]), int(first[j]) + 3)
-                reach[3 * p : 3 * p + 3, :, axes] = np.einsum("ic,ec->iec", solved[triad[j]], inputs)
-    return Differences(empty.of, reach, units.pair_of, nominal)
+                reach[rows, :, axes] = np.einsum("ic,ec->iec", solved[triad[j]], _epoch_sums(inputs, ticks))
+    return Differences(of=empty.of, reach=reach, pair_of=units.pair_of, nominal=nominal)
 
 
-def _summed(increments: Floats, ticks: Floats) -> Floats:
+def _epoch_sums(increments: Floats, ticks: Floats) -> Floats:
     """Return sums (n_epoch, k) of increments (n_tick, k) between two ticks (2, n_epoch) for each epoch."""
     total = np.vstack([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
     first, last = ticks.astype(np.int64)
     return np.asarray(total[last] - total[first])
 
 
-def _profile(prepared: Prepared, profile: int) -> Floats:
+def _profile_errors(prepared: Prepared, profile: int) -> Floats:
     """Return the error of a deterministic profile times the tick, (n_tick, 3)."""
     unit = prepared.unit
     middle = unit.start + unit.dt * (np.arange(unit.dtheta.shape[0]) + 0.5)

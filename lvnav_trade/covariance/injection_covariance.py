@@ -26,10 +26,10 @@ def injection_rows(derivatives: InjectionSensitivity) -> Floats:
     execution. The parameters of `_BASE` are scaled to similar magnitudes first, because covariances follow from
     differences of variances.
     """
-    total = derivatives.navigation[:, _BASE] / _sizes(derivatives.target)[:, None]
-    sums = np.stack([total[:, i] + total[:, j] for i, j in _PAIRS], axis=1)
+    scaled = derivatives.navigation[:, _BASE] / _sizes(derivatives.target)[:, None]
+    sums = np.stack([scaled[:, i] + scaled[:, j] for i, j in _PAIRS], axis=1)
     execution = derivatives.navigation[:, : len(ORBIT)] - derivatives.knowledge
-    return np.concatenate([total, sums, derivatives.knowledge, execution], axis=1)
+    return np.concatenate([scaled, sums, derivatives.knowledge, execution], axis=1)
 
 
 def injection_law(
@@ -53,46 +53,60 @@ def injection_law(
     InjectionLaw
         Mean, covariance by source, and second-order terms of the injection.
     """
-    n, n_pair = len(_BASE), len(_PAIRS)
+    n_orbit = len(ORBIT)
+    navigation = _navigation_covariance(derivatives.target, variance)
+    vehicle = np.array([slopes.T @ slopes for _, slopes in derivatives.vehicle])
+    vehicle = vehicle.reshape(-1, *navigation.shape[1:])
+    vehicle_variance = np.diagonal(vehicle, axis1=1, axis2=2)[:, :n_orbit]
+    knowledge, execution = np.split(variance[len(_BASE) + len(_PAIRS) :], 2)
+    offset = derivatives.reference.copy()
+    offset[:n_orbit] = orbit_difference(derivatives.reference[None, :n_orbit], derivatives.target[None])[0]
+    first_order = np.einsum("kne,ke->n", derivatives.navigation, mean)
+    second_order = derivatives.curvature.sum(axis=0)
+    vehicle_names = [name.replace("_", " ") for name, _ in derivatives.vehicle]
+    return InjectionLaw(
+        reference=derivatives.reference,
+        target=derivatives.target,
+        mean=offset + first_order + second_order,
+        second_order=np.sqrt(2.0 * np.sum(derivatives.curvature**2, axis=0)),
+        sources=(*sources, *vehicle_names),
+        n_navigation=len(sources),
+        covariance=np.concatenate([navigation, vehicle]),
+        knowledge=np.concatenate([knowledge.T, np.zeros_like(vehicle_variance)]),
+        execution=np.concatenate([execution.T, vehicle_variance]),
+    )
+
+
+def _navigation_covariance(target: Floats, variance: Floats) -> Floats:
+    """Return the covariance of all injection parameters by navigation error source, (n_source, n, n).
+
+    Cov(x, y) = (Var(x + y) - Var x - Var y) / 2 of the parameters of `_BASE`, from which the others follow linearly.
+    """
+    n = len(_BASE)
     base = np.zeros((variance.shape[1], n, n))
     base[:, range(n), range(n)] = variance[:n].T
     for row, (i, j) in enumerate(_PAIRS, start=n):
         base[:, i, j] = base[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
-    sizes = _sizes(derivatives.target)
-    from_base = with_apsides(np.eye(len(INJECTION))[_BASE], derivatives.target).T  # (n_parameter, n), all from `_BASE`
-    navigation = from_base @ (base * np.outer(sizes, sizes)) @ from_base.T
-    vehicle = np.array([slopes.T @ slopes for _, slopes in derivatives.vehicle]).reshape(-1, *navigation.shape[1:])
-    knowledge, execution = (part.T for part in np.split(variance[n + n_pair :], 2))
-    diagonal = np.diagonal(vehicle, axis1=1, axis2=2)[:, : len(ORBIT)]
-    offset = derivatives.reference.copy()
-    offset[: len(ORBIT)] = orbit_difference(derivatives.reference[None, : len(ORBIT)], derivatives.target[None])[0]
-    return InjectionLaw(
-        reference=derivatives.reference,
-        target=derivatives.target,
-        mean=offset + np.einsum("kne,ke->n", derivatives.navigation, mean) + derivatives.curvature.sum(axis=0),
-        second_order=np.sqrt(2.0 * np.sum(derivatives.curvature**2, axis=0)),
-        sources=(*sources, *(name.replace("_", " ") for name, _ in derivatives.vehicle)),
-        n_navigation=len(sources),
-        covariance=np.concatenate([navigation, vehicle]),
-        knowledge=np.concatenate([knowledge, np.zeros_like(diagonal)]),
-        execution=np.concatenate([execution, diagonal]),
-    )
+    sizes = _sizes(target)
+    from_base = with_apsides(np.eye(len(INJECTION))[_BASE], target).T  # (n_parameter, n)
+    return np.asarray(from_base @ (base * np.outer(sizes, sizes)) @ from_base.T)
 
 
 def by_part(law: InjectionLaw | None) -> InjectionLaw | None:
     """Return the law of an injection with two sources: navigation and vehicle."""
     if law is None or law.why:
         return law
-    covariance, knowledge, execution = (
-        np.array([part.sum(axis=0) for part in np.split(values, [law.n_navigation])])
-        for values in (law.covariance, law.knowledge, law.execution)
-    )
+
+    def sums(values: Floats) -> Floats:
+        navigation, vehicle = np.split(values, [law.n_navigation])
+        return np.array([navigation.sum(axis=0), vehicle.sum(axis=0)])
+
     return law._replace(
         sources=("navigation", "vehicle"),
         n_navigation=1,
-        covariance=covariance,
-        knowledge=knowledge,
-        execution=execution,
+        covariance=sums(law.covariance),
+        knowledge=sums(law.knowledge),
+        execution=sums(law.execution),
     )
 
 

@@ -46,19 +46,36 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
 
 def _profiles(prepared: Prepared) -> Floats:
     """Return the deterministic errors (n_hist, 6) of IMU samples at the history times, rad/s and m/s^2."""
-    errors, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
-    units, ref = prepared.options.units, prepared.reference
+    unit, units, reference = prepared.unit, prepared.options.units, prepared.reference
+    errors = np.zeros((prepared.t_hist.size, N_SAMPLE))
     ticks = np.clip(prepared.hist_tick - 1, 0, len(unit.dtheta) - 1)
     for profile, code in enumerate(unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
-        solved = np.eye(3) if units is None else units.solved[units.stage[ticks], triad, sensor]
-        value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.record.t])
-        if unit.profile_driver[profile] != CONSTANT:
-            increments = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
-            value *= increments[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
+        value = _profile_values(prepared, profile)
+        if units is None:
+            solved = np.eye(3)
+            axes = np.eye(3)
+            increments = (reference.dtheta, reference.dvel)[sensor]
+        else:
+            solved = units.solved[units.stage[ticks], triad, sensor]
+            axes = units.frames[triad, :, 0]
+            increments = (units.dtheta, units.dvel)[sensor][triad]
+        if unit.profile_driver[profile] != CONSTANT:  # a scale factor multiplies the input along the sensing axis
+            value *= increments[ticks] @ axes.T / unit.dt
         errors[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
-    bandwidth = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
-    return errors + np.hstack(bandwidth) / unit.dt
+    # error of the bandwidth: sensed minus true increments
+    angle_error = (unit.dtheta - reference.dtheta)[ticks]
+    velocity_error = (unit.dvel - reference.dvel)[ticks]
+    return errors + np.hstack([angle_error, velocity_error]) / unit.dt
+
+
+def _profile_values(prepared: Prepared, profile: int) -> Floats:
+    """Return a profile at the history times, (n_hist, 3) SI."""
+    values = np.empty((len(prepared.record.t), 3))
+    for hist, t in enumerate(prepared.record.t):
+        for axis in range(3):
+            values[hist, axis] = profile_value(prepared.unit, profile, axis, t)
+    return values
 
 
 def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResults) -> CovHistory:
@@ -70,15 +87,11 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
     report, chain = prepared.options.report, prepared.chain
     if report is None or chain is None:
         return history
-    turn = _turn(prepared)
-    # formal covariance of the last solution at each epoch
-    covariance = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
-    last = last_epoch(prepared)
-    formal = (
-        turn
-        @ np.concatenate([covariance, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last]
-        @ np.swapaxes(turn, 1, 2)
-    )
+    turn = _output_matrices(prepared)
+    last_solved = np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))
+    before_first = np.zeros((1, receiver.N_STATE, receiver.N_STATE))  # index -1: no epoch yet
+    covariance = np.concatenate([chain.own[last_solved], before_first])
+    formal = turn @ covariance[last_epoch(prepared)] @ np.swapaxes(turn, 1, 2)
     by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
     diagonal = range(N_SOLUTION)
     mean = np.einsum("hij,hj->hi", turn, out.receiver_mean)
@@ -89,12 +102,12 @@ def last_epoch(prepared: Prepared) -> np.ndarray:
     """Return the last epoch before each history time, (n_hist,); -1 before the first epoch."""
     schedule = prepared.schedule
     epochs = np.full(prepared.t_hist.size, -1, dtype=np.int64)
-    at = schedule.hist >= 0
-    epochs[schedule.hist[at]] = np.maximum.accumulate(schedule.epoch)[at]
+    has_history = schedule.hist >= 0
+    epochs[schedule.hist[has_history]] = np.maximum.accumulate(schedule.epoch)[has_history]
     return epochs
 
 
-def _turn(prepared: Prepared) -> Floats:
+def _output_matrices(prepared: Prepared) -> Floats:
     """Return the matrices (n_hist, 8, 11) from the receiver-error states, frame i, to the reported outputs."""
     axes = prepared.record.axes
     turn = np.zeros((len(axes), N_SOLUTION, receiver.N_STATE))
@@ -128,14 +141,15 @@ def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Fl
         true_sigma=np.hstack([history.true_sigma, np.sqrt(np.maximum(0.0, true[:, k, k]))]),
         mean=np.hstack([history.mean, mean]),
         budget=np.concatenate([history.budget, budget], axis=2),
-        formal_cov=_bordered(history.formal_cov, formal),
-        true_cov=_bordered(history.true_cov, true),
+        formal_cov=_block_diagonal(history.formal_cov, formal),
+        true_cov=_block_diagonal(history.true_cov, true),
     )
 
 
-def _bordered(inner: Floats, outer: Floats) -> Floats:
+def _block_diagonal(first: Floats, second: Floats) -> Floats:
     """Return block-diagonal matrices (n_hist, n + k, n + k)."""
-    n, k = inner.shape[1], outer.shape[1]
-    full = np.zeros((len(inner), n + k, n + k))
-    full[:, :n, :n], full[:, n:, n:] = inner, outer
-    return full
+    n, k = first.shape[1], second.shape[1]
+    matrices = np.zeros((len(first), n + k, n + k))
+    matrices[:, :n, :n] = first
+    matrices[:, n:, n:] = second
+    return matrices

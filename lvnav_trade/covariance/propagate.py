@@ -6,7 +6,7 @@ from lvnav_trade.covariance.components import GRAVITY
 from lvnav_trade.covariance.imu_array_errors import REMAINDER, WHITE, unit_input_matrix
 from lvnav_trade.filter.ekf import predict_covariance
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import cross, matrix, small_rotation
+from lvnav_trade.kernels.attitude import cross, matrix, rotate, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import group
@@ -48,12 +48,16 @@ def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, l
     dt = unit.dt
     place(nominal.nav, reference, first)
     linearise(nominal.rates, nominal.nav, linearised)
-    for k in range(first, first + n_tick):
+    for k in range(n_tick):
+        tick = first + k
         for axis in range(3):
-            turned, gained = reference.dtheta[k, axis], reference.dvel[k, axis]
+            angle = reference.dtheta[tick, axis]
+            velocity = reference.dvel[tick, axis]
             if sensed and algorithm.counted:
-                turned, gained = unit.dtheta[k, axis], unit.dvel[k, axis]
-            nominal.increments[k - first, axis], nominal.increments[k - first, 3 + axis] = turned, gained
+                angle = unit.dtheta[tick, axis]
+                velocity = unit.dvel[tick, axis]
+            nominal.increments[k, axis] = angle
+            nominal.increments[k, 3 + axis] = velocity
     n_step, step = n_tick // algorithm.subsamples, dt * algorithm.subsamples
     mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, algorithm, dt * first)
 
@@ -75,25 +79,26 @@ def input_matrix(b, block, j, true, sums, seconds):
         for axis in range(3):
             b[i, axis] = 0.0
     sensor, driven_by = true.sensor[j], true.driver[j]
-    at = ATT if sensor == GYRO else VEL
+    first_state = ATT if sensor == GYRO else VEL
     if driven_by == GRAVITY:
         for axis in range(3):
-            b[VEL + axis, axis], b[POS + axis, axis] = seconds, 0.5 * seconds * seconds
+            b[VEL + axis, axis] = seconds
+            b[POS + axis, axis] = 0.5 * seconds * seconds
     elif driven_by == REMAINDER:
         if seconds > 0.0:
             for axis in range(3):
                 for i in range(3):
-                    b[at + i, axis] = sums[3 * i + axis] / seconds
+                    b[first_state + i, axis] = sums[3 * i + axis] / seconds
     elif seconds > 0.0:
         first, last = (ATT_GYRO, VEL_GYRO) if sensor == GYRO else (VEL_ACCEL, VEL_ACCEL)
         is_white = driven_by == WHITE  # PSD: acts like a bias of variance PSD / seconds over the window
         size = 1.0 / np.sqrt(seconds) if is_white else 1.0
-        for kind in range(first, last + 1):
-            parameter_block(block, kind, CONSTANT if is_white else driven_by, sums, seconds)
+        for block_kind in range(first, last + 1):
+            parameter_block(block, block_kind, CONSTANT if is_white else driven_by, sums, seconds)
             for i in range(3):
                 for axis in range(3):
-                    b[at + i, axis] = size * block[3 * i + axis]
-            at = VEL
+                    b[first_state + i, axis] = size * block[3 * i + axis]
+            first_state = VEL
         for axis in range(3):
             for i in range(3):
                 b[POS + i, axis] = 0.5 * seconds * b[VEL + i, axis]
@@ -115,9 +120,10 @@ def fill_inputs(scratch, true, units, sums, seconds, first, n_tick):
         if true.profile[j] < 0 and true.moving[j]:
             _block_input(scratch, j, true, units, sums, seconds, first, n_tick)
             source, k = true.source[true.first[j]], true.slot[true.first[j]]
+            g, lane = true.group[source], true.lane[source]
             for axis in range(3):
                 for i in range(N_NAV):
-                    scratch.b[true.group[source], k + axis, i, true.lane[source]] = scratch.input[i, axis]
+                    scratch.b[g, k + axis, i, lane] = scratch.input[i, axis]
 
 
 @jit
@@ -138,14 +144,14 @@ def _enter_over_window(P, y, b, variance, echo):
         bi = b[i]
         for j in range(N_NAV):
             value = bi * (y[j] + half * b[j])
-            P[i, j] = P[i, j] + value
-            P[j, i] = P[j, i] + value
+            P[i, j] += value
+            P[j, i] += value
         for j in range(N_NAV, n):
             value = bi * y[j]
-            P[i, j] = P[i, j] + value
-            P[j, i] = P[j, i] + value
+            P[i, j] += value
+            P[j, i] += value
     for i in range(N_NAV):
-        y[i] = y[i] + b[i] * variance
+        y[i] += b[i] * variance
 
 
 @jit
@@ -153,9 +159,12 @@ def _advance_components(joint, scratch, true, length, g):
     """Add the effect of the components of a group over a window, then propagate the components themselves."""
     factors, noises = group(true.factor[length], g), group(true.noise[length], g)
     echoes, variances = group(true.echo[length], g), group(joint.variance, g)
-    cross, b, P = group(joint.cross, g), group(scratch.b, g), group(joint.sources, g)
+    cross_covariances = group(joint.cross, g)
+    b = group(scratch.b, g)
+    P = group(joint.sources, g)
     for k in range(true.n_slot[g]):
-        factor, y = factors[k, 0], cross[k]
+        factor = factors[k, 0]
+        y = cross_covariances[k]
         if true.followed[g, k]:
             if true.moves[g, k]:
                 _enter_over_window(P, y, b[k], variances[k, 0], echoes[k, 0])
@@ -164,8 +173,8 @@ def _advance_components(joint, scratch, true, length, g):
             if true.moves[g, k]:
                 # the new remainder enters the states with the sign opposite to that of the component
                 for i in range(N_NAV):
-                    y[i] = y[i] - echoes[k, 0] * b[k, i]
-        variances[k, 0] = factor * factor * variances[k, 0] + noises[k, 0]
+                    y[i] -= echoes[k, 0] * b[k, i]
+        variances[k, 0] = factor * factor * variances[k, 0] + noises[k, 0]  # c+ = f c + w
 
 
 @jit
@@ -177,18 +186,20 @@ def _enter_states(joint, true, b, decay, length):
     """
     for c in range(true.source.shape[0]):
         for p in range(true.state_from[c], true.state_from[c + 1]):
-            source, k, at = true.source[c], true.slot[c], true.states[p]
+            source, k, state = true.source[c], true.slot[c], true.states[p]
             g, lane = true.group[source], true.lane[source]
-            b[0] = true.factor[length, g, k, 0, lane] - decay[at]
-            P, y = joint.sources[g, ..., lane], joint.cross[g, ..., lane]
-            enter(P, y[k], joint.variance[g, k, 0, lane], b, at)
+            b[0] = true.factor[length, g, k, 0, lane] - decay[state]
+            P = joint.sources[g, ..., lane]
+            y = joint.cross[g, ..., lane]
+            enter(P, y[k], joint.variance[g, k, 0, lane], b, state)
 
 
 @jit
 def _drive_states(joint, true, length):
     """Add the driving noise of components to the error of the states that model them."""
     for c in range(true.source.shape[0]):
-        source, k, first, last = true.source[c], true.slot[c], true.state_from[c], true.state_from[c + 1]
+        source, k = true.source[c], true.slot[c]
+        first, last = true.state_from[c], true.state_from[c + 1]
         g, lane = true.group[source], true.lane[source]
         noise = true.noise[length, g, k, 0, lane]
         # all states that model the component get the same noise, so their errors are fully correlated by it
@@ -213,7 +224,8 @@ def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
     w : window
     """
     length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
-    seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
+    seconds, decay = model.seconds[length], true.decay[length]
+    D = scratch.D_true
     rows, columns = true.nav_rows, true.nav_columns
     fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
     for g in range(true.n_slot.shape[0]):
@@ -238,7 +250,8 @@ def _advance_profiles(joint, unit, units, model, sums, schedule, w):
     """
     state, scratch, true = joint.state, joint.scratch, joint.true
     length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
-    seconds, decay, g = model.seconds[length], true.decay[length], scratch.shift
+    seconds, decay = model.seconds[length], true.decay[length]
+    g = scratch.shift
     middle = unit.start + unit.dt * (first + 0.5 * n_tick)
     for j in range(true.sensor.shape[0]):
         profile, matched = true.profile[j], true.matched[j]
@@ -269,7 +282,8 @@ def _advance_profiles(joint, unit, units, model, sums, schedule, w):
 def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
     """Set the deterministic errors of a window: effect of sensed minus true increments, and error of the gravity model.
 
-    Increments are rotated one by one, because a spinning or vibrating vehicle rotates far within a window.
+    Increments are rotated one by one, because a spinning or vibrating vehicle rotates far within a window. In a tick,
+    att+ = att + C da, vel+ = vel + C df + (att + C da / 2) x C f, with sensed minus true increments da and df.
 
     Parameters
     ----------
@@ -284,37 +298,34 @@ def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
     d, dt = deviation, unit.dt
     for k in range(first, first + n_tick):
         a, f, q = reference.dtheta[k], reference.dvel[k], reference.q_b_i[k]
+        sensed_a, sensed_f = unit.dtheta[k], unit.dvel[k]
         c = matrix(q[0], q[1], q[2], q[3])
-        turned = _at_middle(c, a, unit.dtheta[k, 0] - a[0], unit.dtheta[k, 1] - a[1], unit.dtheta[k, 2] - a[2])
-        gained = _at_middle(c, a, unit.dvel[k, 0] - f[0], unit.dvel[k, 1] - f[1], unit.dvel[k, 2] - f[2])
-        x, y, z = _at_middle(c, a, f[0], f[1], f[2])
+        turned = _rotate_mid_tick(c, a, sensed_a[0] - a[0], sensed_a[1] - a[1], sensed_a[2] - a[2])
+        gained = _rotate_mid_tick(c, a, sensed_f[0] - f[0], sensed_f[1] - f[1], sensed_f[2] - f[2])
+        x, y, z = _rotate_mid_tick(c, a, f[0], f[1], f[2])
         tilted = cross(d[0] + 0.5 * turned[0], d[1] + 0.5 * turned[1], d[2] + 0.5 * turned[2], x, y, z)
         for i in range(3):
             step = gained[i] + tilted[i]
             d[POS + i] += dt * (d[VEL + i] + 0.5 * step)
             d[VEL + i] += step
             d[ATT + i] += turned[i]
-    x, y, z = nav[R], nav[R + 1], nav[R + 2]
-    tx, ty, tz = gravity(J4, x, y, z)
-    ox, oy, oz = gravity(model.strapdown.gravity, x, y, z)
-    d[9], d[10], d[11] = tx - ox, ty - oy, tz - oz
-    if model.strapdown.counted:  # the error of the strapdown over the window includes that of the gravity model
-        d[9] = d[10] = d[11] = 0.0
+    if not model.strapdown.counted:  # otherwise the error of the strapdown includes that of the gravity model
+        x, y, z = nav[R], nav[R + 1], nav[R + 2]
+        true_x, true_y, true_z = gravity(J4, x, y, z)
+        model_x, model_y, model_z = gravity(model.strapdown.gravity, x, y, z)
+        d[9] = true_x - model_x
+        d[10] = true_y - model_y
+        d[11] = true_z - model_z
 
 
 @inlined
-def _at_middle(c, a, x, y, z):
-    """Return a body vector x, y, z in frame i, with the attitude at the middle of a tick.
+def _rotate_mid_tick(c, a, x, y, z):
+    """Return a body vector x, y, z in frame i, with the attitude at the middle of a tick: C (v + a x v / 2).
 
     c : (9,) rotation matrix at the start of the tick; a : (3,) rad, rotation over the tick
     """
-    receiver, ry, rz = cross(a[0], a[1], a[2], x, y, z)
-    x, y, z = x + 0.5 * receiver, y + 0.5 * ry, z + 0.5 * rz
-    return (
-        c[0] * x + c[1] * y + c[2] * z,
-        c[3] * x + c[4] * y + c[5] * z,
-        c[6] * x + c[7] * y + c[8] * z,
-    )
+    turned_x, turned_y, turned_z = cross(a[0], a[1], a[2], x, y, z)
+    return rotate(c, x + 0.5 * turned_x, y + 0.5 * turned_y, z + 0.5 * turned_z)
 
 
 @jit
@@ -333,7 +344,9 @@ def _add_strapdown_error(mean, nav, reference, tick):
     """Add to the mean the error of the strapdown over a window that it began at the true state."""
     q = reference.q_b_i[tick]
     x, y, z = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    mean[ATT], mean[ATT + 1], mean[ATT + 2] = mean[ATT] + x, mean[ATT + 1] + y, mean[ATT + 2] + z
+    mean[ATT] += x
+    mean[ATT + 1] += y
+    mean[ATT + 2] += z
     for i in range(3):
         mean[VEL + i] += reference.v_i[tick, i] - nav[V + i]
         mean[POS + i] += reference.r_i[tick, i] - nav[R + i]
@@ -342,24 +355,25 @@ def _add_strapdown_error(mean, nav, reference, tick):
 @jit
 def _propagate_formal(work, D, model, schedule, w):
     """Propagate the formal covariance over window w as `filter.ekf.predict_window` does; D is set to its blocks."""
-    length, nav = schedule.length[w], work.nav
+    length = schedule.length[w]
+    seconds = model.seconds[length]
     for i in range(work.sums.shape[0]):
         work.held[i] = work.sums[i]
-    linearised_sums(work.rates, work.held, model.seconds[length], schedule.linearised[w])
-    transition.fill(
-        D, model.block_kinds, model.block_drivers, work.held, nav[R], nav[R + 1], nav[R + 2], model.seconds[length]
-    )
+    linearised_sums(work.rates, work.held, seconds, schedule.linearised[w])
+    x, y, z = work.nav[R], work.nav[R + 1], work.nav[R + 2]
+    transition.fill(D, model.block_kinds, model.block_drivers, work.held, x, y, z, seconds)
     predict_covariance(work.P, D, work.held, model, length, schedule.injection[w])
 
 
 @jit
 def _add_deviations(nav, joint, flight, model, schedule, w):
     """Add the deterministic errors of window w to the mean."""
-    first, n_tick, deviation = schedule.first_tick[w], schedule.n_tick[w], joint.scratch.deviation
+    first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+    deviation = joint.scratch.deviation
     set_deviation(deviation, flight.unit, nav, model, first, n_tick, flight.reference)
     # the error of the strapdown over the window includes that of the sensed increments
-    counted = not (joint.true.by_samples or model.strapdown.counted)
-    _add_deviation(joint.state.mean, deviation, model.seconds[schedule.length[w]], counted)
+    sensed = not (joint.true.by_samples or model.strapdown.counted)
+    _add_deviation(joint.state.mean, deviation, model.seconds[schedule.length[w]], sensed)
     if model.strapdown.counted:
         _add_strapdown_error(joint.state.mean, nav, flight.reference, first + n_tick)
 

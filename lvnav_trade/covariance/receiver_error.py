@@ -19,32 +19,32 @@ N_SOLUTION_ENTRY = 12
 
 
 @jit
-def _move_vector(y, work, A, at):
-    """Replace the states y[at:at + m] by A (m, m) times them."""
+def _multiply_states(y, work, A, first):
+    """Replace the states y[first:first + m] by A (m, m) times them."""
     m = A.shape[0]
     for i in range(m):
         total = like(y[0], 0.0)
         for j in range(m):
-            total = total + A[i, j] * y[at + j]
+            total += A[i, j] * y[first + j]
         work[i] = total
     for i in range(m):
-        y[at + i] = work[i]
+        y[first + i] = work[i]
 
 
 @jit
-def _move_covariance(P, work, A, at):
-    """Replace the covariance P by that of the states moved by A from `at` on."""
+def _multiply_covariance(P, work, A, first):
+    """Replace the covariance P by that of states multiplied by A (m, m) from `first` on: rows, then columns."""
     n, m = P.shape[0], A.shape[0]
     for j in range(n):
         for i in range(m):
             total = like(P[0, 0], 0.0)
             for k in range(m):
-                total = total + A[i, k] * P[at + k, j]
+                total += A[i, k] * P[first + k, j]
             work[i] = total
         for i in range(m):
-            P[at + i, j] = work[i]
+            P[first + i, j] = work[i]
     for i in range(n):
-        _move_vector(P[i], work, A, at)
+        _multiply_states(P[i], work, A, first)
 
 
 @jit
@@ -58,73 +58,79 @@ def advance_solution(joint, scratch, chain, true, epoch):
     chain : SolutionErrorModel of a solution, or SuccessiveErrors
     epoch : index
     """
-    A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
+    # s+ = A s + W w + B c + d: deterministic part d, white noise by source, correlated errors by component
+    A = chain.move[epoch]
+    W = chain.white[epoch]
+    first = true.solution
+    m = chain.move.shape[1]
     for g in range(true.n_slot.shape[0]):
         work = whole(scratch.y)
-        _move_covariance(group(joint.sources, g), work, A, at)
+        _multiply_covariance(group(joint.sources, g), work, A, first)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                _move_vector(group(joint.cross, g)[k], work, A, at)
-    _move_vector(joint.mean, scratch.receiver, A, at)
-    # s+ = A s + W w + B c + d: deterministic part d, white noise by source, correlated errors by component
+                _multiply_states(group(joint.cross, g)[k], work, A, first)
+    _multiply_states(joint.mean, scratch.receiver, A, first)
     for i in range(m):
-        joint.mean[at + i] += chain.push[epoch, i]
+        joint.mean[first + i] += chain.push[epoch, i]
     for q in range(chain.kind.shape[0]):
-        source, variance = true.solution_source[q], chain.variance[epoch, q]
+        source = true.solution_source[q]
+        variance = chain.variance[epoch, q]
         P = joint.sources[true.group[source], ..., true.lane[source]]
         for i in range(m):
             for j in range(m):
-                P[at + i, at + j] += chain.white[epoch, i, q] * variance * chain.white[epoch, j, q]
+                P[first + i, first + j] += W[i, q] * variance * W[j, q]
     for c in range(true.first_shared, true.source.shape[0]):
         source, k = true.source[c], true.slot[c]
         g, lane = true.group[source], true.lane[source]
         P, y = joint.sources[g, ..., lane], joint.cross[g, ..., lane]
         variance = joint.variance[g, k, 0, lane]
-        enter(P, y[k], variance, chain.shared[epoch, :, c - true.first_shared], at)
+        enter(P, y[k], variance, chain.shared[epoch, :, c - true.first_shared], first)
 
 
 @jit
 def solution_back(back, work, chain, true, epoch, time_bin):
     """Propagate the adjoint backwards through `advance_solution`, and add the contribution of its noise."""
-    A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
+    A = chain.move[epoch]
+    first = true.solution
+    m = chain.move.shape[1]
     for metric in range(back.e.shape[0]):
         y = back.e[metric]
         for q in range(chain.kind.shape[0]):
-            through = 0.0
+            through = 0.0  # lambda' w of the noise, its effect on the metric
             for i in range(m):
-                through += y[at + i] * chain.white[epoch, i, q]
+                through += y[first + i] * chain.white[epoch, i, q]
             source = true.solution_source[q]
             back.contribution[metric, source, time_bin] += through * through * chain.variance[epoch, q]
         for c in range(chain.shared.shape[2]):
             for i in range(m):
-                back.c[metric, true.first_shared + c] += y[at + i] * chain.shared[epoch, i, c]
-        _move_vector(y, work, A.T, at)
+                back.c[metric, true.first_shared + c] += y[first + i] * chain.shared[epoch, i, c]
+        _multiply_states(y, work, A.T, first)
 
 
 @jit
-def _copy_vector(y, to, first, n):
+def _copy_vector(y, clone, first, n):
     for i in range(n):
-        y[to + i] = y[first + i]
+        y[clone + i] = y[first + i]
 
 
 @jit
-def _copy_covariance(P, to, first, n):
+def _copy_covariance(P, clone, first, n):
     for j in range(P.shape[0]):
         for i in range(n):
-            P[to + i, j] = P[first + i, j]
+            P[clone + i, j] = P[first + i, j]
     for i in range(P.shape[0]):
-        _copy_vector(P[i], to, first, n)
+        _copy_vector(P[i], clone, first, n)
 
 
 @jit
-def clone_states(joint, true, to, first, n):
-    """Copy n states of the joint vector from `first` to `to`, in every source and in the mean."""
+def clone_states(joint, true, clone, first, n):
+    """Copy n states of the joint vector from `first` to `clone`, in every source and in the mean."""
     for g in range(true.n_slot.shape[0]):
-        _copy_covariance(group(joint.sources, g), to, first, n)
+        _copy_covariance(group(joint.sources, g), clone, first, n)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                _copy_vector(group(joint.cross, g)[k], to, first, n)
-    _copy_vector(joint.mean, to, first, n)
+                _copy_vector(group(joint.cross, g)[k], clone, first, n)
+    _copy_vector(joint.mean, clone, first, n)
 
 
 @jit
@@ -136,24 +142,26 @@ def clone_error(joint, true, late, window):
     if late is not None:
         for line in range(late.n_ring.shape[0]):
             for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
-                clone_states(joint, true, true.clone + N_CLONE * place_of(late, line, epoch) + N_NAV, VEL, 3)
+                clone = true.clone + N_CLONE * place_of(late, line, epoch)
+                clone_states(joint, true, clone + N_NAV, VEL, 3)
             for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
-                clone_states(joint, true, true.clone + N_CLONE * place_of(late, line, epoch), 0, N_NAV)
+                clone = true.clone + N_CLONE * place_of(late, line, epoch)
+                clone_states(joint, true, clone, 0, N_NAV)
 
 
 @jit
 def _line_back(y, true, late, line, window):
     """Add the adjoint of the clones of a line to that of the states that they copy, and reset it."""
     for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
-        at = true.clone + N_CLONE * place_of(late, line, epoch)
+        clone = true.clone + N_CLONE * place_of(late, line, epoch)
         for i in range(N_NAV):
-            y[i] += y[at + i]
-            y[at + i] = 0.0
+            y[i] += y[clone + i]
+            y[clone + i] = 0.0
     for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
-        at = true.clone + N_CLONE * place_of(late, line, epoch) + N_NAV
+        clone = true.clone + N_CLONE * place_of(late, line, epoch) + N_NAV
         for i in range(3):
-            y[VEL + i] += y[at + i]
-            y[at + i] = 0.0
+            y[VEL + i] += y[clone + i]
+            y[clone + i] = 0.0
 
 
 @jit
@@ -182,4 +190,5 @@ def complete_rows(H, late, epoch):
         slope = late.delay[epoch] / late.base[epoch]
         for i in range(3):
             H[i, velocity + i] = -late.delay[epoch]
-            H[3 + i, velocity + i], H[3 + i, velocity + 3 + i] = -slope, slope
+            H[3 + i, velocity + i] = -slope
+            H[3 + i, velocity + 3 + i] = slope

@@ -45,40 +45,48 @@ def segments_of(prepared: Prepared, true: Components, passed: PassOutcome) -> li
 
     passed : results of a pass of the case itself
     """
+    no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
     mode = _mode_log(prepared, passed)
     starts = _starts(prepared, mode)
-    segments = [Segment(prepared, int(starts[0]) if starts.size else 0, passed, mode)]
-    nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    while (later := starts[starts > segments[-1].first]).size:
-        case = _started_at(prepared, int(later[0]))
-        passed = run_pass(case, true, nothing)
-        segments.append(Segment(case, int(later[0]), passed, _mode_log(case, passed)))
-        starts = _starts(case, segments[-1].mode)
+    first = int(starts[0]) if starts.size else 0
+    segments = [Segment(prepared, first, passed, mode)]
+    later = starts[starts > first]
+    while later.size:
+        first = int(later[0])
+        case = _started_at(prepared, first)
+        passed = run_pass(case, true, no_tape)
+        mode = _mode_log(case, passed)
+        segments.append(Segment(case, first, passed, mode))
+        starts = _starts(case, mode)
+        later = starts[starts > first]
     return segments
 
 
 def _mode_log(prepared: Prepared, passed: PassOutcome) -> Floats:
     """Return the mode of the filter after each epoch, (n_epoch,); waiting without a mode logic."""
-    return passed.mode_state.mode if passed.mode_state is not None else np.full(prepared.t_epoch.size, float(WAITING))
+    if passed.mode_state is None:
+        return np.full(prepared.t_epoch.size, float(WAITING))
+    return passed.mode_state.mode
 
 
 def _updates(prepared: Prepared) -> Ints:
     """Return the epochs at which the mode logic has a step."""
-    every = prepared.model.every
-    return np.arange(every - 1, prepared.t_epoch.size, every)
+    interval = prepared.model.every
+    return np.arange(interval - 1, prepared.t_epoch.size, interval)
 
 
 def _last_update(prepared: Prepared) -> Ints:
     """Return the last step of the mode logic up to each history time, (n_hist,); negative before the first."""
-    every = prepared.model.every
-    return (last_epoch(prepared) + 1) // every * every - 1
+    interval = prepared.model.every
+    return (last_epoch(prepared) + 1) // interval * interval - 1
 
 
 def _starts(prepared: Prepared, mode: Floats) -> Ints:
     """Return the epochs at which the filter starts; mode (n_epoch,) after each epoch."""
     epochs = _updates(prepared)
-    running = np.isin(mode[epochs], _RUNNING)
-    return epochs[running & ~np.concatenate([[False], running[:-1]])]
+    is_running = np.isin(mode[epochs], _RUNNING)
+    was_running = np.concatenate([[False], is_running[:-1]])
+    return epochs[is_running & ~was_running]
 
 
 def _started_at(prepared: Prepared, epoch: int) -> Prepared:
@@ -112,38 +120,55 @@ def times_of(prepared: Prepared, segments: list[Segment]) -> list[Bools]:
 
 
 def uncorrected_outputs(prepared: Prepared, segments: list[Segment]) -> list[tuple[Prepared, Bools]]:
-    """Return the cases that describe the outputs where the filter does not correct them, each with the history times
-    (n_hist,) at which it does: the inertial system alone, or, after a stop, the prediction of the correction.
+    """Return the cases that describe the outputs while the filter does not correct them, with the history times
+    (n_hist,) of each: the inertial system alone, or, after a stop, the prediction of the correction.
     """
-    update, updates = _last_update(prepared), _updates(prepared)
-    cases = [(uncorrected(prepared), np.zeros(update.size, dtype=bool))]
-    for segment, within in zip(segments, times_of(prepared, segments), strict=True):
-        mode = segment.mode
-        outside = within & ((update < 0) | ~np.isin(mode[update], _CORRECTING))
-        stops = updates[1:][np.isin(mode[updates[:-1]], _CORRECTING) & (mode[updates[1:]] == STOPPED)]
-        stop = stops[stops >= segment.first][:1] if prepared.options.rules.after_stop == PREDICTED else stops[:0]
-        before = outside & (update < stop[0]) if stop.size else outside
-        cases[-1] = (cases[-1][0], cases[-1][1] | before)
-        if stop.size:
-            cases.append((_unaided_after(segment.case, int(stop[0])), outside & ~before))
-    return cases
+    update = _last_update(prepared)
+    cases = [uncorrected(prepared)]
+    times = [np.zeros(update.size, dtype=bool)]
+    for segment, is_in_segment in zip(segments, times_of(prepared, segments), strict=True):
+        is_correcting = (update >= 0) & np.isin(segment.mode[update], _CORRECTING)
+        is_uncorrected = is_in_segment & ~is_correcting
+        stop = _predicted_stop(prepared, segment)
+        if stop is None:
+            times[-1] = times[-1] | is_uncorrected
+            continue
+        is_before = is_uncorrected & (update < stop)
+        times[-1] = times[-1] | is_before
+        cases.append(_unaided_after(segment.case, stop))
+        times.append(is_uncorrected & ~is_before)
+    return list(zip(cases, times, strict=True))
+
+
+def _predicted_stop(prepared: Prepared, segment: Segment) -> int | None:
+    """Return the epoch of a segment's first stop after which the correction is predicted; None if there is none."""
+    if prepared.options.rules.after_stop != PREDICTED:
+        return None
+    updates = _updates(prepared)
+    was_correcting = np.isin(segment.mode[updates[:-1]], _CORRECTING)
+    is_stopped = segment.mode[updates[1:]] == STOPPED
+    stops = updates[1:][was_correcting & is_stopped]
+    stops = stops[stops >= segment.first]
+    return int(stops[0]) if stops.size else None
 
 
 def with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: PassOutcome) -> PassOutcome:
-    """Return the results of a pass with those of the segments after restarts, and with the errors of the outputs where
+    """Return the results of a pass with those of the segments after restarts, and with the errors of the outputs while
     the filter does not correct them.
     """
     if not has_uncorrected_outputs(prepared):
         return passed
     out, segments = passed.out, segments_of(prepared, true, passed)
     for segment, times in zip(segments[1:], times_of(prepared, segments)[1:], strict=True):
-        _copy_times(out, segment.passed.out, times)
-        out.formal[times] = segment.passed.out.formal[times]
+        restarted = segment.passed
+        epochs = slice(segment.first, None)
+        _copy_times(out, restarted.out, times)
+        out.formal[times] = restarted.out.formal[times]
         for name in ("n_row", "expected_nis", "row_ratio"):
-            getattr(out, name)[segment.first :] = getattr(segment.passed.out, name)[segment.first :]
-        if passed.monitor is not None and segment.passed.monitor is not None:
+            getattr(out, name)[epochs] = getattr(restarted.out, name)[epochs]
+        if passed.monitor is not None and restarted.monitor is not None:
             for name in ("isolated", "excluded"):
-                getattr(passed.monitor, name)[segment.first :] = getattr(segment.passed.monitor, name)[segment.first :]
+                getattr(passed.monitor, name)[epochs] = getattr(restarted.monitor, name)[epochs]
     for case, times in uncorrected_outputs(prepared, segments):
         if times.any():
             _copy_times(out, run_pass(case, true, tape).out, times)
@@ -159,10 +184,12 @@ def _copy_times(out: PassResults, source: PassResults, times: Bools) -> None:
 
 def case_at(prepared: Prepared, true: Components, hist: int) -> Prepared:
     """Return the case whose pass describes the outputs of an open loop with a mode logic at a history time."""
-    nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    segments = segments_of(prepared, true, run_pass(prepared, true, nothing))
-    after_restarts = zip((segment.case for segment in segments[1:]), times_of(prepared, segments)[1:], strict=True)
-    for case, times in (*uncorrected_outputs(prepared, segments), *after_restarts):
+    no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    segments = segments_of(prepared, true, run_pass(prepared, true, no_tape))
+    for case, times in uncorrected_outputs(prepared, segments):
         if times[hist]:
             return case
+    for segment, times in zip(segments[1:], times_of(prepared, segments)[1:], strict=True):
+        if times[hist]:
+            return segment.case
     return prepared

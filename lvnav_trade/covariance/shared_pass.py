@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.covariance.forward import false_rejection
-from lvnav_trade.quantities.records import CovHistory, Floats, InjectionLaw
+from lvnav_trade.quantities.records import Bools, CovHistory, Floats, InjectionLaw
 
 TOLERANCE = 1e-9
 """Largest difference between predicted and computed covariance, relative to the sigmas, that counts as equal."""
@@ -70,12 +70,17 @@ def shared_pass(
     for history in raised:
         if not is_same_filter(base, history):
             raise ValueError("the filter is not the same")
-    added = tuple(
-        tuple(getattr(history, name) - getattr(base, name) for name in _LINEAR) for history in raised
-    )  # by axis, then by field
-    injected = tuple(_added_injection(base.injection, history.injection) for history in raised)
-    first, last = np.asarray(least, dtype=float), np.asarray(largest, dtype=float)
-    return SharedPass(gate_squared, first, last, base, added, injected)
+    added = []
+    for history in raised:
+        added.append(tuple(getattr(history, name) - getattr(base, name) for name in _LINEAR))
+    return SharedPass(
+        gate_squared=gate_squared,
+        least=np.asarray(least, dtype=float),
+        largest=np.asarray(largest, dtype=float),
+        base=base,
+        added=tuple(added),
+        injected=tuple(_added_injection(base.injection, history.injection) for history in raised),
+    )
 
 
 def _added_injection(base: InjectionLaw | None, raised: InjectionLaw | None) -> tuple[Floats, ...]:
@@ -97,18 +102,17 @@ def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
     sigma = np.asarray(sigmas, dtype=float)
     fractions = (sigma**2 - shared.least**2) / (shared.largest**2 - shared.least**2)
     fields = {}
-    for place, name in enumerate(_LINEAR):
+    for index, name in enumerate(_LINEAR):
         total = getattr(shared.base, name).copy()
-        for share, added in zip(fractions, shared.added, strict=True):
-            total += share * added[place]
+        for fraction, added in zip(fractions, shared.added, strict=True):
+            total += fraction * added[index]
         fields[name] = total
     law = shared.base.injection
     if law is not None:
-        sums = {
-            name: getattr(law, name)
-            + sum(share * added[place] for share, added in zip(fractions, shared.injected, strict=True))
-            for place, name in enumerate(_OF_INJECTION)
-        }
+        sums = {}
+        for index, name in enumerate(_OF_INJECTION):
+            increase = sum(fraction * added[index] for fraction, added in zip(fractions, shared.injected, strict=True))
+            sums[name] = getattr(law, name) + increase
         law = law._replace(**sums)
     diagonal = np.diagonal(fields["true_cov"], axis1=1, axis2=2)
     return shared.base._replace(
@@ -119,22 +123,25 @@ def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
     )
 
 
-def largest_difference(found: CovHistory, computed: CovHistory) -> float:
+def largest_difference(predicted: CovHistory, computed: CovHistory) -> float:
     """Return the largest relative difference of two linear covariances.
 
     The true covariance is compared relative to the sigmas of its row and column, the other sums relative to themselves.
     """
     sigma = computed.true_sigma
     scale = np.maximum(sigma[:, :, None] * sigma[:, None, :], 1e-300)
-    apart = [float(np.max(np.abs(found.true_cov - computed.true_cov) / scale, initial=0.0))]
+    differences = [float(np.max(np.abs(predicted.true_cov - computed.true_cov) / scale, initial=0.0))]
     for name in ("expected_nees", "expected_nis", "row_ratio"):
-        a, b = getattr(found, name), getattr(computed, name)
-        valid = np.isfinite(a) & np.isfinite(b) & (b != 0.0)
-        apart.append(float(np.max(np.abs(a[valid] / b[valid] - 1.0), initial=0.0)))
+        a, b = getattr(predicted, name), getattr(computed, name)
         if not np.array_equal(np.isnan(a), np.isnan(b)):
             return float("inf")
-    if found.injection is not None and computed.injection is not None and not computed.injection.why:
-        totals = [np.diagonal(law.covariance.sum(axis=0)) for law in (found.injection, computed.injection)]
-        valid = np.isfinite(totals[1]) & (totals[1] > 0.0)
-        apart.append(float(np.max(np.abs(totals[0][valid] / totals[1][valid] - 1.0), initial=0.0)))
-    return max(apart)
+        differences.append(_relative_difference(a, b, np.isfinite(a) & np.isfinite(b) & (b != 0.0)))
+    if predicted.injection is not None and computed.injection is not None and not computed.injection.why:
+        a = np.diagonal(predicted.injection.covariance.sum(axis=0))
+        b = np.diagonal(computed.injection.covariance.sum(axis=0))
+        differences.append(_relative_difference(a, b, np.isfinite(b) & (b > 0.0)))
+    return max(differences)
+
+
+def _relative_difference(a: Floats, b: Floats, valid: Bools) -> float:
+    return float(np.max(np.abs(a[valid] / b[valid] - 1.0), initial=0.0))

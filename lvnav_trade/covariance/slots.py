@@ -38,10 +38,12 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
 
     count : number of components of each source. Sources with many components share groups, so few slots are unused.
     """
-    place = np.empty(len(count), dtype=np.int64)
-    place[np.argsort(-np.array(count), kind="stable")] = np.arange(len(count))
+    n_source = len(count)
+    place = np.empty(n_source, dtype=np.int64)
+    place[np.argsort(-np.array(count), kind="stable")] = np.arange(n_source)
     group, lane = place // GROUP, place % GROUP
-    n_slot = np.zeros(-(-len(count) // GROUP), dtype=np.int64)
+    n_group = -(-n_source // GROUP)  # rounded up
+    n_slot = np.zeros(n_group, dtype=np.int64)
     np.maximum.at(n_slot, group, np.array(count))
     return group, lane, n_slot
 
@@ -62,32 +64,42 @@ def by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
 
 def slot_tables(components: list[Component], n_source: int, n_length: int) -> dict[str, Any]:
     """Return places, flags, decay and noise of all components, by name of the field of `Components`."""
-    count, slot = [0] * n_source, list[int]()
+    count = [0] * n_source
+    slots = []
+    states: list[int] = []
+    state_from = [0]
     for component in components:
-        slot.append(count[component.source])
+        slots.append(count[component.source])
         count[component.source] += 1
+        states += component.states
+        state_from.append(len(states))
     group, lane, n_slot = places_of(count)
     most = max(1, int(n_slot.max(initial=0)))
-    flags, tables = np.zeros((3, n_slot.size, most), dtype=np.bool_), np.zeros((3, n_source, n_length, most, 1))
-    for item, k in zip(components, slot, strict=True):
-        tables[:, item.source, :, k, 0] = item.factor, item.noise, item.noise * item.echoes
-        flags[:, group[item.source], k] |= np.array([item.followed, item.moves, item.samples])
-    factor, noise, echo = (by_length(table, group, lane) for table in tables)
+    followed, moves, samples = np.zeros((3, n_slot.size, most), dtype=np.bool_)
+    factor, noise, echo = np.zeros((3, n_source, n_length, most, 1))
+    for component, slot in zip(components, slots, strict=True):
+        source = component.source
+        factor[source, :, slot, 0] = component.factor
+        noise[source, :, slot, 0] = component.noise
+        echo[source, :, slot, 0] = component.noise * component.echoes
+        followed[group[source], slot] |= component.followed
+        moves[group[source], slot] |= component.moves
+        samples[group[source], slot] |= component.samples
     return {
         "group": group,
         "lane": lane,
         "n_slot": n_slot,
-        "followed": flags[0],
-        "moves": flags[1],
-        "samples": flags[2],
-        "factor": factor,
-        "noise": noise,
-        "echo": echo,
-        "slot": np.array(slot, dtype=np.int64),
-        "source": np.array([item.source for item in components], dtype=np.int64),
-        "states": np.array([state for item in components for state in item.states], dtype=np.int64),
-        "state_from": np.cumsum([0, *(len(item.states) for item in components)], dtype=np.int64),
-        "start": np.array([item.start for item in components], dtype=float),
+        "followed": followed,
+        "moves": moves,
+        "samples": samples,
+        "factor": by_length(factor, group, lane),
+        "noise": by_length(noise, group, lane),
+        "echo": by_length(echo, group, lane),
+        "slot": np.array(slots, dtype=np.int64),
+        "source": np.array([component.source for component in components], dtype=np.int64),
+        "states": np.array(states, dtype=np.int64),
+        "state_from": np.array(state_from, dtype=np.int64),
+        "start": np.array([component.start for component in components], dtype=float),
     }
 
 

@@ -17,46 +17,68 @@ from lvnav_trade.simulation.preparation.prepare import Prepared
 
 def source_names(prepared: Prepared) -> list[str]:
     """Return the names of all error sources of a case, in the order of the budget."""
-    scenario, model = prepared.scenario, prepared.model
-    names, owners = ["initial attitude", "initial velocity", "initial position"], dict(mounted(scenario.imu)).items()
-    names += [keyed(f"{label} random walk", number) for number, _ in owners for label in ("gyro", "accelerometer")]
-    names += list(dict.fromkeys(term.name for term in prepared.sources))
-    names += [
-        keyed(f"{label} quantisation", number)
-        for number, unit in owners
-        for label, card in (("gyro", unit.gyro), ("accelerometer", unit.accel))
-        if card.quantisation > 0.0
-    ]
-    names += list(dict.fromkeys(family.source for family in prepared.families if model.aided))
-    if model.tight:
-        names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
-        names += ["carrier-phase noise"] if any(name in PHASES for name in prepared.channels.further) else []
-    elif prepared.options.solver is not None:
-        names += ["receiver clock", "pseudorange noise", "range-rate noise"]
-        names += [] if prepared.options.solver.smoothing is None else [PHASE_NOISE]
-    elif model.n_receiver:
-        names += ["position solution noise", "velocity solution noise"]
-    return names + [device.noise for device in prepared.devices]
+    names = ["initial attitude", "initial velocity", "initial position"]
+    names += _imu_sources(prepared)
+    if prepared.model.aided:
+        names += dict.fromkeys(family.source for family in prepared.families)
+    names += _receiver_sources(prepared)
+    names += [device.noise for device in prepared.devices]
+    return names
+
+
+def _imu_sources(prepared: Prepared) -> list[str]:
+    imus = dict(mounted(prepared.scenario.imu)).items()
+    names = []
+    for number, _ in imus:
+        names += [keyed(f"{label} random walk", number) for label in ("gyro", "accelerometer")]
+    names += dict.fromkeys(term.name for term in prepared.sources)
+    for number, imu in imus:
+        for label, card in (("gyro", imu.gyro), ("accelerometer", imu.accel)):
+            if card.quantisation > 0.0:
+                names.append(keyed(f"{label} quantisation", number))
+    return names
+
+
+def _receiver_sources(prepared: Prepared) -> list[str]:
+    solver = prepared.options.solver
+    if prepared.model.tight:
+        names = ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
+        if any(name in PHASES for name in prepared.channels.further):
+            names.append("carrier-phase noise")
+        return names
+    if solver is not None:
+        names = ["receiver clock", "pseudorange noise", "range-rate noise"]
+        if solver.smoothing is not None:
+            names.append(PHASE_NOISE)
+        return names
+    if prepared.model.n_receiver:
+        return ["position solution noise", "velocity solution noise"]
+    return []
 
 
 def source_labels(prepared: Prepared) -> tuple[str, ...]:
     """Return the error sources of a case as named in the report; in an IMU array the first IMU has a number too."""
-    first = "unit 1 " if prepared.options.units is not None else ""
-    return tuple(
-        (first if name.startswith(("gyro ", "accelerometer ")) else "") + label_of(name)
-        for name in source_names(prepared)
-    )
+    labels = []
+    for name in source_names(prepared):
+        label = label_of(name)
+        if prepared.options.units is not None and name.startswith(("gyro ", "accelerometer ")):
+            label = "unit 1 " + label
+        labels.append(label)
+    return tuple(labels)
 
 
 def n_joint(prepared: Prepared) -> int:
     """Return the number of joint states: estimation error, receiver-error states, clones."""
     late = prepared.options.late
-    return prepared.layout.n_state + n_receiver_error(prepared) + (0 if late is None else N_CLONE * late.buffered.size)
+    n_clone = 0 if late is None else N_CLONE * late.buffered.size
+    return prepared.layout.n_state + n_receiver_error(prepared) + n_clone
 
 
 def n_receiver_error(prepared: Prepared) -> int:
     """Return the number of receiver-error states: of its solution, or of ranges at this and the previous epoch."""
-    return 2 * len(difference_channels(prepared)) if prepared.chain is None else prepared.chain.move.shape[1]
+    if prepared.chain is None:
+        return 2 * len(difference_channels(prepared))
+    return prepared.chain.move.shape[1]
 
 
 # By the codes of `solution`.
@@ -72,54 +94,63 @@ _WHITE = (
 
 def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
     """Return Jacobian structure and offsets of the joint vector, by name of the field of `Components`."""
-    model, chain, late, n = prepared.model, prepared.chain, prepared.options.late, prepared.layout.n_state
-    n_error, differences = n_receiver_error(prepared), difference_channels(prepared)
+    late, n = prepared.options.late, prepared.layout.n_state
+    n_error = n_receiver_error(prepared)
+    n_channel = len(prepared.model.n_entry)
+    n_place = 1 if late is None else late.buffered.size
     solution = n if n_error else -1
     clone = -1 if late is None else n + n_error
-    n_place, n_receiver = 1 if late is None else late.buffered.size, prepared.channels.n_receiver
-    table = [
-        [
-            _pairs(prepared, channel, solution, clone + N_CLONE * place, channel < n_receiver)
-            for channel in range(len(model.n_entry))
-        ]
-        for place in range(n_place)
-    ]
-    shape = (n_place, len(model.n_entry), max((len(pairs) for rows in table for pairs in rows), default=0))
-    entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    table = []
+    for place in range(n_place):
+        clone_of_place = clone + N_CLONE * place
+        table.append([_entry_states(prepared, channel, solution, clone_of_place) for channel in range(n_channel)])
+    n_most = max((len(pairs) for rows in table for pairs in rows), default=0)
+    entry = np.zeros((n_place, n_channel, n_most), dtype=np.int64)
+    column = np.zeros_like(entry)
     for place, rows in enumerate(table):
         for channel, pairs in enumerate(rows):
-            for i, (e, c) in enumerate(pairs):
-                entry[place, channel, i], column[place, channel, i] = e, c
-    white = (
-        [_WHITE[kind] for kind in chain.kind]
-        if chain is not None
-        else [noise_of(prepared.channels.observables[channel % model.n_kind]) for channel in differences]
-    )
+            for i, (jacobian_entry, state) in enumerate(pairs):
+                entry[place, channel, i] = jacobian_entry
+                column[place, channel, i] = state
+    noises = _error_noises(prepared)
     return {
         "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
         "entry": entry,
         "column": column,
         "solution": solution,
-        "solution_source": np.array([names.index(name) for name in white], dtype=np.int64),
+        "solution_source": np.array([names.index(name) for name in noises], dtype=np.int64),
         "clone": clone,
     }
 
 
-def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_receiver: bool) -> list[tuple[int, int]]:
+def _error_noises(prepared: Prepared) -> list[str]:
+    """Return the sources of the white noise that drives the receiver-error states."""
+    if prepared.chain is not None:
+        return [_WHITE[code] for code in prepared.chain.kind]
+    observables, n_kind = prepared.channels.observables, prepared.model.n_kind
+    return [noise_of(observables[channel % n_kind]) for channel in difference_channels(prepared)]
+
+
+def _entry_states(prepared: Prepared, channel: int, solution: int, clone: int) -> list[tuple[int, int]]:
     """Return the pairs (Jacobian entry, joint state) of a channel; a buffered measurement depends on its clone."""
     model, chain, late = prepared.model, prepared.chain, prepared.options.late
-    n, line = model.n_entry[channel], -1 if late is None else late.line[channel]
-    extrapolated = late is not None and late.extrapolated and of_receiver
-    buffered = line >= 0 and not extrapolated
-    filter_pairs = zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True)
-    pairs = [(e, clone + c if buffered and c < N_NAV else c) for e, c in filter_pairs]
+    is_receiver = channel < prepared.channels.n_receiver
+    is_extrapolated = late is not None and late.extrapolated and is_receiver
+    is_buffered = late is not None and late.line[channel] >= 0 and not is_extrapolated
+    pairs = []
+    for k in range(model.n_entry[channel]):
+        state = int(model.column[channel, k])
+        if is_buffered and state < N_NAV:
+            state += clone
+        pairs.append((int(model.entry[channel, k]), state))
     first = model.entry.shape[1]  # entries of receiver-error states follow those of the filter
-    if channel in (differences := difference_channels(prepared)):
-        at = solution + differences.index(channel)
-        pairs += [(first, at), (first + 1, at + len(differences))]
-    if chain is not None and of_receiver:
+    differences = difference_channels(prepared)
+    if channel in differences:
+        state = solution + differences.index(channel)
+        pairs += [(first, state), (first + 1, state + len(differences))]
+    if chain is not None and is_receiver:
         pairs += [(first + i, solution + int(chain.pick[i])) for i in range(6)]
-        if extrapolated:
+        if is_extrapolated:
             pairs += [(first + 6 + i, clone + VEL + i) for i in range(3)]
             pairs += [(first + 9 + i, clone + N_NAV + i) for i in range(3)]
     return pairs
@@ -139,10 +170,10 @@ def noise_sources(prepared: Prepared, names: list[str]) -> Ints:
 
     It is -1 for a difference of two epochs, whose noise is in the receiver-error states.
     """
-    sources = [
-        names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
-        for kind in prepared.model.row_type.tolist()
-    ]
+    sources = []
+    for row_type in prepared.model.row_type.tolist():
+        name = _ROWS.get(row_type, "")
+        sources.append(names.index(name) if name in names else -1)
     for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
         for scalar in range(len(device.channels.labels)):
             sources[first + scalar] = names.index(device.noise)

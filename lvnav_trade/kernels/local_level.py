@@ -18,7 +18,7 @@ _ROUNDS = 3  # iterations of the latitude; each reduces the error to 0.7 %
 def place_of(px, py, pz):
     """Return normal (3), height (m) and radii of curvature (m) of meridian and prime vertical at a place.
 
-    With the latitude L: N = a / sqrt(1 - e^2 sin^2 L), M = N (1 - e^2) / (1 - e^2 sin^2 L) (Groves, 2nd ed., chapter 2).
+    N = a / sqrt(1 - e^2 sin^2 L), M = N (1 - e^2) / (1 - e^2 sin^2 L), L the latitude (Groves, 2nd ed., chapter 2).
     """
     length = sqrt(px * px + py * py + pz * pz)
     ux = px / length
