@@ -131,24 +131,31 @@ def diagnose(
         Requested diagnostics.
     """
     events = flown_events(prepared)
-    at = _event(events, request.at)
+    event = _choose_event(events, request.at)
+    results: dict[str, Any] = {"event": event}
     tape = None
     if (events and (request.adjoint or request.observability)) or request.error_bound:
         tape = forward_tape(prepared)
-    bound = error_bound(prepared, tape) if request.error_bound and tape is not None else None
-    return CaseDiagnostics(
-        at,
-        adjoint(prepared, events[at], tape=tape) if at and request.adjoint else None,
-        _by_source(prepared, events, (at, *request.events), tape) if at and request.adjoint else (),
-        _sensitivities(scenario, prepared, history, events[at]) if at and request.sensitivity else (),
-        _phases(prepared, events, tape, request.window) if request.observability else (),
-        _nonlinearities(prepared, history, events) if request.nonlinearity else (),
-        bound,
-        _in_words(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
-        spot_check(prepared, history, events, request.seed, request.spot_check) if request.spot_check else None,
-        allan_curves(prepared, request.allan, request.seed) if request.allan else (),
-        protection(prepared, history, request.protection) if request.protection else None,
-    )
+    if event and request.adjoint:
+        results["adjoint"] = adjoint(prepared, events[event], tape=tape)
+        results["by_source"] = _source_covariances(prepared, events, (event, *request.events), tape)
+    if event and request.sensitivity:
+        results["sensitivity"] = _sensitivities(scenario, prepared, history, events[event])
+    if request.observability:
+        results["phases"] = _phases(prepared, events, tape, request.window)
+    if request.nonlinearity:
+        results["nonlinear"] = _nonlinearities(prepared, history, events)
+    if request.error_bound and tape is not None:
+        bound = error_bound(prepared, tape)
+        results["bound"] = bound
+        results["unbounded"] = _in_words(prepared, float(prepared.reference.t[0]), bound.weakest)
+    if request.spot_check:
+        results["spot"] = spot_check(prepared, history, events, request.seed, request.spot_check)
+    if request.allan:
+        results["allan"] = allan_curves(prepared, request.allan, request.seed)
+    if request.protection:
+        results["protected"] = protection(prepared, history, request.protection)
+    return CaseDiagnostics(**results)
 
 
 def _nonlinearities(
@@ -159,10 +166,10 @@ def _nonlinearities(
         times = dict.fromkeys(events.values())
         by_time = {t: open_loop_nonlinearity(prepared, history, t) for t in times}
         return tuple((name, by_time[t]) for name, t in events.items())
-    return (
-        *((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
-        *((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)) for gap in gaps(history)),
-    )
+    results = [(name, nonlinearity(prepared, history, t)) for name, t in events.items()]
+    for gap in gaps(history):
+        results.append((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)))
+    return tuple(results)
 
 
 def flown_events(prepared: Prepared) -> dict[str, float]:
@@ -171,32 +178,37 @@ def flown_events(prepared: Prepared) -> dict[str, float]:
     return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
 
 
-def _event(events: dict[str, float], wanted: str) -> str:
-    if wanted in events:
-        return wanted
-    return "injection" if "injection" in events else max(events, key=lambda name: events[name], default="")
+def _choose_event(events: dict[str, float], requested: str) -> str:
+    """Return the requested event if the flight has it, else the injection, else the last event."""
+    if requested in events:
+        return requested
+    if "injection" in events:
+        return "injection"
+    return max(events, key=lambda name: events[name], default="")
 
 
-def _by_source(
-    prepared: Prepared, events: dict[str, float], wanted: tuple[str, ...], tape: UpdateTape | None
+def _source_covariances(
+    prepared: Prepared, events: dict[str, float], requested: tuple[str, ...], tape: UpdateTape | None
 ) -> tuple[SourceCovariance, ...]:
     sources = source_labels(prepared)
-    return tuple(
-        SourceCovariance(name, events[name], sources, source_covariances(prepared, events[name], tape))
-        for name in dict.fromkeys(wanted)
-        if name in events
-    )
+    results = []
+    for name in dict.fromkeys(requested):
+        if name in events:
+            time = events[name]
+            results.append(SourceCovariance(name, time, sources, source_covariances(prepared, time, tape)))
+    return tuple(results)
 
 
 def _sensitivities(
     scenario: Scenario, prepared: Prepared, history: CovHistory, time: float
 ) -> tuple[SigmaSensitivity, ...]:
-    known: dict[tuple[str, float], CovHistory] = {}
+    cache: dict[tuple[str, float], CovHistory] = {}
     quantities = np.array([output.quantity for output in prepared.outputs])
-    return tuple(
-        sensitivity(scenario, history, time, quantity, np.flatnonzero(quantities == quantity).tolist(), known=known)
-        for quantity in QUANTITIES
-    )
+    results = []
+    for quantity in QUANTITIES:
+        columns = np.flatnonzero(quantities == quantity).tolist()
+        results.append(sensitivity(scenario, history, time, quantity, columns, known=cache))
+    return tuple(results)
 
 
 def _phases(
@@ -204,22 +216,28 @@ def _phases(
 ) -> tuple[PhaseView, ...]:
     """Return the observability of the phases between events, or of windows of that many seconds (0: by events)."""
     marks = _windows(prepared, window) if window > 0.0 else _marks(prepared, events)
+    names = [name for name, _ in marks]
     edges = np.array([t for _, t in marks])
-    stretches = observability(prepared, edges, tape)
-    return tuple(
-        PhaseView(
-            f"{first} to {second}",
-            s.start,
-            s.end,
-            s.rank,
-            TOLERANCE,
-            s.singular,
-            s.rows,
-            _in_words(prepared, s.start, s.weakest) if s.rows else "every direction",
-            tuple(_in_words(prepared, s.start, direction) for direction in s.directions) if s.rows else (),
+    phases = []
+    for (first, second), interval in zip(pairwise(names), observability(prepared, edges, tape), strict=True):
+        weakest = "every direction"
+        directions: tuple[str, ...] = ()
+        if interval.rows:
+            weakest = _in_words(prepared, interval.start, interval.weakest)
+            directions = tuple(_in_words(prepared, interval.start, direction) for direction in interval.directions)
+        phase = PhaseView(
+            name=f"{first} to {second}",
+            start=interval.start,
+            end=interval.end,
+            rank=interval.rank,
+            tolerance=TOLERANCE,
+            singular=interval.singular,
+            rows=interval.rows,
+            weakest=weakest,
+            directions=directions,
         )
-        for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
-    )
+        phases.append(phase)
+    return tuple(phases)
 
 
 def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
@@ -231,16 +249,19 @@ def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
     turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
     states = np.array(prepared.layout.reported)
     P = prepared.start.P[np.ix_(states, states)]
-    spread, sigma = np.sqrt(np.diag(P)), np.sqrt(np.diag(turn @ P @ turn.T))
-    turned = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
-    names = tuple(f"{o.quantity.replace('_', ' ')} {o.axis}" for o in prepared.outputs)
+    sigma = np.sqrt(np.diag(P))
+    turned_sigma = np.sqrt(np.diag(turn @ P @ turn.T))
+    error = np.where(sigma > 0.0, sigma, 1.0) * direction
+    turned = turn @ error / np.where(turned_sigma > 0.0, turned_sigma, 1.0)
+    names = tuple(f"{output.quantity.replace('_', ' ')} {output.axis}" for output in prepared.outputs)
     return in_words(turned / turned[np.argmax(np.abs(turned))], names)
 
 
 def _windows(prepared: Prepared, window: float) -> list[tuple[str, float]]:
     """Return names and times of the edges of windows from the start on; the last window includes the remainder."""
     t = prepared.reference.t
-    edges = t[0] + window * np.arange(int((t[-1] - t[0]) / window + 1e-9))
+    n_window = int((t[-1] - t[0]) / window + 1e-9)
+    edges = t[0] + window * np.arange(n_window)
     return [(f"{edge:g} s", float(edge)) for edge in (*edges, t[-1])]
 
 
@@ -256,44 +277,48 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
     return marks
 
 
-def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
+def _multiply(model: Any, path: tuple[str, ...], factor: float) -> Any:
     """Return a card (or a mapping or tuple of cards) with the number at a path multiplied; in every part if several."""
     if not path:
         return tuple(factor * value for value in model) if isinstance(model, tuple) else model * factor
-    head, rest = path[0], path[1:]
+    step, below = path[0], path[1:]
     if isinstance(model, dict):
-        return model | {head: _multiplied(model[head], rest, factor)}
+        return model | {step: _multiply(model[step], below, factor)}
     if isinstance(model, tuple):
-        return tuple(_multiplied(item, rest, factor) if k == int(head) else item for k, item in enumerate(model))
-    if head not in type(model).model_fields and "parts" in type(model).model_fields:
-        return model.model_copy(update={"parts": tuple(_multiplied(part, path, factor) for part in model.parts)})
-    value = getattr(model, head, None)
+        items = list(model)
+        index = int(step)
+        if index < len(items):
+            items[index] = _multiply(items[index], below, factor)
+        return tuple(items)
+    fields = type(model).model_fields
+    if step not in fields and "parts" in fields:
+        return model.model_copy(update={"parts": tuple(_multiply(item, path, factor) for item in model.parts)})
+    value = getattr(model, step, None)
     if value is None:
         return model
-    return model.model_copy(update={head: _multiplied(value, rest, factor)})
+    return model.model_copy(update={step: _multiply(value, below, factor)})
 
 
 def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
     """Return the fields of the scenario with the sigma of an error source."""
-    used = sensors_used(scenario)
-    alone = {name: [c.measurement for c in used.values()].count(card.measurement) == 1 for name, card in used.items()}
-    for name, card in used.items():
-        if source == (card.noise if alone[name] else f"{card.noise} {name}"):
-            return tuple((("sensors", name, field), 1) for field in card.noise_fields)
-        fields = [
-            error.field
-            for error in card.lasting()
-            if source == (error.source if alone[name] else f"{error.source} {name}")
-        ]
-        if fields:
-            return tuple((("sensors", name, field), 1) for field in fields)
+    sensors = sensors_used(scenario)
+    measurements = [card.measurement for card in sensors.values()]
+    for name, card in sensors.items():
+        # sources of several sensors of one measurement have the name of their sensor
+        suffix = "" if measurements.count(card.measurement) == 1 else f" {name}"
+        fields = [error.field for error in card.lasting() if source == error.source + suffix]
+        if source == card.noise + suffix:
+            fields = list(card.noise_fields)
+        elif not fields:
+            continue
+        return tuple((("sensors", name, field), 1) for field in fields)
     return fields_of(source)
 
 
 def scaled(scenario: Scenario, source: str, factor: float) -> Scenario:
     """Return the scenario with the sigma of an error source multiplied; a `matched` filter model follows."""
     for path, power in _fields(scenario, source):
-        scenario = _multiplied(scenario, path, factor**power)
+        scenario = _multiply(scenario, path, factor**power)
     return scenario
 
 
@@ -327,26 +352,34 @@ def sensitivity(
     known
         Cache of linear covariances by (source, factor), which is extended; all quantities need the same.
     """
-    known = {} if known is None else known
+    cache = {} if known is None else known
     hist = int(np.argmin(np.abs(history.t - time)))
     by_source = history.budget[hist][:, columns].sum(axis=1)
     total = by_source.sum() + np.sum(history.mean[hist, columns] ** 2)
-    chosen = [
-        k
-        for k in np.argsort(-by_source)
-        if by_source[k] >= share * by_source.sum() and _fields(scenario, history.sources[k])
-    ]
+    main = []
+    for k in np.argsort(-by_source):
+        if by_source[k] >= share * by_source.sum() and _fields(scenario, history.sources[k]):
+            main.append(k)
+    sources = tuple(history.sources[k] for k in main)
     factors = np.array(FACTORS)
-    frozen = np.sqrt(total + (factors**2 - 1.0) * by_source[chosen][:, None])
+    frozen = np.sqrt(total + (factors**2 - 1.0) * by_source[main][:, None])
     retuned = np.empty_like(frozen)
-    for row, k in enumerate(chosen):
+    for row, source in enumerate(sources):
         for column, factor in enumerate(FACTORS):
-            key = history.sources[k], factor
-            if factor != 1.0 and key not in known:
-                known[key] = covariance(prepare(scaled(scenario, *key)))
-            tuned = history if factor == 1.0 else known[key]
-            at = int(np.argmin(np.abs(tuned.t - time)))
-            retuned[row, column] = np.sqrt(np.sum(tuned.true_sigma[at, columns] ** 2 + tuned.mean[at, columns] ** 2))
+            if factor == 1.0:
+                tuned = history
+            else:
+                if (source, factor) not in cache:
+                    cache[source, factor] = covariance(prepare(scaled(scenario, source, factor)))
+                tuned = cache[source, factor]
+            tuned_hist = int(np.argmin(np.abs(tuned.t - time)))
+            squares = tuned.true_sigma[tuned_hist, columns] ** 2 + tuned.mean[tuned_hist, columns] ** 2
+            retuned[row, column] = np.sqrt(np.sum(squares))
     return SigmaSensitivity(
-        float(history.t[hist]), quantity, tuple(history.sources[k] for k in chosen), FACTORS, frozen, retuned
+        time=float(history.t[hist]),
+        quantity=quantity,
+        sources=sources,
+        factors=FACTORS,
+        frozen=frozen,
+        retuned=retuned,
     )

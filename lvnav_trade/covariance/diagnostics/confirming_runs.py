@@ -62,8 +62,9 @@ def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
 
     Tested are the mean square about the mean, by chi-square, and the largest error, by the Gaussian distribution.
     """
-    at = np.searchsorted(history.t, summary.t_event - 1e-9)
-    sigma, mean = (values[at, :N_NAV_ERROR] for values in (history.true_sigma, history.mean))
+    hist = np.searchsorted(history.t, summary.t_event - 1e-9)
+    sigma = history.true_sigma[hist, :N_NAV_ERROR]
+    mean = history.mean[hist, :N_NAV_ERROR]
     with np.errstate(divide="ignore", invalid="ignore"):
         z: Floats = (summary.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
     z = z[:, sigma > 0.0]
@@ -72,10 +73,11 @@ def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
     if not np.isfinite(z).all():
         return True  # a run failed
     n, n_row = z.shape
-    half = 0.5 * np.sum(z**2, axis=0)
-    chances = 2.0 * np.minimum(gammainc(0.5 * n, half), gammaincc(0.5 * n, half))
-    largest = n * erfc(np.abs(z).max() / np.sqrt(2.0))
-    return bool(min(chances.min(), largest) < SUSPECT / n_row)
+    half_square = 0.5 * np.sum(z**2, axis=0)
+    # two-sided levels of the chi-square test, and of the largest of n errors (Bonferroni over the n_row errors)
+    square_level = 2.0 * np.minimum(gammainc(0.5 * n, half_square), gammaincc(0.5 * n, half_square))
+    largest_level = n * erfc(np.abs(z).max() / np.sqrt(2.0))
+    return bool(min(square_level.min(), largest_level) < SUSPECT / n_row)
 
 
 class Gap(NamedTuple):
@@ -102,12 +104,10 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
     t = history.t_epoch[measured]
     usual = float(np.median(np.diff(t))) if t.size > 1 else 0.0
     before = np.concatenate([history.t[:1], t[:-1]])
-    long = t - before > max(GAP, 3.0 * usual)
-    at = np.minimum(np.searchsorted(history.t, t[long] - 1e-9), history.t.size - 1)
-    ends = history.t[at].tolist()
-    return tuple(
-        Gap(f"{AFTER_GAP}{end:g} s", begin, end) for begin, end in zip(before[long].tolist(), ends, strict=True)
-    )
+    is_gap = t - before > max(GAP, 3.0 * usual)
+    hist = np.minimum(np.searchsorted(history.t, t[is_gap] - 1e-9), history.t.size - 1)
+    begins, ends = before[is_gap].tolist(), history.t[hist].tolist()
+    return tuple(Gap(f"{AFTER_GAP}{end:g} s", begin, end) for begin, end in zip(begins, ends, strict=True))
 
 
 _ROUNDING = 1e-6  # of a sigma: filters that have used the same measurements so far differ by less
@@ -152,16 +152,15 @@ def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats
         return np.zeros((0, 4))
     named = np.where(ratio.max(axis=1) > 1.0, np.argmax(ratio, axis=1), -1)
     before = np.concatenate([np.full((len(named), 1), -1), named[:, :-1]], axis=1)
-    run, at = np.nonzero((named >= 0) & (named != before))
-    kind = np.full(run.size, float(OF_SEPARATION))
-    return np.column_stack([first_run + run, t[at], kind, channels[named[run, at]]]).astype(float)
+    run, hist = np.nonzero((named >= 0) & (named != before))
+    test = np.full(run.size, float(OF_SEPARATION))
+    return np.column_stack([first_run + run, t[hist], test, channels[named[run, hist]]]).astype(float)
 
 
 def _channels(prepared: Prepared, protection: Protection) -> Floats:
     """Return the first channel of each satellite that has a sub-filter without it."""
-    return np.array(
-        [prepared.model.n_kind * prepared.sky.names.index(name) for name in protection.satellites], dtype=float
-    )
+    satellites = [prepared.sky.names.index(name) for name in protection.satellites]
+    return prepared.model.n_kind * np.array(satellites, dtype=float)
 
 
 def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | None, seed: int) -> RunBlock:
@@ -174,12 +173,12 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
     columns, n_run = columns_of(prepared), len(runs.failed)
     ratio = np.zeros((n_run, len(protection.satellites), runs.t.size))
     for number, name in enumerate(protection.satellites):
-        other = run_block(without_satellite(prepared, prepared.sky.names.index(name)), seed, runs.first_run, n_run)
-        of_satellite = protection._replace(limits=protection.limits[number])
-        ratio[:, number] = furthest(runs.err[:, :, columns] - other.err[:, :, columns], of_satellite)
-    return runs._replace(
-        decisions=_joined(runs.decisions, alarms(ratio, runs.t, _channels(prepared, protection), runs.first_run))
-    )
+        sub_filter = without_satellite(prepared, prepared.sky.names.index(name))
+        sub_runs = run_block(sub_filter, seed, runs.first_run, n_run)
+        separation = runs.err[:, :, columns] - sub_runs.err[:, :, columns]
+        ratio[:, number] = furthest(separation, protection._replace(limits=protection.limits[number]))
+    of_runs = alarms(ratio, runs.t, _channels(prepared, protection), runs.first_run)
+    return runs._replace(decisions=_sorted_decisions(runs.decisions, of_runs))
 
 
 def with_nominal_alarms(history: CovHistory, prepared: Prepared, protection: Protection | None) -> CovHistory:
@@ -187,12 +186,11 @@ def with_nominal_alarms(history: CovHistory, prepared: Prepared, protection: Pro
     if protection is None or not protection.alarms:
         return history
     ratio = furthest(protection.apart, protection)[None]
-    return history._replace(
-        decisions=_joined(history.decisions, alarms(ratio, protection.t, _channels(prepared, protection), 0))
-    )
+    nominal = alarms(ratio, protection.t, _channels(prepared, protection), 0)
+    return history._replace(decisions=_sorted_decisions(history.decisions, nominal))
 
 
-def _joined(decisions: Floats, more: Floats) -> Floats:
-    """Return decisions sorted by run, then by time."""
-    joined = np.concatenate([decisions, more])
-    return joined[np.lexsort((joined[:, 1], joined[:, 0]))]
+def _sorted_decisions(decisions: Floats, more: Floats) -> Floats:
+    """Return two tables of decisions as one, sorted by run, then by time."""
+    table = np.concatenate([decisions, more])
+    return table[np.lexsort((table[:, 1], table[:, 0]))]

@@ -61,23 +61,30 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     seed, n_run
         Seed of the campaign, and number of runs.
     """
+    open_loop = prepared.scenario.filter.model_copy(update={"feedback": "open"})
     unaided = prepared._replace(
         model=prepared.model._replace(aided=False),
         options=Options(misses=True),
-        scenario=prepared.scenario.model_copy(
-            update={"filter": prepared.scenario.filter.model_copy(update={"feedback": "open"})}
-        ),
+        scenario=prepared.scenario.model_copy(update={"filter": open_loop}),
     )
     n_hist, n = prepared.t_hist.size, prepared.layout.n_state
-    total, squares, size = np.zeros((n_hist, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n))
+    total = np.zeros((n_hist, n))
+    products = np.zeros((n_hist, n, n))
+    squares = np.zeros((n_hist, n))
     for misses in simulated(unaided, seed, n_run):
         total += misses.missed.sum(axis=0)
-        squares += np.einsum("rhi,rhj->hij", misses.missed, misses.missed)
-        size += np.sum(misses.error**2, axis=0)
+        products += np.einsum("rhi,rhj->hij", misses.missed, misses.missed)
+        squares += np.sum(misses.error**2, axis=0)
     mean = total / n_run
-    covariance = (squares - n_run * mean[:, :, None] * mean[:, None, :]) / max(1, n_run - 1)
+    covariance = (products - n_run * mean[:, :, None] * mean[:, None, :]) / max(1, n_run - 1)
+    # the first history time has no step before it
     return StepErrors(
-        prepared.t_hist[1:], np.diff(prepared.t_hist), mean[1:], covariance[1:], np.sqrt(size / n_run)[1:], n_run
+        t=prepared.t_hist[1:],
+        seconds=np.diff(prepared.t_hist),
+        mean=mean[1:],
+        covariance=covariance[1:],
+        error=np.sqrt(squares / n_run)[1:],
+        n_run=n_run,
     )
 
 
@@ -97,9 +104,11 @@ def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until:
     variance = np.diagonal(errors.covariance, axis1=1, axis2=2) + errors.mean**2
     density = variance[in_interval].sum(axis=0) / errors.seconds[in_interval].sum()
 
-    def root(at: int) -> float:
-        return float(np.sqrt(density[at : at + 3].mean()))
-
-    by_name = {block.name: block.offset for block in prepared.layout.parameters}
-    biases = [root(by_name[name]) if name in by_name else 0.0 for name in ("gyro_bias", "accel_bias")]
-    return Densities(root(ATT), root(VEL), root(POS), *biases)
+    offsets = {"attitude": ATT, "velocity": VEL, "position": POS}
+    offsets |= {block.name: block.offset for block in prepared.layout.parameters}
+    roots = dict.fromkeys(Densities._fields, 0.0)
+    for name in Densities._fields:
+        if name in offsets:
+            first = offsets[name]
+            roots[name] = float(np.sqrt(density[first : first + 3].mean()))
+    return Densities(**roots)

@@ -13,7 +13,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import add_turned, predict
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.sensors.family import SENSORS
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
@@ -56,25 +56,19 @@ def _gather(noise, P, D, tape, schedule, true, model):
 
     P (n, n) and D (n_block, 9) are scratch. Noise after the last update is not included.
     """
-    n, count = P.shape[0], 0
+    n = P.shape[0]
+    count = 0
     P[:, :] = 0.0
     for w in range(schedule.n_tick.size):
         if schedule.n_tick[w] > 0:
-            length, at = schedule.length[w], tape.position[w]
+            length = schedule.length[w]
             seconds = model.seconds[length]
-            transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
-            add_turned(P, model.uneven, tape.sums[w], seconds)
-            predict(
-                P,
-                D,
-                true.nav_rows,
-                true.nav_columns,
-                model.decay[length],
-                model.noise[length],
-                model.clock,
-                seconds,
-            )
-            add_turned(P, model.uneven, tape.sums[w], seconds)
+            decay, q = model.decay[length], model.noise[length]
+            sums, position = tape.sums[w], tape.position[w]
+            transition.fill(D, true.nav_kinds, true.nav_drivers, sums, position[0], position[1], position[2], seconds)
+            add_turned(P, model.uneven, sums, seconds)
+            predict(P, D, true.nav_rows, true.nav_columns, decay, q, model.clock, seconds)
+            add_turned(P, model.uneven, sums, seconds)
             inject(P, model, schedule.injection[w])
         if tape.first[w + 1] > tape.first[w]:
             for i in range(n):
@@ -103,50 +97,53 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
     InputError
         If the flight has no measurement.
     """
-    true, model, n = components(prepared), prepared.model, prepared.layout.n_state
-    updates = int(np.count_nonzero(np.diff(tape.first) > 0))
-    if not updates:
+    n_update = int(np.count_nonzero(np.diff(tape.first) > 0))
+    if not n_update:
         raise InputError("covariance.error_bound: the filter uses no measurement on this trajectory")
-    noise = np.zeros((updates, n, n))
-    _gather(
-        noise,
-        np.zeros((n, n)),
-        np.zeros((true.nav_rows.size, 9)),
-        tape,
-        prepared.schedule,
-        true,
-        model,
-    )
     states = np.array(prepared.layout.reported)
-    noise, n = noise[:, states[:, None], states], states.size
-    Q = noise[1:] if updates > 1 else noise  # the time before the first update may be shorter than an interval
-    scale = initial_spread(prepared.start.P[np.ix_(states, states)])[0]
+    noise = _interval_noise(prepared, tape, n_update)[:, states[:, None], states]
+    Q = noise[1:] if n_update > 1 else noise  # the time before the first update may be shorter than an interval
+    scale, _ = initial_spread(prepared.start.P[np.ix_(states, states)])
     safe = np.where(scale > 0.0, scale, 1.0)
     Q = Q / np.outer(safe, safe)
-    root = np.sqrt(np.einsum("kii->ki", Q))
-    unit = np.where(root > 0.0, root, 1.0)
-    ranks = np.sum(np.linalg.eigvalsh(Q / (unit[:, :, None] * unit[:, None, :])) > FLOOR, axis=1)
     values, vectors = np.linalg.eigh(Q)
-    worst = int(np.argmin(values[:, 0]))
-    direction = vectors[worst, :, 0]
+    weakest = vectors[int(np.argmin(values[:, 0])), :, 0]
     return ErrorBound(
-        int(ranks.min()),
-        n,
-        max(0.0, float(values[:, 0].min())),
-        float(values[:, -1].max()),
-        direction / direction[np.argmax(np.abs(direction))],
-        _rows(prepared, tape),
+        rank=int(_ranks(Q).min()),
+        states=states.size,
+        low=max(0.0, float(values[:, 0].min())),
+        high=float(values[:, -1].max()),
+        weakest=weakest / weakest[np.argmax(np.abs(weakest))],
+        rows=_noise_bounds(prepared, tape),
     )
 
 
-def _rows(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:
+def _interval_noise(prepared: Prepared, tape: UpdateTape, n_update: int) -> Floats:
+    """Return the process noise between successive updates, (n_update, n, n)."""
+    n, true = prepared.layout.n_state, components(prepared)
+    noise = np.zeros((n_update, n, n))
+    P, D = np.zeros((n, n)), np.zeros((true.nav_rows.size, 9))
+    _gather(noise, P, D, tape, prepared.schedule, true, prepared.model)
+    return noise
+
+
+def _ranks(Q: Floats) -> Ints:
+    """Return the ranks (n_interval,) of the correlation matrices of noise Q (n_interval, n, n)."""
+    sigma = np.sqrt(np.einsum("kii->ki", Q))
+    safe = np.where(sigma > 0.0, sigma, 1.0)
+    correlation = Q / (safe[:, :, None] * safe[:, None, :])
+    return np.asarray(np.sum(np.linalg.eigvalsh(correlation) > FLOOR, axis=1))
+
+
+def _noise_bounds(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:
     """Return unit, smallest and largest one-sigma of the noise of all processed measurements, by unit."""
-    used = int(tape.used[0])
-    epoch, channel = tape.epoch[:used], tape.channel[:used]
+    n_update = int(tape.used[0])
+    epoch, channel = tape.epoch[:n_update], tape.channel[:n_update]
     sigma = np.sqrt(prepared.signals.variance[epoch, channel])
-    units = np.array([_UNITS.get(kind, "m/s") for kind in prepared.model.row_type[channel].tolist()])
-    return tuple(
-        (unit, float(sigma[units == unit].min()), float(sigma[units == unit].max()))
-        for unit in dict.fromkeys(("m", "m/s", *units.tolist()))
-        if np.any(units == unit)
-    )
+    units = np.array([_UNITS.get(row_type, "m/s") for row_type in prepared.model.row_type[channel].tolist()])
+    bounds = []
+    for unit in dict.fromkeys(("m", "m/s", *units.tolist())):
+        of_unit = sigma[units == unit]
+        if of_unit.size:
+            bounds.append((unit, float(of_unit.min()), float(of_unit.max())))
+    return tuple(bounds)

@@ -64,17 +64,18 @@ def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
 
 def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuTruth:
     """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion."""
-    unit, none = prepared.unit, np.zeros((n_tick, 3))
+    unit = prepared.unit
+    no_motion = np.zeros((n_tick, 3))
     blocks = unit.sensors // 2 == triad
     names = ("sigma", "decay", "walk", "sources", "drivers")
     parameters = {name: getattr(unit, name)[: blocks.size][blocks] for name in names}
-    empty = {name: getattr(unit, name)[:0] for name in ImuTruth._fields if name.startswith("profile")}
+    no_profiles = {name: getattr(unit, name)[:0] for name in ImuTruth._fields if name.startswith("profile")}
     return unit._replace(
         **parameters,
-        **empty,
+        **no_profiles,
         sensors=unit.sensors[blocks] % 2,
-        dtheta=none,
-        dvel=none,
+        dtheta=no_motion,
+        dvel=no_motion,
         gravity=-1,
         drifting=True,
         white=white_of(card, unit.dt),
@@ -85,19 +86,20 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuT
 def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
     """Return the output of an IMU of a case at rest, as means over its process steps, (n_mean, 6) rad/s and m/s^2."""
     unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
-    n_block, out = max(1, len(unit.sigma)), np.zeros((n_mean, 6))
+    n_block = max(1, len(unit.sigma))
     work = _Work(
-        np.zeros(1, dtype=np.uint64),
-        np.zeros(10),
-        np.zeros((n_block, 3)),
-        np.zeros((2, processes.N_TABLE)),
-        np.zeros((unit.process_ticks, 6)),
-        np.zeros(6),
+        run=np.zeros(1, dtype=np.uint64),
+        nav=np.zeros(10),
+        true_par=np.zeros((n_block, 3)),
+        true_tables=np.zeros((2, processes.N_TABLE)),
+        increments=np.zeros((unit.process_ticks, 6)),
+        remainder=np.zeros(6),
     )
     words = seed_words(seed)
     processes.start(work.true_par, unit.sigma, unit.sources, *words, work.run[0])
-    _collect(out, work, unit, unit.process_ticks, words)
-    return out
+    means = np.zeros((n_mean, 6))
+    _collect(means, work, unit, unit.process_ticks, words)
+    return means
 
 
 def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
@@ -126,23 +128,40 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
 
     seconds : length of the stream; empty if it is too short for one averaging time
     """
-    imu, dt = prepared.scenario.imu, prepared.unit.dt * prepared.unit.process_ticks
+    dt = prepared.unit.dt * prepared.unit.process_ticks
     n_mean = math.floor(seconds / dt)
-    most = n_mean // _LEAST
-    if most < 1:
+    longest = n_mean // _LEAST
+    if longest < 1:
         return ()
-    count = max(2, math.ceil(_PER_DECADE * math.log10(max(most, 2))))
-    factors = np.unique(np.rint(np.geomspace(1, most, count)).astype(np.int64)).tolist()
-    tau, curves = dt * np.array(factors, dtype=float), []
-    owners = (
-        [(0, imu, "")]
-        if isinstance(imu, ImuCard)
-        else [(k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))]
-    )
-    for triad, card, name in owners:
+    count = max(2, math.ceil(_PER_DECADE * math.log10(max(longest, 2))))
+    factors = np.unique(np.rint(np.geomspace(1, longest, count)).astype(np.int64)).tolist()
+    tau = dt * np.array(factors, dtype=float)
+    curves = []
+    for triad, card, name in _triad_cards(prepared):
         means = stream_at_rest(prepared, triad, card, n_mean, seed)
-        for first, label, sensor, unit in ((0, "gyro", card.gyro, "rad/s"), (3, "accelerometer", card.accel, "m/s^2")):
-            deviation = np.sqrt(np.mean(allan.overlapping(means[:, first : first + 3], dt, factors) ** 2, axis=1))
-            parts = by_card(sensor, tau)
-            curves.append(Curve(f"{name}{label}", unit, tau, deviation, allan.together(*parts), *parts))
+        for columns, label, sensor, unit in (
+            (slice(0, 3), "gyro", card.gyro, "rad/s"),
+            (slice(3, 6), "accelerometer", card.accel, "m/s^2"),
+        ):
+            by_axis = allan.overlapping(means[:, columns], dt, factors)
+            white, instability, walk = by_card(sensor, tau)
+            curve = Curve(
+                sensor=f"{name}{label}",
+                unit=unit,
+                tau=tau,
+                stream=np.sqrt(np.mean(by_axis**2, axis=1)),
+                card=allan.together(white, instability, walk),
+                white=white,
+                instability=instability,
+                walk=walk,
+            )
+            curves.append(curve)
     return tuple(curves)
+
+
+def _triad_cards(prepared: Prepared) -> list[tuple[int, ImuCard, str]]:
+    """Return number, card and prefix of the name of every triad of IMU axes."""
+    imu = prepared.scenario.imu
+    if isinstance(imu, ImuCard):
+        return [(0, imu, "")]
+    return [(k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))]

@@ -1,132 +1,33 @@
-"""Nonlinearity of the navigation at the errors of linear covariance: an estimate with a known error, and its size.
+"""Nonlinearity of the navigation at the errors of linear covariance.
 
-The error is truth minus estimate, states in storage order, frame i.
+Errors are truth minus estimate, states in storage order, frame i.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.covariance.diagnostics.perturbed_estimate import (
+    compensated,
+    increments,
+    inputs,
+    navigation_at,
+    place,
+    place_previous_epoch,
+    tick_at,
+)
 from lvnav_trade.covariance.history import turns
-from lvnav_trade.covariance.workspace import Nominal, new_nominal, new_nominal_previous_epoch
-from lvnav_trade.filter.ekf import channel_of, fill_receiver, place_antenna
-from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, is_present, store_estimate
+from lvnav_trade.covariance.workspace import Nominal, new_nominal
+from lvnav_trade.filter.ekf import channel_of, fill_receiver
+from lvnav_trade.filter.policies.epoch_differences import is_present
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
+from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate
-from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
+from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.simulation.preparation.prepare import Prepared
-
-_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
-
-
-def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) with error d (n_state,).
-
-    q, v, r : (4,), (3,) m/s, (3,) m. True attitude, velocity and position, frame i.
-    """
-    turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
-    return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
-
-
-def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) with error d at a tick."""
-    reference = prepared.reference
-    return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
-
-
-class Inputs(NamedTuple):
-    """True increments of some ticks, and drivers of IMU parameters.
-
-    true : (n_tick, 6) rad, m/s. True increments, body axes.
-    sensors : For gyro and accelerometer: columns of the increments, states (n, 3) of its parameters by kind and axis,
-        drivers (n, n_tick, 3).
-    dt : s. Tick.
-    """
-
-    true: Floats
-    sensors: tuple[tuple[slice, Any, Floats], ...]
-    dt: float
-
-
-def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
-    """Return the inputs of some ticks; they do not depend on the error of the estimate."""
-    ticks, dt = slice(first, first + n_tick), prepared.unit.dt
-    true, sensors = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]]), []
-    for sensor, columns, other_columns in ((GYRO, slice(0, 3), slice(3, 6)), (ACCEL, slice(3, 6), slice(0, 3))):
-        blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
-        if blocks:
-            drivers = [
-                _driver(block.driver, *(true[:, columns] / dt).T, *(true[:, other_columns] / dt).T) for block in blocks
-            ]
-            states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
-            sensors.append((columns, states, np.stack([np.stack(axes, axis=1) for axes in drivers])))
-    return Inputs(true, tuple(sensors), dt)
-
-
-def compensated(inputs: Inputs, d: Floats) -> Floats:
-    """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
-    result = inputs.true.copy()
-    for columns, states, drivers in inputs.sensors:
-        terms = drivers * d[states][:, None] * inputs.dt
-        result[:, columns] = np.add.reduce(np.concatenate([inputs.true[None, :, columns], terms]))  # in this order
-    return result
-
-
-def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
-    """Return increments (n_tick, 6) of some ticks, compensated with parameters in error by d."""
-    return compensated(inputs(prepared, first, n_tick), d)
-
-
-def tick_at(prepared: Prepared, time: float) -> int:
-    """Return the tick nearest to a time (s)."""
-    return int(np.argmin(np.abs(prepared.reference.t - time)))
-
-
-def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
-    """Set the estimate in `work` to the truth minus an error.
-
-    Parameters
-    ----------
-    prepared
-        Prepared case.
-    work
-        Arrays of the nominal run; navigation state, increments, clock, extra states and antennas are set.
-    epoch
-        Epoch, whose antennas are placed.
-    d
-        (n_state,) SI. Error, truth minus estimate.
-    time
-        s since lift-off. Time of the truth; None: that of the epoch.
-    """
-    model = prepared.model
-    tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
-    work.nav[:] = navigation_at(prepared, tick, d)
-    work.previous[:] = increments(prepared, max(0, tick - 1), 1, d)[0]
-    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
-    for extra, offset in enumerate(model.extra_offset):
-        work.extra[extra] = -d[offset]
-    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
-
-
-def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
-    """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
-
-    None without differences of two epochs. The navigation state of `work` is changed.
-    """
-    delayed, model = prepared.options.delayed, prepared.model
-    previous_epoch = new_nominal_previous_epoch(prepared)
-    if delayed is None or previous_epoch is None:
-        return None
-    error = np.zeros_like(d)
-    error[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
-    place(prepared, work, max(0, epoch - 1), error)
-    store_estimate(work, previous_epoch, None, None, delayed, model, epoch)
-    return previous_epoch
-
 
 Windows = list[tuple[int, int, Floats]]
 _PIECES = 60
@@ -178,18 +79,43 @@ def nonlinearity(
     directions = scale * _factor(true)
     start = _start_tick(prepared, time)
     windows = _windows(prepared, start) if end is None else _pieces(prepared, time, end)
-    linear = _linear(prepared, start, directions, windows)
-    plus, minus = (_propagated(prepared, start, sign * directions, windows) for sign in (1.0, -1.0))
+    linear = _linear_errors(prepared, start, directions, windows)
+    plus = _strapdown_errors(prepared, start, directions, windows)
+    minus = _strapdown_errors(prepared, start, -directions, windows)
     if end is not None:  # the measurement at the end of the gap sees the grown errors
-        formal, true = _covariances(prepared, history, max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1))
+        last = max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1)
+        formal, true = _covariances(prepared, history, last)
         directions, time = scale * _factor(true), end
+    first_order, second_order = _orders(plus, minus, linear, formal)
+    rows = _row_nonlinearity(prepared, time, directions, formal)
+    return Nonlinearity(
+        time=time,
+        motion=float(second_order.max()) / scale,
+        state=int(np.argmax(second_order)) % second_order.shape[1],
+        transition=float(first_order.max()) / scale,
+        rows=rows / scale,
+    )
+
+
+def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tuple[Floats, Floats]:
+    """Return the deviation of the first-order part from a linear propagation, and the second-order part, (n, 9).
+
+    Both are in formal sigmas, zero for a state without.
+
+    Parameters
+    ----------
+    plus, minus
+        (n, 9) SI. Propagated errors of both signs.
+    linear
+        (n, n_state) SI. Errors by the filter's transition.
+    formal
+        (n_state, n_state) SI squared. Formal covariance.
+    """
     sigma = np.sqrt(np.diag(formal))[:9]
-    sound = np.where(sigma > 0.0, sigma, np.inf)
-    second = np.abs(plus + minus) / 2.0 / sound
-    first = np.abs((plus - minus) / 2.0 - linear[:, :9]) / sound
-    worst = int(np.argmax(second)) % second.shape[1]
-    rows = _rows(prepared, time, directions, formal)
-    return Nonlinearity(time, float(second.max()) / scale, worst, float(first.max()) / scale, rows / scale)
+    sigma = np.where(sigma > 0.0, sigma, np.inf)
+    second_order = np.abs(plus + minus) / 2.0 / sigma
+    first_order = np.abs((plus - minus) / 2.0 - linear[:, :9]) / sigma
+    return first_order, second_order
 
 
 def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float) -> Nonlinearity:
@@ -202,38 +128,48 @@ def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float)
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     time = float(prepared.t_hist[hist])
-    steps, pieces = _steps(prepared, time), _pieces(prepared, float(prepared.t_hist[0]), time)
-    directions = _factor(_covariances(prepared, history, 0)[1])
-    distance = _linear(prepared, 0, directions, steps)
-    plus, minus = (_propagated(prepared, 0, sign * directions, pieces) for sign in (1.0, -1.0))
+    pieces = _pieces(prepared, float(prepared.t_hist[0]), time)
+    _, initial = _covariances(prepared, history, 0)
+    directions = _factor(initial)
+    distance = _linear_errors(prepared, 0, directions, _steps(prepared, time))
+    plus = _strapdown_errors(prepared, 0, directions, pieces)
+    minus = _strapdown_errors(prepared, 0, -directions, pieces)
     formal, _ = _covariances(prepared, history, hist)
-    sigma = np.sqrt(np.diag(formal))[:9]
-    sound = np.where(sigma > 0.0, sigma, np.inf)
-    second = np.abs(plus + minus) / 2.0 / sound
-    first = np.abs((plus - minus) / 2.0 - distance[:, :9]) / sound
-    worst = int(np.argmax(second)) % second.shape[1]
-    rows = _rows(prepared, time, distance, formal, noise=0.0)
-    return Nonlinearity(time, float(second.max()), worst, float(first.max()), rows)
+    first_order, second_order = _orders(plus, minus, distance, formal)
+    return Nonlinearity(
+        time=time,
+        motion=float(second_order.max()),
+        state=int(np.argmax(second_order)) % second_order.shape[1],
+        transition=float(first_order.max()),
+        rows=_row_nonlinearity(prepared, time, distance, formal, noise=0.0),
+    )
 
 
 def _steps(prepared: Prepared, end: float) -> Windows:
     """Return the covariance steps from the start of the flight to a time (s)."""
-    step = _ticks(prepared)[1]
-    decay = prepared.model.decay[int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))]
+    _, step = _ticks(prepared)
+    decay = _decay(prepared, step)
     return [(first, step, decay) for first in range(0, tick_at(prepared, end) - step + 1, step)]
+
+
+def _decay(prepared: Prepared, n_tick: int) -> Floats:
+    """Return the decay factors (n_state,) of the window length closest to a number of ticks."""
+    return prepared.model.decay[int(np.argmin(np.abs(prepared.lengths - n_tick * prepared.unit.dt)))]
 
 
 def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
     """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
     turn, layout = turns(prepared)[hist], prepared.layout
     states = slice(0, len(turn))  # further outputs are not states
-    formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
+    formal = turn.T @ history.formal_cov[hist, states, states] @ turn
+    true = turn.T @ history.true_cov[hist, states, states] @ turn
     if not layout.n_delayed:
         return formal, true
-    whole = np.zeros((layout.n_state, len(turn)))  # clones equal their states, noise states of an epoch are zero
-    whole[layout.reported, range(len(turn))] = 1.0
-    whole[layout.clone : layout.clone + len(layout.cloned)] = whole[list(layout.cloned)]
-    return whole @ formal @ whole.T, whole @ true @ whole.T
+    # all states from the reported ones: clones equal their states, noise states of an epoch are zero
+    selection = np.zeros((layout.n_state, len(turn)))
+    selection[layout.reported, range(len(turn))] = 1.0
+    selection[layout.clone : layout.clone + len(layout.cloned)] = selection[list(layout.cloned)]
+    return selection @ formal @ selection.T, selection @ true @ selection.T
 
 
 def _factor(covariance: Floats) -> Floats:
@@ -250,78 +186,92 @@ def _factor(covariance: Floats) -> Floats:
 def _ticks(prepared: Prepared) -> tuple[int, int]:
     """Return the ticks of one update interval and of one covariance step."""
     card, rate = prepared.scenario.filter, prepared.scenario.imu.rate
-    return max(1, round(rate / card.update_rate)), max(1, round(rate / card.covariance_rate))
+    interval = max(1, round(rate / card.update_rate))
+    step = max(1, round(rate / card.covariance_rate))
+    return interval, step
 
 
 def _start_tick(prepared: Prepared, time: float) -> int:
     """Return the tick at a time, or the last from which an update interval remains."""
-    return max(0, min(tick_at(prepared, time), prepared.reference.t.size - 1 - _ticks(prepared)[0]))
+    interval, _ = _ticks(prepared)
+    last = prepared.reference.t.size - 1 - interval
+    return max(0, min(tick_at(prepared, time), last))
 
 
 def _windows(prepared: Prepared, start: int) -> Windows:
     """Return (first tick, ticks, decay of every state) of the covariance steps of one update interval."""
     interval, step = _ticks(prepared)
-    length = int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))
-    decay = prepared.model.decay[length]
+    decay = _decay(prepared, step)
     return [(first, step, decay) for first in range(start, start + interval - step + 1, step)]
 
 
 def _pieces(prepared: Prepared, begin: float, end: float) -> Windows:
     """Return the windows of a gap as `_windows` does, in at most `_PIECES` pieces of whole covariance steps."""
-    step, t = _ticks(prepared)[1], prepared.reference.t
-    first, last = (int(np.argmin(np.abs(t - time))) for time in (begin, end))
-    steps = max(1, (min(last, t.size - 1) - first) // step)
-    size = -(-steps // _PIECES)
-    decay = prepared.model.decay[int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))]
-    return [
-        (first + step * k, step * min(size, steps - k), decay ** min(size, steps - k)) for k in range(0, steps, size)
-    ]
+    _, step = _ticks(prepared)
+    first = tick_at(prepared, begin)
+    last = min(tick_at(prepared, end), prepared.reference.t.size - 1)
+    n_step = max(1, (last - first) // step)
+    n_in_piece = -(-n_step // _PIECES)  # rounded up
+    decay = _decay(prepared, step)
+    pieces = []
+    for k in range(0, n_step, n_in_piece):
+        n = min(n_in_piece, n_step - k)
+        pieces.append((first + step * k, step * n, decay**n))
+    return pieces
 
 
-def _propagated(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
+def _strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
     """Return the navigation errors (n, 9) at the end of the windows for initial errors (n, n_state), by the strapdown.
 
     The error-free flight and the drivers of IMU parameters are computed once.
     """
-    none, sums = np.zeros(errors.shape[1]), np.zeros(N_SUM)
+    sums = np.zeros(N_SUM)
     algorithm, dt = full_rate(prepared.model.strapdown.gravity), prepared.unit.dt
     legs = [(inputs(prepared, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
-    before = inputs(prepared, max(0, start - 1), 1).true[0]
+    increments_before = inputs(prepared, max(0, start - 1), 1).true[0]
 
     def integrate(d: Floats) -> Floats:
-        nav, previous, parameters = navigation_at(prepared, start, d), before.copy(), d
+        nav = navigation_at(prepared, start, d)
+        previous = increments_before.copy()
+        parameters = d
         for ticks, n_tick, decay in legs:
             mechanise(nav, sums, previous, compensated(ticks, parameters), n_tick, dt, algorithm, 0.0)
             parameters = decay * parameters
         return nav
 
-    exact, results = integrate(none), []
-    for d in errors:
+    exact = integrate(np.zeros(errors.shape[1]))
+    results = np.empty((len(errors), 9))
+    for result, d in zip(results, errors, strict=True):
         nav = integrate(d)
-        turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
-        results.append(np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]]))
-    return np.array(results)
+        result[ATT : ATT + 3] = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
+        result[VEL : VEL + 3] = exact[V : V + 3] - nav[V : V + 3]
+        result[POS : POS + 3] = exact[R : R + 3] - nav[R : R + 3]
+    return results
 
 
-def _linear(prepared: Prepared, start: int, directions: Floats, windows: Windows) -> Floats:
+def _linear_errors(prepared: Prepared, start: int, directions: Floats, windows: Windows) -> Floats:
     """Return the errors (n, n_state) at the end of the windows for initial errors (n, n_state), by the filter's
     transition.
     """
     model, dt = prepared.model, prepared.unit.dt
-    none = np.zeros(directions.shape[1])
-    nav, sums = navigation_at(prepared, start, none), np.zeros(N_SUM)
-    previous, errors = np.zeros(6), directions.copy()
-    blocks, algorithm = np.zeros((model.block_rows.size, 9)), full_rate(model.strapdown.gravity)
+    no_error = np.zeros(directions.shape[1])
+    nav = navigation_at(prepared, start, no_error)
+    sums, previous = np.zeros(N_SUM), np.zeros(6)
+    errors = directions.copy()
+    blocks = np.zeros((model.block_rows.size, 9))
+    algorithm = full_rate(model.strapdown.gravity)
     for first, n_tick, decay in windows:
-        mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, algorithm, 0.0)
+        true_increments = increments(prepared, first, n_tick, no_error)
+        mechanise(nav, sums, previous, true_increments, n_tick, dt, algorithm, 0.0)
         seconds = n_tick * dt
-        transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
+        x, y, z = nav[R : R + 3]
+        transition.fill(blocks, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
         for error in errors:
             apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
     return errors
 
 
-def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
+def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
     """Return the largest second-order part of a measurement at the nearest epoch, in sigmas of its innovation.
 
     noise : factor on the noise variance; 0: in sigmas of the prediction
@@ -330,42 +280,50 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats, n
     if not model.n_receiver or not prepared.t_epoch.size:
         return float("nan")
     epoch = int(np.argmin(np.abs(prepared.t_epoch - time)))
-    used = int(prepared.signals.n_used[epoch])
-    if used == 0 or (not model.tight and used < 4) or not _present(prepared, epoch):
+    n_satellite = int(prepared.signals.n_used[epoch])
+    least = 1 if model.tight else 4  # a receiver's solution needs four
+    if n_satellite < least or not _present_rows(prepared, epoch):
         return float("nan")
     work = new_nominal(prepared)
-    expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
+    exact = _predicted_rows(prepared, work, epoch, np.zeros(directions.shape[1]))
     sigma = _innovation_sigma(prepared, work, epoch, formal, noise)
-    bent = [
-        _predicted(prepared, work, epoch, d) + _predicted(prepared, work, epoch, -d) - 2.0 * expected
-        for d in directions
-    ]
-    return float(np.max(np.abs(bent) / 2.0 / sigma))
+    second_differences = []
+    for d in directions:
+        plus = _predicted_rows(prepared, work, epoch, d)
+        minus = _predicted_rows(prepared, work, epoch, -d)
+        second_differences.append(plus + minus - 2.0 * exact)
+    return float(np.max(np.abs(second_differences) / 2.0 / sigma))
 
 
-def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
+def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
     """Return minus the predicted measurements of an epoch, by an estimate in error by d, up to a constant."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     previous_epoch = place_previous_epoch(prepared, work, epoch, d)
     place(prepared, work, epoch, d)
     fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
-    return work.z[_present(prepared, epoch)]
+    return work.z[_present_rows(prepared, epoch)]
 
 
-def _present(prepared: Prepared, epoch: int) -> list[int]:
+def _present_rows(prepared: Prepared, epoch: int) -> list[int]:
     """Return the receiver rows that the filter processes at an epoch."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
-    return [row for row in range(n_row) if is_present(delayed, model, epoch, channel_of(model, signals, epoch, row))]
+    rows = []
+    for row in range(n_row):
+        if is_present(delayed, model, epoch, channel_of(model, signals, epoch, row)):
+            rows.append(row)
+    return rows
 
 
 def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
     """Return the formal sigma of the innovations of the rows in `work`; noise: factor on the noise variance."""
-    model, signals, sigma = prepared.model, prepared.signals, []
-    for row in _present(prepared, epoch):
+    model, signals = prepared.model, prepared.signals
+    sigma = []
+    for row in _present_rows(prepared, epoch):
         channel = channel_of(model, signals, epoch, row)
         n = model.n_entry[channel]
         h = np.zeros(prepared.layout.n_state)
         h[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
-        sigma.append(np.sqrt(h @ formal @ h + noise * signals.variance[epoch, channel]))
+        variance = h @ formal @ h + noise * signals.variance[epoch, channel]
+        sigma.append(np.sqrt(variance))
     return np.array(sigma)

@@ -57,7 +57,8 @@ def fold(triangle, row):
         if row[k] == 0.0:
             continue
         size = np.sqrt(triangle[k, k] ** 2 + row[k] ** 2)
-        c, s = triangle[k, k] / size, row[k] / size
+        c = triangle[k, k] / size
+        s = row[k] / size
         for j in range(k, n):
             above = triangle[k, j]
             triangle[k, j] = c * above + s * row[j]
@@ -99,7 +100,8 @@ class _Folding(NamedTuple):
 @jit
 def _fold_samples(folding, samples, first, n_tick):
     """Add the rows of the IMU samples of a window, and propagate the transition; return the number of rows."""
-    vehicle, phi, h, row = samples.vehicle, folding.phi, folding.h, folding.row
+    vehicle = samples.vehicle
+    phi, h, row = folding.phi, folding.h, folding.row
     n = phi.shape[0]
     for tick in range(first, first + n_tick):
         fill_samples(h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
@@ -174,15 +176,17 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
     extra_offset : (n_extra,) state of each extra state
     first_window, last_window : windows of the interval
     """
-    phi, n, count = folding.phi, folding.phi.shape[0], 0
+    phi = folding.phi
+    n = phi.shape[0]
+    count = 0
     block_rows, block_columns, kinds, drivers = rows.blocks
     for w in range(first_window, last_window + 1):
         if rows.n_tick[w] > 0:
             if samples is not None:
                 count += _fold_samples(folding, samples, rows.first_tick[w], rows.n_tick[w])
-            at = rows.position[w]
+            x, y, z = rows.position[w, 0], rows.position[w, 1], rows.position[w, 2]
             seconds, decay = rows.seconds[rows.length[w]], rows.decay[rows.length[w]]
-            transition.fill(folding.blocks, kinds, drivers, rows.sums[w], at[0], at[1], at[2], seconds)
+            transition.fill(folding.blocks, kinds, drivers, rows.sums[w], x, y, z, seconds)
             for j in range(n):
                 apply_phi(phi[j], folding.blocks, block_rows, block_columns, decay, rows.clock, seconds)
         for row in range(rows.first[w], rows.first[w + 1]):
@@ -202,9 +206,10 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
 def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _ObservabilityArrays:
     """Return the arrays of a case and its forward pass from which observability is computed."""
     schedule, model, signals = prepared.schedule, prepared.model, prepared.signals
-    used = slice(0, int(tape.used[0]))
-    whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
-    variance = np.where(whitened, 1.0, _variances(prepared)[tape.epoch[used], tape.channel[used]])
+    n_update = int(tape.used[0])
+    epoch, channel = tape.epoch[:n_update], tape.channel[:n_update]
+    is_whitened = model.has_covariance & (channel < signals.n_receiver)
+    variance = np.where(is_whitened, 1.0, _variances(prepared)[epoch, channel])
     return _ObservabilityArrays(
         first_tick=schedule.first_tick,
         n_tick=schedule.n_tick,
@@ -237,7 +242,7 @@ def _begin_epoch(phi, delayed, extra_offset, epoch):
             phi[j, delayed.clone + c] = phi[j, delayed.cloned[c]]
 
 
-def _folded(prepared: Prepared, rows: _ObservabilityArrays, first: int, last: int) -> tuple[int, Floats]:
+def _triangular_factor(prepared: Prepared, rows: _ObservabilityArrays, first: int, last: int) -> tuple[int, Floats]:
     """Return the number of rows of the windows from first to last, and their triangular factor (n, n)."""
     n, vehicle, delayed = prepared.layout.n_state, prepared.options.vehicle, prepared.options.delayed
     folding = _Folding(
@@ -250,26 +255,35 @@ def _folded(prepared: Prepared, rows: _ObservabilityArrays, first: int, last: in
     )
     phi = folding.phi
     for clone, state in enumerate(prepared.layout.cloned, start=prepared.layout.clone):
-        phi[clone, clone], phi[state, clone] = 0.0, 1.0  # row j of phi is the column of Phi that belongs to state j
+        # a clone begins as a copy of its state; row j of phi is the column of Phi that belongs to state j
+        phi[clone, clone] = 0.0
+        phi[state, clone] = 1.0
     samples = None if vehicle is None else _Samples(prepared.unit.dt, vehicle, prepared.reference)
     count = _gather(folding, rows, samples, delayed, prepared.model.extra_offset, first, last)
     return count, folding.triangle
 
 
-def _stretch(prepared: Prepared, rows: _ObservabilityArrays, start: float, end: float) -> ObservabilityInterval:
+def _interval(prepared: Prepared, rows: _ObservabilityArrays, start: float, end: float) -> ObservabilityInterval:
     """Return the observability over the windows that end between start and end (s since lift-off)."""
     schedule, states = prepared.schedule, np.array(prepared.layout.reported)
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
-    inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
-    count, triangle = _folded(prepared, rows, int(inside[0]), int(inside[-1]))
+    windows = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
+    count, triangle = _triangular_factor(prepared, rows, int(windows[0]), int(windows[-1]))
     scale, root = initial_spread(prepared.start.P[np.ix_(states, states)])
     uncertain = scale > 0.0  # a state without initial sigma is known exactly, not unobservable
     root = root[np.ix_(uncertain, uncertain)]
-    singular, vectors = decompose((triangle[:, states] * scale)[:, uncertain] @ root, root)
+    scaled = (triangle[:, states] * scale)[:, uncertain] @ root
+    singular, vectors = decompose(scaled, root)
     directions = np.zeros((singular.size, states.size))
     directions[:, uncertain] = vectors
     return ObservabilityInterval(
-        start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions
+        start=start,
+        end=end,
+        rank=int(np.sum(singular > TOLERANCE)),
+        singular=singular,
+        weakest=directions[-1],
+        rows=count,
+        directions=directions,
     )
 
 
@@ -278,7 +292,8 @@ def _variances(prepared: Prepared) -> Floats:
 
     If the noise of a difference is a state of the filter, its variance is added as if it were white.
     """
-    variance, delayed, first = prepared.signals.variance, prepared.options.delayed, 0
+    variance, delayed = prepared.signals.variance, prepared.options.delayed
+    first = 0
     for block in prepared.layout.extras:
         if delayed is not None and block.name in NOISE_STATES.values():
             channels = np.flatnonzero(block.member >= 0)
@@ -297,14 +312,16 @@ def initial_spread(P: Floats) -> tuple[Floats, Floats]:
     scale = np.sqrt(np.diag(P))
     safe = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(P / np.outer(safe, safe))
-    return scale, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    return scale, root
 
 
 def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
     """Return the singular values (n,), descending, and their directions (n, n) in initial sigmas, largest entry 1."""
-    _, singular, turned = np.linalg.svd(scaled)
-    directions = turned @ root.T
-    return singular, directions / np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], 1)
+    _, singular, right = np.linalg.svd(scaled)
+    directions = right @ root.T
+    largest = np.argmax(np.abs(directions), axis=1)
+    return singular, directions / np.take_along_axis(directions, largest[:, None], axis=1)
 
 
 def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = None) -> list[ObservabilityInterval]:
@@ -322,11 +339,11 @@ def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = N
     rows = _rows(prepared, components(prepared), tape or forward_tape(prepared))
     t = prepared.reference.t
     marks = np.unique(np.clip(edges, t[0], t[-1]))
-    return [_stretch(prepared, rows, float(a), float(b)) for a, b in pairwise(marks)]
+    return [_interval(prepared, rows, float(start), float(end)) for start, end in pairwise(marks)]
 
 
 def in_words(direction: Floats, names: tuple[str, ...], threshold: float = 0.3) -> str:
     """Return a direction of the state space in words: its entries above a threshold, largest first."""
     order = np.argsort(-np.abs(direction))
-    parts = [f"{direction[i]:+.2f} {names[i]}" for i in order if abs(direction[i]) >= threshold]
-    return ", ".join(parts)
+    entries = [f"{direction[i]:+.2f} {names[i]}" for i in order if abs(direction[i]) >= threshold]
+    return ", ".join(entries)

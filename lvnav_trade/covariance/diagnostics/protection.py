@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.quantities.records import CovHistory, Floats, ProtectionRisks
+from lvnav_trade.quantities.records import CovHistory, Floats, Ints, ProtectionRisks
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
@@ -37,7 +37,7 @@ class Protection(NamedTuple):
     sigma: Floats
     fault_free: Floats
     level: Floats
-    worst: Floats
+    worst: Ints
     satellites: tuple[str, ...]
     limits: Floats
     apart: Floats
@@ -47,7 +47,8 @@ class Protection(NamedTuple):
 def exceedance_probability(size: Floats, sigma: Floats) -> Floats:
     """Return the probability that the magnitude of a centred Gaussian exceeds a size."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-np.where(sigma > 0.0, size / sigma, np.inf))))
+        ratio = np.where(sigma > 0.0, size / sigma, np.inf)
+        return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-ratio)))
 
 
 def quantile(probability: float) -> float:
@@ -84,16 +85,19 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
     risk, prior
         Integrity risk, and prior probability that a satellite has failed.
     """
+    # at this bound every probability of the sum is at most its share of the risk
     reach = quantile(risk / (1.0 + prior * len(without)))
-    low, high = np.zeros(sigma.shape), reach * sigma
+    low = np.zeros(sigma.shape)
+    high = reach * sigma
     if len(without):
         high = np.maximum(high, np.max(limits + reach * without, axis=0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        total = exceedance_probability(middle, sigma) + prior * np.sum(
-            exceedance_probability(middle - limits, without), axis=0
-        )
-        low, high = np.where(total > risk, middle, low), np.where(total > risk, high, middle)
+        fault_free = exceedance_probability(middle, sigma)
+        faulty = np.sum(exceedance_probability(middle - limits, without), axis=0)
+        is_too_low = fault_free + prior * faulty > risk
+        low = np.where(is_too_low, middle, low)
+        high = np.where(is_too_low, high, middle)
     return np.asarray(high)
 
 
@@ -125,27 +129,35 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
     risks
         Integrity risk, false-alarm probability, prior probability of a satellite fault.
     """
-    columns, used = columns_of(prepared), np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
+    columns = columns_of(prepared)
+    satellites = np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
     n_axis = sum(len(axes) for axes in columns)
-    risk, false_alarm = risks.integrity_risk / n_axis, risks.false_alarm / n_axis
+    risk = risks.integrity_risk / n_axis
     sigma, mean = history.formal[:, columns], history.mean[:, columns]
-    sub_filters = [covariance(without_satellite(prepared, satellite)) for satellite in used]
-    shape = (len(used), *sigma.shape)
-    without = np.maximum(np.array([item.formal[:, columns] for item in sub_filters]).reshape(shape), sigma)
-    apart = mean - np.array([item.mean[:, columns] for item in sub_filters]).reshape(shape)
-    limits = thresholds(sigma, without, false_alarm)
-    level = protection_level(sigma, without, limits, risk, risks.satellite_fault)
-    asking = limits + quantile(risk) * without
-    worst = np.argmax(np.linalg.norm(asking, axis=-1), axis=0) if used else np.full(sigma.shape[:2], -1)
-    alike = np.all(without <= sigma * (1.0 + 1e-9), axis=(0, -1)) if used else True
+    without = np.zeros((len(satellites), *sigma.shape))
+    separation = np.zeros_like(without)
+    for k, satellite in enumerate(satellites):
+        sub_filter = covariance(without_satellite(prepared, satellite))
+        without[k] = np.maximum(sub_filter.formal[:, columns], sigma)
+        separation[k] = mean - sub_filter.mean[:, columns]
+    limits = thresholds(sigma, without, risks.false_alarm / n_axis)
     return Protection(
-        history.t,
-        sigma,
-        quantile(risk) * sigma,
-        level,
-        np.where(alike, -1, worst),
-        tuple(prepared.sky.names[satellite] for satellite in used),
-        limits,
-        apart,
-        risks.alarms,
+        t=history.t,
+        sigma=sigma,
+        fault_free=quantile(risk) * sigma,
+        level=protection_level(sigma, without, limits, risk, risks.satellite_fault),
+        worst=_worst_failures(sigma, without, limits, risk),
+        satellites=tuple(prepared.sky.names[satellite] for satellite in satellites),
+        limits=limits,
+        apart=separation,
+        alarms=risks.alarms,
     )
+
+
+def _worst_failures(sigma: Floats, without: Floats, limits: Floats, risk: float) -> Ints:
+    """Return the satellite whose failure has the largest level, (n_hist, n_quantity); -1 if no sub-filter is worse."""
+    if not len(without):
+        return np.full(sigma.shape[:2], -1)
+    level = np.linalg.norm(limits + quantile(risk) * without, axis=-1)
+    is_none_worse = np.all(without <= sigma * (1.0 + 1e-9), axis=(0, -1))
+    return np.where(is_none_worse, -1, np.argmax(level, axis=0))

@@ -48,12 +48,16 @@ class CheckResult(NamedTuple):
 
     def content(self) -> dict[str, Any]:
         """Return the check as a dictionary; numbers that are not finite are None."""
-        numbers = {name: getattr(self, name) for name in ("figure", "low", "high")}
-        finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+
+        def finite(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
         return {
             "kind": self.kind,
             "what": self.what,
-            **finite,
+            "figure": finite(self.figure),
+            "low": finite(self.low),
+            "high": finite(self.high),
             "verdict": self.verdict,
             "where": self.where,
             "reason": self.reason,
@@ -63,6 +67,12 @@ class CheckResult(NamedTuple):
 def bounded(checks: Iterable[CheckResult]) -> list[CheckResult]:
     """Return checks with the bounds of their statistics, chosen so that any of them fails by chance with `FAMILY`."""
     listed = list(checks)
-    tail = FAMILY / (2.0 * max(1, sum(check.law is not None for check in listed)))
-    bounds = [(float(check.law.ppf(tail)), float(check.law.isf(tail))) if check.law else check[3:5] for check in listed]
-    return [check._replace(law=None, low=low, high=high) for check, (low, high) in zip(listed, bounds, strict=True)]
+    n_statistic = sum(check.law is not None for check in listed)
+    tail = FAMILY / (2.0 * max(1, n_statistic))  # Bonferroni, for each side of each statistic
+    results = []
+    for check in listed:
+        low, high = check.low, check.high
+        if check.law:
+            low, high = float(check.law.ppf(tail)), float(check.law.isf(tail))
+        results.append(check._replace(law=None, low=low, high=high))
+    return results

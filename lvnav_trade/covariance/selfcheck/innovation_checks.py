@@ -24,12 +24,13 @@ def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Chec
     covariance gives the expected mean square. The runs are the first of the campaign. Bounds follow from the scatter of
     the runs, so they also hold for innovations that are correlated within a run.
     """
-    reason = _why_not(prepared, history)
+    reason = _obstacle(prepared, history)
     if reason:
         return [CheckResult(KIND, "mean square", reason=reason)]
     block = run_block(prepared, seed, 0, RUNS)
-    channels = prepared.channels.n_channel + N_SAMPLE * (prepared.options.vehicle is not None)
-    z = block.innovation[block.failed == 0][:, :, :channels]
+    n_sample = 0 if prepared.options.vehicle is None else N_SAMPLE
+    n_scalar = prepared.channels.n_channel + n_sample
+    z = block.innovation[block.failed == 0][:, :, :n_scalar]
     if len(z) < RUNS // 2:
         return [CheckResult(KIND, "mean square", where=f"{RUNS - len(z)} of {RUNS} runs failed")]
     count = np.isfinite(z).sum(axis=(1, 2))
@@ -48,25 +49,33 @@ def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> 
     gate = math.sqrt(prepared.model.gate_squared)
     if math.isinf(gate):
         return []
-    rows = history.n_row > 0
-    ratio = history.expected_nis[rows] / history.n_row[rows]
+    has_rows = history.n_row > 0
+    n_row = history.n_row[has_rows]
+    ratio = history.expected_nis[has_rows] / n_row
     chance = stats.chi2.sf(prepared.model.gate_squared / ratio, 1)
-    part = float(np.sum(chance * history.n_row[rows]) / history.n_row.sum())
-    beyond, total = (np.abs(z) > gate).sum(axis=(1, 2)), int(count.sum())
-    where = f"beyond {gate:g} sigma, of {total}; expected {part * total:.3g}"
+    probability = float(np.sum(chance * n_row) / history.n_row.sum())
+    total = int(count.sum())
+    expected = probability * total
+    beyond = (np.abs(z) > gate).sum(axis=(1, 2))
+    where = f"beyond {gate:g} sigma, of {total}; expected {expected:.3g}"
+    # innovations that are correlated within a run scatter more than independent ones
     spread = float(beyond.std(ddof=1)) * math.sqrt(len(z))
-    poisson = math.sqrt(max(part * total, 1e-300))
-    wide = spread > 1.5 * poisson and part * total > 20.0
-    law = stats.norm(part * total, spread) if wide else stats.binom(total, part)
+    poisson = math.sqrt(max(expected, 1e-300))
+    law = stats.binom(total, probability)
+    if spread > 1.5 * poisson and expected > 20.0:
+        law = stats.norm(expected, spread)
     return [CheckResult(KIND, "refused by the gate", float(beyond.sum()), where=where, law=law)]
 
 
 def _law(values: Floats, expected: float, least: float) -> object:
     """Return the distribution of the mean of values (n_run,) about `expected`; least: smallest standard deviation."""
-    return stats.t(len(values) - 1, expected, max(least, float(values.std(ddof=1)) / math.sqrt(len(values))))
+    n = len(values)
+    sigma = max(least, float(values.std(ddof=1)) / math.sqrt(n))
+    return stats.t(n - 1, expected, sigma)
 
 
-def _why_not(prepared: Prepared, history: CovHistory) -> str:
+def _obstacle(prepared: Prepared, history: CovHistory) -> str:
+    """Return the reason why linear covariance does not give the innovations of a case; empty if it does."""
     if not history.n_row.sum():
         return "the filter takes no measurement on this flight"
     if prepared.options.rules is not None:

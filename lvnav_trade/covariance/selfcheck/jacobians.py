@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.nonlinearity import increments, place, place_previous_epoch, tick_at
+from lvnav_trade.covariance.diagnostics.perturbed_estimate import increments, place, place_previous_epoch, tick_at
 from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.state_checks import sizes
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
@@ -50,50 +50,55 @@ def jacobians(prepared: Prepared) -> list[CheckResult]:
     The figure is the largest relative difference between an entry of its Jacobian and the central difference of the
     prediction.
     """
-    work, size, names = new_nominal(prepared), sizes(prepared), state_names(prepared.layout)
+    size, names = sizes(prepared), state_names(prepared.layout)
+    work = new_nominal(prepared)
     quantities = np.array([name.partition(" ")[0] for name in names])
     groups = quantities[:, None] == quantities
     worst: dict[str, tuple[float, str]] = {}
-    for epoch, rows_at in _places(prepared):
-        none = np.zeros(size.size)
-        nominal = rows_at(prepared, work, epoch, none)
+    for epoch, rows_at in _checked_epochs(prepared):
+        nominal = rows_at(prepared, work, epoch, np.zeros(size.size))
         differences = np.empty_like(nominal.H)
         for state in range(size.size):
-            d = none.copy()
+            d = np.zeros(size.size)
             d[state] = size[state]
-            plus, minus = (rows_at(prepared, work, epoch, sign * d).z for sign in (1.0, -1.0))
+            plus = rows_at(prepared, work, epoch, d).z
+            minus = rows_at(prepared, work, epoch, -d).z
             differences[:, state] = (plus - minus) / 2.0
-        deviations, states = _off(nominal.H * size, differences, groups)
+        deviations, states = _deviations(nominal.H * size, differences, groups)
         for row, measurement in enumerate(nominal.names):
-            if not deviations[row] <= worst.get(measurement, (-1.0, ""))[0]:
-                worst[measurement] = (float(deviations[row]), f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s")
-    samples = _samples(prepared) if prepared.options.vehicle is not None else []
-    checks = [
-        CheckResult("Jacobian", name, figure, high=ALLOWED, where=where) for name, (figure, where) in worst.items()
-    ]
-    missing = [name for name in prepared.scenario.filter.measurements if name in TYPES and name not in worst]
-    never = [CheckResult("Jacobian", name, reason="it measures at no epoch of this flight") for name in missing]
-    return [*checks, *samples, *never]
+            largest, _ = worst.get(measurement, (-1.0, ""))
+            if not deviations[row] <= largest:  # also if the deviation is not a number
+                where = f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s"
+                worst[measurement] = (float(deviations[row]), where)
+    checks = []
+    for name, (deviation, where) in worst.items():
+        checks.append(CheckResult("Jacobian", name, deviation, high=ALLOWED, where=where))
+    if prepared.options.vehicle is not None:
+        checks += _sample_checks(prepared)
+    for name in prepared.scenario.filter.measurements:
+        if name in TYPES and name not in worst:
+            checks.append(CheckResult("Jacobian", name, reason="it measures at no epoch of this flight"))
+    return checks
 
 
-def _off(rows: Floats, differences: Floats, groups: Bools) -> tuple[Floats, Ints]:
+def _deviations(rows: Floats, differences: Floats, groups: Bools) -> tuple[Floats, Ints]:
     """Return the largest relative deviation of differences from rows (n_row, n_state), (n_row,), and its state.
 
     groups (n_state, n_state): whether two states belong to the same quantity. A component of a vector may be near zero
     although the vector is not, so deviations are relative to the largest entry of the quantity.
     """
-    large = np.maximum(np.abs(rows), np.abs(differences))
-    of_quantity = np.max(np.where(groups, large[:, None, :], 0.0), axis=2)
-    least = LEAST * large.max(axis=1, keepdims=True) + np.finfo(float).tiny
-    part = np.abs(rows - differences) / np.maximum(of_quantity, least)
-    return part.max(axis=1), part.argmax(axis=1)
+    magnitude = np.maximum(np.abs(rows), np.abs(differences))
+    largest_of_quantity = np.max(np.where(groups, magnitude[:, None, :], 0.0), axis=2)
+    least = LEAST * magnitude.max(axis=1, keepdims=True) + np.finfo(float).tiny
+    relative = np.abs(rows - differences) / np.maximum(largest_of_quantity, least)
+    return relative.max(axis=1), relative.argmax(axis=1)
 
 
-def _places(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
+def _checked_epochs(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
     """Yield epochs with a function that returns their rows: of the receiver, then of each sensor."""
-    model, signals, epochs = prepared.model, prepared.signals, range(prepared.t_epoch.size)
-    with_rows = np.array([epoch for epoch in epochs if n_measured(model, signals, epoch) > 0], dtype=np.int64)
-    for epoch in _spread(with_rows):
+    model, signals = prepared.model, prepared.signals
+    measured = [epoch for epoch in range(prepared.t_epoch.size) if n_measured(model, signals, epoch) > 0]
+    for epoch in _spread(np.array(measured, dtype=np.int64)):
         yield epoch, _receiver_rows
     for k, device in enumerate(prepared.devices):
         if model.measured[prepared.channels.first[k]]:
@@ -103,7 +108,10 @@ def _places(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
 
 def _spread(epochs: Ints) -> list[int]:
     """Return some of the epochs, evenly spread from first to last."""
-    return sorted({int(epochs[k]) for k in np.linspace(0, epochs.size - 1, EPOCHS).astype(int)} if epochs.size else ())
+    if not epochs.size:
+        return []
+    places = np.linspace(0, epochs.size - 1, EPOCHS).astype(int)
+    return sorted({int(epochs[place]) for place in places})
 
 
 def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
@@ -125,55 +133,77 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
 def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the receiver rows that the filter processes."""
     model, signals = prepared.model, prepared.signals
-    delayed, previous_epoch = prepared.options.delayed, place_previous_epoch(prepared, work, epoch, d)
+    delayed = prepared.options.delayed
+    previous_epoch = place_previous_epoch(prepared, work, epoch, d)
     _estimate(prepared, work, epoch, d)
     fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
-    rows = [(row, channel_of(model, signals, epoch, row)) for row in range(n_measured(model, signals, epoch))]
-    return _dense(prepared, work, [pair for pair in rows if is_present(delayed, model, epoch, pair[1])])
+    rows = []
+    for row in range(n_measured(model, signals, epoch)):
+        channel = channel_of(model, signals, epoch, row)
+        if is_present(delayed, model, epoch, channel):
+            rows.append((row, channel))
+    return _dense_rows(prepared, work, rows)
 
 
 def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the rows of sensor k, which measures the truth at the time of validity in the filter."""
     model, sensors = prepared.model, prepared.sensors
     assert sensors is not None  # the case has this one
-    at = row_of(model, work, sensors.channel[k])
+    first_row, first_channel = row_of(model, work, sensors.channel[k]), sensors.channel[k]
     _estimate(prepared, work, epoch, d, prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch])
     measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
     fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)
-    return _dense(prepared, work, [(at + i, sensors.channel[k] + i) for i in range(sensors.scalars[k])])
+    rows = [(first_row + i, first_channel + i) for i in range(sensors.scalars[k])]
+    return _dense_rows(prepared, work, rows)
 
 
-def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> EpochMeasurements:
+def _dense_rows(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> EpochMeasurements:
     """Return rows, given with their channels, as dense Jacobian rows."""
-    model, H = prepared.model, np.zeros((len(rows), prepared.layout.n_state))
-    for to, (row, channel) in enumerate(rows):
+    model = prepared.model
+    H = np.zeros((len(rows), prepared.layout.n_state))
+    for dense_row, (row, channel) in zip(H, rows, strict=True):
         n = model.n_entry[channel]
-        H[to, model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
-    kinds = {number: name for name, number in TYPES.items()}
-    names = tuple(kinds[int(model.row_type[channel])] for _, channel in rows)
+        dense_row[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
+    names_by_type = {number: name for name, number in TYPES.items()}
+    names = tuple(names_by_type[int(model.row_type[channel])] for _, channel in rows)
     return EpochMeasurements(names, H, work.z[[row for row, _ in rows]].copy())
 
 
-def _samples(prepared: Prepared) -> list[CheckResult]:
+def _sample_checks(prepared: Prepared) -> list[CheckResult]:
     """Return the check of the rows of IMU samples, against the increments of an IMU with such parameters."""
-    vehicle, layout, dt = prepared.options.vehicle, prepared.layout, prepared.unit.dt
-    size, worst, where = sizes(prepared), 0.0, ""
-    h = np.zeros((N_SAMPLE, vehicle.columns.shape[1]))
+    size = sizes(prepared)
+    worst, where = 0.0, ""
     for time in np.linspace(prepared.reference.t[0], prepared.reference.t[-1], EPOCHS + 2)[1:-1]:
-        tick, H = tick_at(prepared, time), np.zeros((N_SAMPLE, layout.n_state))
-        motion = np.concatenate([prepared.reference.dtheta[tick], prepared.reference.dvel[tick]]) / dt
-        fill_samples(h, vehicle.blocks, motion[:3], motion[3:])
-        for row in range(N_SAMPLE):
-            np.add.at(H[row], vehicle.columns[row], h[row])  # unused entries add zero
-        differences = np.zeros_like(H)
-        differences[:, layout.motion : layout.motion + N_SAMPLE] = np.eye(N_SAMPLE)
-        for block in layout.parameters:
-            for state in range(block.offset, block.offset + 3):
-                d = np.zeros(layout.n_state)
-                d[state] = size[state]
-                with_d, without = (increments(prepared, tick, 1, sign * d)[0] for sign in (1.0, -1.0))
-                differences[:, state] = (with_d - without) / (2.0 * dt * size[state])
+        tick = tick_at(prepared, time)
+        H = _sample_jacobian(prepared, tick)
+        differences = _sample_differences(prepared, tick, size)
         deviations = np.abs((H - differences) * size).max(axis=1) / np.abs(H * size).max(axis=1)
         if deviations.max() >= worst:
             worst, where = float(deviations.max()), f"{time:.0f} s"
     return [CheckResult("Jacobian", "imu", worst, high=ALLOWED, where=where)]
+
+
+def _sample_jacobian(prepared: Prepared, tick: int) -> Floats:
+    """Return the Jacobian (6, n_state) of the IMU samples of a tick."""
+    vehicle, dt = prepared.options.vehicle, prepared.unit.dt
+    H = np.zeros((N_SAMPLE, prepared.layout.n_state))
+    h = np.zeros((N_SAMPLE, vehicle.columns.shape[1]))
+    fill_samples(h, vehicle.blocks, prepared.reference.dtheta[tick] / dt, prepared.reference.dvel[tick] / dt)
+    for row in range(N_SAMPLE):
+        np.add.at(H[row], vehicle.columns[row], h[row])  # unused entries add zero
+    return H
+
+
+def _sample_differences(prepared: Prepared, tick: int, size: Floats) -> Floats:
+    """Return the central differences (6, n_state) of the IMU samples of a tick, for errors of these sizes."""
+    layout, dt = prepared.layout, prepared.unit.dt
+    differences = np.zeros((N_SAMPLE, layout.n_state))
+    differences[:, layout.motion : layout.motion + N_SAMPLE] = np.eye(N_SAMPLE)
+    for block in layout.parameters:
+        for state in range(block.offset, block.offset + 3):
+            d = np.zeros(layout.n_state)
+            d[state] = size[state]
+            plus = increments(prepared, tick, 1, d)[0]
+            minus = increments(prepared, tick, 1, -d)[0]
+            differences[:, state] = (plus - minus) / (2.0 * dt * size[state])
+    return differences

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.nonlinearity import navigation_at, tick_at
+from lvnav_trade.covariance.diagnostics.perturbed_estimate import navigation_at, tick_at
 from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.draw_checks import RUNS, correlation, moments
 from lvnav_trade.gnss.fault_cards import DegradedNoise

@@ -3,7 +3,8 @@
 import numpy as np
 
 from lvnav_trade.covariance.diagnostics.confirming_runs import gaps
-from lvnav_trade.covariance.diagnostics.nonlinearity import navigation, nonlinearity
+from lvnav_trade.covariance.diagnostics.nonlinearity import Nonlinearity, nonlinearity
+from lvnav_trade.covariance.diagnostics.perturbed_estimate import navigation
 from lvnav_trade.covariance.history import turns
 from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.filter.ekf import correct
@@ -33,25 +34,27 @@ def round_trip(prepared: Prepared) -> list[CheckResult]:
     A given error is applied, recorded as in runs, fed back by the filter, and recorded again. Figures are relative to
     the error.
     """
-    (work, parts), size, names = new_work(prepared, lanes=False), sizes(prepared), state_names(prepared.layout)
+    work, parts = new_work(prepared, lanes=False)
+    size, names = sizes(prepared), state_names(prepared.layout)
     turn, reported = turns(prepared), np.array(prepared.layout.reported)
     worst: dict[str, tuple[float, str]] = {}
     for hist in sorted({0, prepared.t_hist.size // 2, prepared.t_hist.size - 1}):
         for state in reported.tolist():
-            name, d = names[state], np.zeros(prepared.layout.n_state)
+            d = np.zeros(prepared.layout.n_state)
             d[state] = size[state]
             _apply_error(prepared, work, parts, hist, d)
             error, residual = np.zeros_like(d), np.zeros_like(d)
             error[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
             _feed_back(prepared, work, parts, error)
             residual[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
-            missed = float(max(np.abs((error - d) / size).max(), np.abs(residual / size).max()))
-            quantity = name.partition(" ")[0]
-            if not missed <= worst.get(quantity, (-1.0, ""))[0]:
-                worst[quantity] = (missed, f"{name} at {prepared.t_hist[hist]:g} s")
+            deviation = float(max(np.abs((error - d) / size).max(), np.abs(residual / size).max()))
+            quantity, _, _ = names[state].partition(" ")
+            largest, _ = worst.get(quantity, (-1.0, ""))
+            if not deviation <= largest:  # also if the deviation is not a number
+                worst[quantity] = (deviation, f"{names[state]} at {prepared.t_hist[hist]:g} s")
     return [
-        CheckResult("error definition", quantity, missed, high=ALLOWED, where=where)
-        for quantity, (missed, where) in worst.items()
+        CheckResult("error definition", quantity, deviation, high=ALLOWED, where=where)
+        for quantity, (deviation, where) in worst.items()
     ]
 
 
@@ -72,16 +75,16 @@ def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
     if vehicle is not None:
-        tick, at = _tick(prepared, hist), vehicle.motion
-        parts.motion.rate[:] = vehicle.rate[tick] - d[at : at + 3]
-        parts.motion.force[:] = vehicle.force[tick] - d[at + 3 : at + 6]
+        tick, first = _tick(prepared, hist), vehicle.motion
+        parts.motion.rate[:] = vehicle.rate[tick] - d[first : first + 3]
+        parts.motion.force[:] = vehicle.force[tick] - d[first + 3 : first + 6]
 
 
 def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int) -> Floats:
     """Return the error (n_reported,) that a run records, in reporting axes."""
-    of_states = prepared.options._replace(samples=None, report=None, backup=None)
+    states_only = case_of(prepared, options=prepared.options._replace(samples=None, report=None, backup=None))
     parts = OptionalState(units=parts.units, motion=parts.motion)
-    record(work, parts, case_of(prepared, options=of_states), None, prepared.record, _tick(prepared, hist), hist)
+    record(work, parts, states_only, None, prepared.record, _tick(prepared, hist), hist)
     return np.array(work.err[hist, : len(prepared.layout.reported)])
 
 
@@ -104,26 +107,26 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
     by the strapdown and by the filter's transition. Figures are in formal sigmas at the end.
     """
     if prepared.options.vehicle is not None:
-        return [
-            CheckResult(
-                KIND, "transition", reason="samples of the IMU are measurements: there is no window without one"
-            )
-        ]
+        reason = "samples of the IMU are measurements: there is no window without one"
+        return [CheckResult(KIND, "transition", reason=reason)]
     formal = history._replace(true_cov=history.formal_cov)
     names = state_names(prepared.layout)
-    stretches = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
+    intervals = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
     if not (history.n_row > 0).any():
-        stretches = [("the whole flight, unaided", float(history.t[0]), float(history.t[-1]))]
+        intervals = [("the whole flight, unaided", float(history.t[0]), float(history.t[-1]))]
     checks = []
-    for what, begin, end in stretches:
-        index = nonlinearity(prepared, formal, begin, end=end)
-        where = f"{names[index.state]}, {begin:g} to {end:g} s"
-        checks.append(CheckResult(KIND, what, max(index.motion, index.transition), high=ALLOWED_GAP, where=where))
-    intervals = [(nonlinearity(prepared, formal, t), name) for name, t in events.items()]
-    if intervals:
-        index, event = max(intervals, key=lambda item: max(item[0].motion, item[0].transition))
-        where = f"{names[index.state]} at {event}"
-        checks.append(
-            CheckResult(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED_GAP, where=where)
-        )
+    for what, begin, end in intervals:
+        result = nonlinearity(prepared, formal, begin, end=end)
+        where = f"{names[result.state]}, {begin:g} to {end:g} s"
+        checks.append(CheckResult(KIND, what, _deviation(result), high=ALLOWED_GAP, where=where))
+    at_events = {name: nonlinearity(prepared, formal, t) for name, t in events.items()}
+    if at_events:
+        event = max(at_events, key=lambda name: _deviation(at_events[name]))
+        result = at_events[event]
+        where = f"{names[result.state]} at {event}"
+        checks.append(CheckResult(KIND, "update interval", _deviation(result), high=ALLOWED_GAP, where=where))
     return checks
+
+
+def _deviation(result: Nonlinearity) -> float:
+    return max(result.motion, result.transition)

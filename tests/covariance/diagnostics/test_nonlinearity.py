@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from lvnav_trade.covariance.diagnostics.case_diagnostics import _nonlinearities
-from lvnav_trade.covariance.diagnostics.nonlinearity import _linear, _propagated, _start_tick, _windows, nonlinearity
+from lvnav_trade.covariance.diagnostics.nonlinearity import (
+    _linear_errors,
+    _start_tick,
+    _strapdown_errors,
+    _windows,
+    nonlinearity,
+)
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.transition import ATT, POS, VEL
@@ -61,8 +67,8 @@ def test_the_first_order_part_is_the_filters_transition():
     for at, size in ((ATT, 1e-4), (VEL, 0.1), (POS, 10.0), (9, 1e-5), (12, 1e-2)):
         d = np.zeros(prepared.layout.n_state)
         d[at] = size
-        linear = _linear(prepared, start, d[None], _windows(prepared, start))[0, :9]
-        plus, minus = _propagated(prepared, start, np.array([d, -d]), _windows(prepared, start))
+        linear = _linear_errors(prepared, start, d[None], _windows(prepared, start))[0, :9]
+        plus, minus = _strapdown_errors(prepared, start, np.array([d, -d]), _windows(prepared, start))
         flown = (plus - minus) / 2.0
         for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
             share = 7e-3 if at == 9 and block.start == POS else 2e-3

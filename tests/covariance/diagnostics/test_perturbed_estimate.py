@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.nonlinearity import increments, navigation_at, tick_at
+from lvnav_trade.covariance.diagnostics.perturbed_estimate import increments, navigation_at, tick_at
 from lvnav_trade.kernels.attitude import small_rotation
 from tests.building import MATCHED, case
 

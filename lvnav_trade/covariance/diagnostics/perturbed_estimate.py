@@ -1,0 +1,130 @@
+"""An estimate with a known error: navigation state, compensated increments, and the arrays of the filter.
+
+The error is truth minus estimate, states in storage order, frame i.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.workspace import Nominal, new_nominal_previous_epoch
+from lvnav_trade.filter.ekf import place_antenna
+from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, store_estimate
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.attitude import from_rotation, multiply
+from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
+
+
+def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) with error d (n_state,).
+
+    q, v, r : (4,), (3,) m/s, (3,) m. True attitude, velocity and position, frame i.
+    """
+    turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
+    return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
+
+
+def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) with error d at a tick."""
+    reference = prepared.reference
+    return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
+
+
+class Inputs(NamedTuple):
+    """True increments of some ticks, and drivers of IMU parameters.
+
+    true : (n_tick, 6) rad, m/s. True increments, body axes.
+    sensors : For gyro and accelerometer: columns of the increments, states (n, 3) of its parameters by kind and axis,
+        drivers (n, n_tick, 3).
+    dt : s. Tick.
+    """
+
+    true: Floats
+    sensors: tuple[tuple[slice, Any, Floats], ...]
+    dt: float
+
+
+def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
+    """Return the inputs of some ticks; they do not depend on the error of the estimate."""
+    ticks, dt = slice(first, first + n_tick), prepared.unit.dt
+    true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
+    angles, velocities = slice(0, 3), slice(3, 6)
+    sensors = []
+    for sensor, columns, other_columns in ((GYRO, angles, velocities), (ACCEL, velocities, angles)):
+        blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
+        if not blocks:
+            continue
+        own_x, own_y, own_z = (true[:, columns] / dt).T
+        other_x, other_y, other_z = (true[:, other_columns] / dt).T
+        drivers = []
+        for block in blocks:
+            axes = _driver(block.driver, own_x, own_y, own_z, other_x, other_y, other_z)
+            drivers.append(np.stack(axes, axis=1))
+        states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
+        sensors.append((columns, states, np.stack(drivers)))
+    return Inputs(true, tuple(sensors), dt)
+
+
+def compensated(inputs: Inputs, d: Floats) -> Floats:
+    """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
+    result = inputs.true.copy()
+    for columns, states, drivers in inputs.sensors:
+        terms = drivers * d[states][:, None] * inputs.dt
+        result[:, columns] = np.add.reduce(np.concatenate([inputs.true[None, :, columns], terms]))  # in this order
+    return result
+
+
+def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+    """Return increments (n_tick, 6) of some ticks, compensated with parameters in error by d."""
+    return compensated(inputs(prepared, first, n_tick), d)
+
+
+def tick_at(prepared: Prepared, time: float) -> int:
+    """Return the tick nearest to a time (s)."""
+    return int(np.argmin(np.abs(prepared.reference.t - time)))
+
+
+def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
+    """Set the estimate in `work` to the truth minus an error.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run; navigation state, increments, clock, extra states and antennas are set.
+    epoch
+        Epoch, whose antennas are placed.
+    d
+        (n_state,) SI. Error, truth minus estimate.
+    time
+        s since lift-off. Time of the truth; None: that of the epoch.
+    """
+    model = prepared.model
+    tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
+    work.nav[:] = navigation_at(prepared, tick, d)
+    work.previous[:] = increments(prepared, max(0, tick - 1), 1, d)[0]
+    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
+    for extra, offset in enumerate(model.extra_offset):
+        work.extra[extra] = -d[offset]
+    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
+
+
+def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
+    """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
+
+    None without differences of two epochs. The navigation state of `work` is changed.
+    """
+    delayed, model = prepared.options.delayed, prepared.model
+    previous_epoch = new_nominal_previous_epoch(prepared)
+    if delayed is None or previous_epoch is None:
+        return None
+    error = np.zeros_like(d)
+    error[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
+    place(prepared, work, max(0, epoch - 1), error)
+    store_estimate(work, previous_epoch, None, None, delayed, model, epoch)
+    return previous_epoch
