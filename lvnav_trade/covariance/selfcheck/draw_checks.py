@@ -33,11 +33,11 @@ _TICKS, _NOISE_RUNS = 500, 16
 def moments(what: str, z: Floats, where: str = "") -> list[CheckResult]:
     """Return checks of mean and variance of draws z that should be standard normals."""
     n = z.size
+    mean_law = stats.norm(0.0, 1.0 / math.sqrt(n))
+    variance_law = stats.chi2(n, scale=1.0 / n)
     return [
-        CheckResult(
-            KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=stats.norm(0.0, 1.0 / math.sqrt(n))
-        ),
-        CheckResult(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=stats.chi2(n, scale=1.0 / n)),
+        CheckResult(KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=mean_law),
+        CheckResult(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=variance_law),
     ]
 
 
@@ -66,22 +66,31 @@ def of_imu(prepared: Prepared, seed: int) -> list[CheckResult]:
     first, later, lags = _processes(prepared, seed)
     step = prepared.unit.process_ticks * prepared.unit.dt
     for source in dict.fromkeys(block.name for block in prepared.sources):
-        blocks = [(k, block) for k, block in enumerate(prepared.sources) if block.name == source]
-        k, block = blocks[0]
-        what, at = label_of(source), [k for k, _ in blocks]
-        begun, grown = np.array(axes(block.sigma)), np.sqrt(_variance(block, step, lags[k]))
-        draws, drawn = first[:, at][..., on := begun > 0.0] / begun[on], grown > 0.0
-        if on.any():
-            checks += moments(what, draws, "at the start")
-        if lags[k]:
-            z = later[:, at][..., drawn] / grown[drawn]
-            checks += moments(what, z, f"after {lags[k] * step:.3g} s")
-        if lags[k] and math.isfinite(block.time_constant):
-            expected = math.exp(-lags[k] * step / block.time_constant)
-            checks.append(correlation(what, first[:, at][..., drawn] / grown[drawn], z, expected, lags[k] * step))
-    for what, z in _white(prepared, seed):
-        checks += moments(what, z)
-        checks.append(correlation(what, z[:, :-1], z[:, 1:], 0.0, prepared.unit.dt))
+        blocks = [k for k, block in enumerate(prepared.sources) if block.name == source]
+        block, lag = prepared.sources[blocks[0]], lags[blocks[0]]
+        checks += _parameter_checks(block, first[:, blocks], later[:, blocks], lag, step)
+    for name, z in _white(prepared, seed):
+        checks += moments(name, z)
+        checks.append(correlation(name, z[:, :-1], z[:, 1:], 0.0, prepared.unit.dt))
+    return checks
+
+
+def _parameter_checks(block: ErrorTerm, first: Floats, later: Floats, lag: int, step: float) -> list[CheckResult]:
+    """Return the checks of the parameters of a source, (n_run, n_block, 3) at the start and `lag` steps later."""
+    checks: list[CheckResult] = []
+    name, seconds = label_of(block.name), lag * step
+    start_sigma = np.array(axes(block.sigma))
+    later_sigma = np.sqrt(_variance(block, step, lag))
+    has_start = start_sigma > 0.0
+    has_later = later_sigma > 0.0
+    if has_start.any():
+        checks += moments(name, first[..., has_start] / start_sigma[has_start], "at the start")
+    if lag:
+        z = later[..., has_later] / later_sigma[has_later]
+        checks += moments(name, z, f"after {seconds:.3g} s")
+        if math.isfinite(block.time_constant):
+            z_first = first[..., has_later] / later_sigma[has_later]
+            checks.append(correlation(name, z_first, z, math.exp(-seconds / block.time_constant), seconds))
     return checks
 
 
@@ -90,7 +99,7 @@ def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
     start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
     if math.isinf(block.time_constant):
         return np.asarray(start + rate * step * count)
-    decay = math.exp(-2.0 * step / block.time_constant)
+    decay = math.exp(-2.0 * step / block.time_constant)  # of the variance over a step; the driving noise is a sum
     return np.asarray(start + rate * step * (1.0 - decay**count) / (1.0 - decay))
 
 
@@ -105,16 +114,19 @@ def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]
     """Return the parameters (n_run, n_block, 3) at the start of runs and after some steps, and the numbers of steps."""
     unit, (k0, k1) = prepared.unit, seed_words(seed)
     lags = [_lag(block, unit.process_ticks * unit.dt) for block in prepared.sources]
-    shape = (RUNS, len(lags), 3)
-    first, later, values = np.zeros(shape), np.zeros(shape), np.zeros((max(1, len(lags)), 3))
-    due = {lag: np.array([lag == other for other in lags]) for lag in set(lags)}
+    n_block = len(lags)
+    first = np.zeros((RUNS, n_block, 3))
+    later = np.zeros((RUNS, n_block, 3))
+    values = np.zeros((max(1, n_block), 3))
+    blocks_by_lag = {lag: np.array(lags) == lag for lag in set(lags)}
     for run in range(RUNS if lags else 0):
         processes.start(values, unit.sigma, unit.sources, k0, k1, np.uint64(run))
         first[run] = values
         for step in range(1, max(lags) + 1):
             processes.step(values, unit.decay, unit.walk, unit.sources, k0, k1, np.uint64(run), np.uint64(step))
-            if step in due:
-                later[run, due[step]] = values[due[step]]
+            if step in blocks_by_lag:
+                blocks = blocks_by_lag[step]
+                later[run, blocks] = values[blocks]
     return first, later, lags
 
 
@@ -122,58 +134,65 @@ def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
     """Yield the white noise of every sensor of every IMU, (n_run, n_tick, n_axis) in sigmas of its card."""
     imu, n = prepared.scenario.imu, min(_TICKS, len(prepared.unit.dtheta))
     if isinstance(imu, ImuCard):
-        noise, names = _of_unit(prepared, seed, n)[:, None], [""]
-        owners, count = [imu], [3]
-    else:
-        noise, triads = _of_units(prepared, seed, n), triads_of(imu)
-        owners, count = [imu.units[triad.unit] for triad in triads], [triad.n_axis for triad in triads]
-        names = [f"unit {triad.unit + 1} " for triad in triads]
-    for triad, (card, name) in enumerate(zip(owners, names, strict=True)):
-        for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
-            sigma = np.array(axes(sensor.random_walk))[: count[triad]] * math.sqrt(prepared.unit.dt)
-            if (on := sigma > 0.0).any():
-                yield (
-                    f"{name}{label} random walk",
-                    noise[:, triad, :, first : first + on.size][..., on] / sigma[on],
-                )
+        noise = _imu_noise(prepared, seed, n)
+        yield from _normalised_noise(imu, "", noise, 3, prepared.unit.dt)
+        return
+    noise = _array_noise(prepared, seed, n)
+    for k, triad in enumerate(triads_of(imu)):
+        card, name = imu.units[triad.unit], f"unit {triad.unit + 1} "
+        yield from _normalised_noise(card, name, noise[:, k], triad.n_axis, prepared.unit.dt)
 
 
-def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
+def _normalised_noise(card: ImuCard, name: str, noise: Floats, n_axis: int, dt: float) -> Iterator[tuple[str, Floats]]:
+    """Yield the noise (n_run, n_tick, 6) of gyro and accelerometer in sigmas of the card, for axes with noise."""
+    for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
+        sigma = np.array(axes(sensor.random_walk))[:n_axis] * math.sqrt(dt)
+        has_noise = sigma > 0.0
+        if has_noise.any():
+            by_axis = noise[:, :, first : first + n_axis]
+            yield f"{name}{label} random walk", by_axis[..., has_noise] / sigma[has_noise]
+
+
+def _imu_noise(prepared: Prepared, seed: int, n: int) -> Floats:
     """Return the increments' noise of an IMU without other errors, (n_run, n, 6)."""
-    unit, tables, out = prepared.unit, np.zeros((2, processes.N_TABLE)), np.zeros((_NOISE_RUNS, n, 6))
+    unit, (k0, k1) = prepared.unit, seed_words(seed)
+    increments = np.zeros((_NOISE_RUNS, n, 6))
+    no_errors = np.zeros(processes.N_TABLE)
     white = np.array([*unit.white[:6], 0.0, 0.0])  # without quantisation, whose remainder is not white
     for run in range(_NOISE_RUNS):
         processes.corrupt(
-            out[run],
-            0,
-            0,
-            n,
-            unit.dtheta,
-            unit.dvel,
-            tables[0],
-            tables[1],
-            white,
-            np.zeros(6),
-            unit,
-            *seed_words(seed),
-            np.uint64(run),
+            increments[run],
+            at=0,
+            first_tick=0,
+            n_tick=n,
+            dtheta=unit.dtheta,
+            dvel=unit.dvel,
+            gyro=no_errors,
+            accel=no_errors,
+            noise=white,
+            remainder=np.zeros(6),
+            unit=unit,
+            k0=k0,
+            k1=k1,
+            run=np.uint64(run),
         )
-    return np.asarray(out - np.hstack([unit.dtheta[:n], unit.dvel[:n]]))
+    return np.asarray(increments - np.hstack([unit.dtheta[:n], unit.dvel[:n]]))
 
 
-def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
+def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
     """Return the increments' noise of the IMUs of an array, (n_run, n_triad, n, 6).
 
     The difference of two runs over sqrt(2) has the noise of one run, without deterministic errors.
     """
     units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
-    quiet = units._replace(white=units.white * np.repeat([1.0, 0.0], [6, 2]), redundant=None)
-    array_work = new_units(quiet, n)
+    no_quantisation = np.repeat([1.0, 0.0], [6, 2])
+    units = units._replace(white=units.white * no_quantisation, redundant=None)
+    array_work = new_units(units, n)
     sensed = []
     for run in range(2 * _NOISE_RUNS):
         work.run[0] = run
-        sense_units(work, array_work, quiet, 0, 0, n, prepared.unit.dt, *seed_words(seed))
+        sense_units(work, array_work, units, 0, 0, n, prepared.unit.dt, *seed_words(seed))
         sensed.append(array_work.sensed.copy())
     runs = np.array(sensed)
     return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
@@ -181,20 +200,23 @@ def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
 
 def of_start(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the initial errors: tilt, heading, velocity, position."""
-    (work, _), start, card = new_work(prepared, lanes=False), prepared.start, prepared.scenario.initial
-    ref, errors = prepared.reference, np.empty((RUNS, 9))
-    C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], prepared.trajectory.theta0)[0]
+    start, card, reference = prepared.start, prepared.scenario.initial, prepared.reference
+    work, _ = new_work(prepared, lanes=False)
+    theta0 = prepared.trajectory.theta0
+    C_i_n = reporting_axes("ned", reference.t[:1], reference.r_i[:1], reference.v_i[:1], theta0)[0]
+    errors = np.empty((RUNS, 9))
     for run in range(RUNS):
         q = from_errors(work, start, *seed_words(seed), np.uint64(run))
-        errors[run, :3] = C_n_i @ small_rotation(*start.nav[:4], *q)
+        errors[run, :3] = C_i_n @ small_rotation(*start.nav[:4], *q)
         errors[run, 3:6] = start.nav[V : V + 3] - work.nav[V : V + 3]
         errors[run, 6:] = start.nav[R : R + 3] - work.nav[R : R + 3]
-    parts = (
+    checks = []
+    for name, sigma, draws in (
         ("initial tilt", card.tilt, errors[:, :2]),
         ("initial heading", card.heading, errors[:, 2]),
         ("initial velocity", card.velocity, errors[:, 3:6]),
         ("initial position", card.position, errors[:, 6:]),
-    )
-    return [
-        check for what, sigma, errors_of_part in parts if sigma > 0.0 for check in moments(what, errors_of_part / sigma)
-    ]
+    ):
+        if sigma > 0.0:
+            checks += moments(name, draws / sigma)
+    return checks

@@ -53,81 +53,103 @@ def of_measurements(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the receiver's clock, of correlated measurement errors, and of white noise."""
     if not prepared.t_epoch.size or not prepared.model.aided:
         return []
-    drawn = _drawn(prepared, seed)
-    checks = _clock(prepared, drawn) if _ranges(prepared) and prepared.channels.receiver else []
-    at, interval = 0, prepared.signals.interval
+    draws = _simulate_draws(prepared, seed)
+    checks = []
+    if _has_ranges(prepared) and prepared.channels.receiver:
+        checks += _clock_checks(prepared, draws)
+    checks += _family_checks(prepared, draws)
+    for name, z in draws.white.items():
+        checks += moments(name, z)
+    return checks
+
+
+def _family_checks(prepared: Prepared, draws: EpochDraws) -> list[CheckResult]:
+    """Return the checks of correlated measurement errors: at the start, and after a correlation time."""
+    checks: list[CheckResult] = []
+    first, interval = 0, prepared.signals.interval
     for family in prepared.families:
-        components = slice(at, at + len(family.labels))
-        at = components.stop
+        components = slice(first, first + len(family.labels))
+        first = components.stop
         if family.kind == RECORDED:
             continue
-        z = drawn.shared[:, :, components] / family.sigma
-        what = label_of(family.source)
-        checks += moments(what, z[:, 0], "at the start")
+        z = draws.shared[:, :, components] / family.sigma
+        name = label_of(family.source)
+        checks += moments(name, z[:, 0], "at the start")
         if math.isfinite(family.time_constant):
             lag = min(z.shape[1] - 1, max(1, round(family.time_constant / interval)))
-            expected = math.exp(-lag * interval / family.time_constant) if family.time_constant > 0.0 else 0.0
-            checks += moments(what, z[:, lag], f"after {lag * interval:.3g} s")
-            checks.append(correlation(what, z[:, 0], z[:, lag], expected, lag * interval))
-    return checks + [check for what, z in drawn.white.items() for check in moments(what, z)]
+            seconds = lag * interval
+            expected = 0.0
+            if family.time_constant > 0.0:
+                expected = math.exp(-seconds / family.time_constant)
+            checks += moments(name, z[:, lag], f"after {seconds:.3g} s")
+            checks.append(correlation(name, z[:, 0], z[:, lag], expected, seconds))
+    return checks
 
 
-def _ranges(prepared: Prepared) -> bool:
+def _has_ranges(prepared: Prepared) -> bool:
     """Return whether ranges are drawn, for the filter or for the receiver's solution."""
     return bool(prepared.model.tight or solves(prepared.scenario))
 
 
-def _clock(prepared: Prepared, drawn: EpochDraws) -> list[CheckResult]:
+def _clock_checks(prepared: Prepared, draws: EpochDraws) -> list[CheckResult]:
     """Return the checks of the receiver's clock: start, and steps of bias and drift."""
     card = prepared.scenario.receiver.clock
     q11, _, q22 = step_covariance(prepared.signals.interval, card.h0, card.h_minus2)
     checks: list[CheckResult] = []
-    for what, sigma, values in (
-        ("clock bias", card.initial_bias, drawn.start[:, 0]),
-        ("clock drift", card.initial_drift, drawn.start[:, 1]),
-        ("step of clock bias", math.sqrt(q11), drawn.steps[..., 0]),
-        ("step of clock drift", math.sqrt(q22), drawn.steps[..., 1]),
+    for name, sigma, values in (
+        ("clock bias", card.initial_bias, draws.start[:, 0]),
+        ("clock drift", card.initial_drift, draws.start[:, 1]),
+        ("step of clock bias", math.sqrt(q11), draws.steps[..., 0]),
+        ("step of clock drift", math.sqrt(q22), draws.steps[..., 1]),
     ):
-        checks += moments(what, values / sigma) if sigma > 0.0 else []
+        if sigma > 0.0:
+            checks += moments(name, values / sigma)
     return checks
 
 
-def _epochs(prepared: Prepared) -> Ints:
+def _checked_epochs(prepared: Prepared) -> Ints:
     """Return epochs over the flight, with some of each sensor; without frozen epochs."""
-    alive = ~prepared.signals.frozen
-    wanted = [np.flatnonzero(alive)]
-    wanted += [np.flatnonzero(device.on & alive) for device in prepared.devices]
-    counts = [_EPOCHS] + [_OF_SENSOR] * len(prepared.devices)
-    chosen = [
-        some[np.linspace(0, some.size - 1, n).astype(int)] for some, n in zip(wanted, counts, strict=True) if some.size
-    ]
+
+    def spread(epochs: Ints, count: int) -> Ints:
+        return epochs[np.linspace(0, epochs.size - 1, count).astype(int)] if epochs.size else epochs
+
+    is_live = ~prepared.signals.frozen
+    chosen = [spread(np.flatnonzero(is_live), _EPOCHS)]
+    for device in prepared.devices:
+        chosen.append(spread(np.flatnonzero(device.on & is_live), _OF_SENSOR))
     return np.unique(np.concatenate(chosen))
 
 
-def _plain(prepared: Prepared) -> Bools:
+def _nominal_epochs(prepared: Prepared) -> Bools:
     """Return whether no fault increases the noise at the epochs, (n_epoch,)."""
-    plain = np.ones(prepared.t_epoch.size, dtype=np.bool_)
+    is_nominal = np.ones(prepared.t_epoch.size, dtype=np.bool_)
     faults, course = prepared.scenario.faults, prepared.trajectory.course
-    for _, _, within, *_ in active(faults, DegradedNoise, course, prepared.t_epoch):
-        plain &= ~within
-    return plain
+    for _, _, is_degraded, *_ in active(faults, DegradedNoise, course, prepared.t_epoch):
+        is_nominal &= ~is_degraded
+    return is_nominal
 
 
-def _drawn(prepared: Prepared, seed: int) -> EpochDraws:
+def _simulate_draws(prepared: Prepared, seed: int) -> EpochDraws:
     """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
-    signals, key, epochs = prepared.signals, seed_words(seed), _epochs(prepared)
-    (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
+    signals, key = prepared.signals, seed_words(seed)
+    epochs, is_nominal = _checked_epochs(prepared), _nominal_epochs(prepared)
+    has_ranges = _has_ranges(prepared)
+    work, parts = new_work(prepared, lanes=False)
     truth = Truth(prepared.unit, prepared.start, prepared.record)
     start_case = case_of(prepared)
     # ranges also if the receiver computes a solution from them, which itself draws nothing
-    case = case_of(prepared, model=prepared.model._replace(tight=ranges))
-    clean = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
-    start, steps = np.empty((RUNS, 2)), np.empty((RUNS, epochs.size, 2))
-    shared, white = np.zeros((RUNS, 1 + epochs.size, signals.shared.start.size)), defaultdict[str, list[Floats]](list)
+    case = case_of(prepared, model=prepared.model._replace(tight=has_ranges))
+    exact = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
+    n_shared = signals.shared.start.size
+    start = np.empty((RUNS, 2))
+    steps = np.empty((RUNS, epochs.size, 2))
+    shared = np.zeros((RUNS, 1 + epochs.size, n_shared))
+    white = defaultdict[str, list[Floats]](list)
     for run in range(RUNS):
         work.run[0] = run
         begin(work, parts.units, start_case, truth, key)
-        start[run], shared[run, 0] = work.clock, work.shared[: shared.shape[2]]
+        start[run] = work.clock
+        shared[run, 0] = work.shared[:n_shared]
         for k, epoch in enumerate(epochs.tolist()):
             bias, drift = work.clock
             observe(work, parts, case, None, key, epoch)
@@ -135,15 +157,26 @@ def _drawn(prepared: Prepared, seed: int) -> EpochDraws:
             bias += signals.interval * drift + signals.clock_jump[epoch, 0]
             drift += signals.clock_jump[epoch, 1]
             steps[run, k] = work.clock - (bias, drift)
-            shared[run, k + 1] = work.shared[: shared.shape[2]]
-            if plain[epoch] and prepared.channels.receiver:
-                _add_receiver(white, prepared, work, epoch, ranges)
+            shared[run, k + 1] = work.shared[:n_shared]
+            if is_nominal[epoch] and prepared.channels.receiver:
+                _add_receiver(white, prepared, work, epoch, has_ranges)
                 _add_phases(white, prepared, work, parts.previous_observables, epoch)
-            for name, innovation in _innovations(prepared, work, epoch).items():
-                z, sigma = innovation[0] - clean[epoch][name][0], innovation[1]
-                white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])
-    joined = {name: np.concatenate(parts) for name, parts in white.items()}
-    return EpochDraws(start, steps, shared, {name: z for name, z in joined.items() if z.size})
+            for name, (z, sigma) in _innovations(prepared, work, epoch).items():
+                exact_z, _ = exact[epoch][name]
+                white[name].append(_normalised(z - exact_z, sigma))
+    joined = {name: np.concatenate(draws) for name, draws in white.items()}
+    return EpochDraws(
+        start=start,
+        steps=steps,
+        shared=shared,
+        white={name: z for name, z in joined.items() if z.size},
+    )
+
+
+def _normalised(error: Floats, sigma: Floats) -> Floats:
+    """Return errors (n,) over their sigmas, where these are positive."""
+    has_noise = sigma > 0.0
+    return error[has_noise] / sigma[has_noise]
 
 
 def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -> Floats:
@@ -158,32 +191,38 @@ def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -
 
 def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int, ranges: bool) -> None:
     """Append the white noise of the receiver's measurements, in sigmas of its card (or of its tracking loops)."""
-    signals, sky, card = prepared.signals, prepared.sky, prepared.scenario.receiver
     if ranges:
-        s = signals.used[epoch, : signals.n_used[epoch]]
-        rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
-        for k, (name, true, sigma) in enumerate(
-            (
-                ("pseudorange noise", signals.range, sky.range_sigma),
-                ("range-rate noise", signals.rate, rate_sigma),
-            )
-        ):
-            error = work.ranges[: s.size, k] - true[epoch, s] - work.clock[k]
-            error -= _shared_errors(prepared, work, epoch, prepared.model.n_kind * s + k)
-            white[name].append(error[sigma[epoch, s] > 0.0] / sigma[epoch, s][sigma[epoch, s] > 0.0])
+        _add_ranges(white, prepared, work, epoch)
         return
+    signals, card = prepared.signals, prepared.scenario.receiver
     assert isinstance(card.solution, DirectSolution)
     true = np.concatenate([signals.position[epoch], signals.velocity[epoch]])
     error = work.solution - true - _shared_errors(prepared, work, epoch, np.arange(6))
-    grown = factors(card.noise_by, RECEIVER_SOLUTION, prepared.trajectory, sky.t[epoch : epoch + 1])
-    for k, (name, sigma) in enumerate(
+    time = prepared.sky.t[epoch : epoch + 1]
+    noise_factors = factors(card.noise_by, RECEIVER_SOLUTION, prepared.trajectory, time)
+    sigmas = {
+        "position solution noise": card.solution.position_sigma,
+        "velocity solution noise": card.solution.velocity_sigma,
+    }
+    for k, (name, sigma) in enumerate(sigmas.items()):
+        if sigma > 0.0:
+            white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(noise_factors[k])))
+
+
+def _add_ranges(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int) -> None:
+    """Append the white noise of pseudoranges and range rates, in sigmas of the card (or of the tracking loops)."""
+    signals, sky = prepared.signals, prepared.sky
+    satellites = signals.used[epoch, : signals.n_used[epoch]]
+    rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
+    for k, (name, true, sigma) in enumerate(
         (
-            ("position solution noise", card.solution.position_sigma),
-            ("velocity solution noise", card.solution.velocity_sigma),
+            ("pseudorange noise", signals.range, sky.range_sigma),
+            ("range-rate noise", signals.rate, rate_sigma),
         )
     ):
-        if sigma > 0.0:
-            white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(grown[k])))
+        error = work.ranges[: satellites.size, k] - true[epoch, satellites] - work.clock[k]
+        error -= _shared_errors(prepared, work, epoch, prepared.model.n_kind * satellites + k)
+        white[name].append(_normalised(error, sigma[epoch, satellites]))
 
 
 def _add_phases(
@@ -196,13 +235,16 @@ def _add_phases(
     signals, further, n_kind = prepared.signals, prepared.options.further, prepared.model.n_kind
     if further is None or last is None:
         return
-    s = signals.used[epoch, : signals.n_used[epoch]]
-    for kind in np.flatnonzero(further.is_phase):
-        measured = last[s, kind] if further.is_difference[kind] else work.ranges[: s.size, kind]
-        error = measured - further.phase[epoch, s] - work.clock[0]
-        error = error - _shared_errors(prepared, work, epoch, n_kind * s + kind)
-        sigma = prepared.sky.phase_sigma[epoch, s]
-        white["carrier-phase noise"].append(error[sigma > 0.0] / sigma[sigma > 0.0])
+    satellites = signals.used[epoch, : signals.n_used[epoch]]
+    sigma = prepared.sky.phase_sigma[epoch, satellites]
+    for observable in np.flatnonzero(further.is_phase):
+        if further.is_difference[observable]:
+            measured = last[satellites, observable]
+        else:
+            measured = work.ranges[: satellites.size, observable]
+        error = measured - further.phase[epoch, satellites] - work.clock[0]
+        error = error - _shared_errors(prepared, work, epoch, n_kind * satellites + observable)
+        white["carrier-phase noise"].append(_normalised(error, sigma))
 
 
 def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False) -> dict[str, tuple[Floats, Floats]]:
@@ -210,16 +252,18 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
 
     The result is by noise source. exact : whether measurements have no error
     """
-    by_source, H, z = {}, np.zeros((4, N_ENTRY)), np.zeros(4)
-    none = np.zeros(prepared.layout.n_state)
+    by_source = {}
+    H, z = np.zeros((4, N_ENTRY)), np.zeros(4)
+    no_error = np.zeros(prepared.layout.n_state)
     for k, device in enumerate(prepared.devices):
-        if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the units
+        if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the IMUs
             continue
         sensors, n = prepared.sensors, len(device.channels.labels)
         assert sensors is not None  # the case has this one
         if exact:
             measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
-        nav = navigation_at(prepared, tick_at(prepared, prepared.t_epoch[epoch] - device.delay[epoch]), none)
+        tick = tick_at(prepared, prepared.t_epoch[epoch] - device.delay[epoch])
+        nav = navigation_at(prepared, tick, no_error)
         fill(H, z, 0, sensors.code[k], work.observed[k], nav, sensors.theta[k, epoch], sensors.known[k, epoch])
         channels = np.arange(n) + sensors.channel[k] + prepared.signals.shift
         lasting = np.zeros(n) if exact else _shared_errors(prepared, work, epoch, channels)
