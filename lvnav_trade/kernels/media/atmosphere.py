@@ -60,6 +60,7 @@ def atmosphere(height: float) -> tuple[float, float, float, float]:
         layer += 1
     rise = geopotential - _BASE[layer]
     temperature = _TEMPERATURE[layer] + _LAPSE[layer] * rise
+    # barometric formula: exponential in an isothermal layer, otherwise a power of the temperature
     if _LAPSE[layer] == 0.0:
         pressure = _PRESSURE[layer] * math.exp(-_GRAVITY * rise / (_GAS * temperature))
     else:
@@ -77,8 +78,8 @@ def _tabulated(height: float) -> tuple[float, float, float, float]:
     k = 0
     while height > _HIGH[k + 1]:
         k += 1
-    w = (height - _HIGH[k]) / (_HIGH[k + 1] - _HIGH[k])
-    density = math.exp(_LOG_DENSITY[k] + w * (_LOG_DENSITY[k + 1] - _LOG_DENSITY[k]))
-    pressure = math.exp(_LOG_PRESSURE[k] + w * (_LOG_PRESSURE[k + 1] - _LOG_PRESSURE[k]))
-    temperature = _HIGH_TEMPERATURE[k] + w * (_HIGH_TEMPERATURE[k + 1] - _HIGH_TEMPERATURE[k])
+    share = (height - _HIGH[k]) / (_HIGH[k + 1] - _HIGH[k])
+    density = math.exp(_LOG_DENSITY[k] + share * (_LOG_DENSITY[k + 1] - _LOG_DENSITY[k]))
+    pressure = math.exp(_LOG_PRESSURE[k] + share * (_LOG_PRESSURE[k + 1] - _LOG_PRESSURE[k]))
+    temperature = _HIGH_TEMPERATURE[k] + share * (_HIGH_TEMPERATURE[k + 1] - _HIGH_TEMPERATURE[k])
     return density, pressure, temperature, math.sqrt(_RATIO * _GAS * temperature)

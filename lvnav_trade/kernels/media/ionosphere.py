@@ -60,20 +60,24 @@ def klobuchar(
     lat_pierce = np.clip(lat / np.pi + central * np.cos(az), -0.416, 0.416)
     lon_pierce = lon / np.pi + central * np.sin(az) / np.cos(lat_pierce * np.pi)
     vertical = _klobuchar_vertical(alpha, beta, seconds, lat_pierce, lon_pierce)
-    return np.asarray(SPEED_OF_LIGHT * (1.0 + 16.0 * (0.53 - el) ** 3) * vertical)
+    obliquity = 1.0 + 16.0 * (0.53 - el) ** 3
+    return np.asarray(SPEED_OF_LIGHT * obliquity * vertical)
 
 
 def _klobuchar_vertical(
     alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: Floats, longitude: Floats
 ) -> Floats:
     """Return the vertical delay (...,) s of the broadcast model above a place; latitude, longitude in semicircles."""
-    magnetic = latitude + 0.064 * np.cos((longitude - 1.617) * np.pi)
-    local = np.mod(43200.0 * longitude + np.asarray(seconds, dtype=float), 86400.0)
-    amplitude = np.maximum(np.polynomial.polynomial.polyval(magnetic, np.asarray(alpha, dtype=float)), 0.0)
-    period = np.maximum(np.polynomial.polynomial.polyval(magnetic, np.asarray(beta, dtype=float)), 72000.0)
-    phase = 2.0 * np.pi * (local - 50400.0) / period
-    day = np.where(np.abs(phase) < 1.57, amplitude * (1.0 - phase**2 / 2.0 + phase**4 / 24.0), 0.0)
-    return np.asarray(5e-9 + day)
+    magnetic_latitude = latitude + 0.064 * np.cos((longitude - 1.617) * np.pi)
+    local_time = np.mod(43200.0 * longitude + np.asarray(seconds, dtype=float), 86400.0)
+    amplitude = np.polynomial.polynomial.polyval(magnetic_latitude, np.asarray(alpha, dtype=float))
+    amplitude = np.maximum(amplitude, 0.0)
+    period = np.polynomial.polynomial.polyval(magnetic_latitude, np.asarray(beta, dtype=float))
+    period = np.maximum(period, 72000.0)
+    phase = 2.0 * np.pi * (local_time - 50400.0) / period
+    cosine = 1.0 - phase**2 / 2.0 + phase**4 / 24.0
+    by_day = np.where(np.abs(phase) < 1.57, amplitude * cosine, 0.0)
+    return np.asarray(5e-9 + by_day)  # 5 ns at night
 
 
 def klobuchar_content(
@@ -107,15 +111,16 @@ def pierced(
     shell
         (...,) m. Height of the shell.
     """
-    lat, az, el = (np.asarray(value, dtype=float) for value in (latitude, azimuth, elevation))
-    up = np.maximum(el, 0.0)
+    lat, lon, az, el = (np.asarray(value, dtype=float) for value in (latitude, longitude, azimuth, elevation))
+    el = np.maximum(el, 0.0)
     ratio = (EARTH_RADIUS + np.asarray(height, dtype=float)) / (EARTH_RADIUS + np.asarray(shell, dtype=float))
-    central = 0.5 * np.pi - up - np.arcsin(np.minimum(ratio * np.cos(up), 1.0))
-    latitude_there = np.arcsin(np.sin(lat) * np.cos(central) + np.cos(lat) * np.sin(central) * np.cos(az))
-    east = np.arctan2(
-        np.sin(central) * np.sin(az), np.cos(lat) * np.cos(central) - np.sin(lat) * np.sin(central) * np.cos(az)
-    )
-    return np.asarray(latitude_there), np.asarray(np.asarray(longitude, dtype=float) + east)
+    # central angle from the sine rule, then the point at this angle and azimuth on the sphere
+    central = 0.5 * np.pi - el - np.arcsin(np.minimum(ratio * np.cos(el), 1.0))
+    sc, cc = np.sin(central), np.cos(central)
+    sl, cl = np.sin(lat), np.cos(lat)
+    pierced_latitude = np.arcsin(sl * cc + cl * sc * np.cos(az))
+    eastwards = np.arctan2(sc * np.sin(az), cl * cc - sl * sc * np.cos(az))
+    return np.asarray(pierced_latitude), np.asarray(lon + eastwards)
 
 
 # --- Chapman layer ----------------------------------------------------------------------------------------------------
@@ -132,14 +137,16 @@ def content_above(height: ArrayLike, peak: float, scale: float) -> Floats:
     value at the ground. Trigo and Theil, eq. 20, print exp(-z) and exp(h0/H) without the outer exponential: zero
     at 320 km for h0 = 420 km and H = 100 km.
     """
-    return np.asarray(_beyond(height, peak, scale) / _beyond(0.0, peak, scale))
+    return np.asarray(_content_beyond(height, peak, scale) / _content_beyond(0.0, peak, scale))
 
 
 def median_height(height: ArrayLike, peak: float, scale: float) -> Floats:
     """Return the median height (...,) m of the content above a receiver at `height` (m): the ionospheric point."""
     h = np.asarray(height, dtype=float)
     z = np.minimum((h - peak) / scale, 30.0)  # higher up the layer is exponential to rounding
-    return np.asarray(h + scale * (-np.log(-np.log1p(0.5 * np.expm1(-np.exp(-z)))) - z))
+    # half of the content 1 - exp(-exp(-z)) is above the median
+    z_median = -np.log(-np.log1p(0.5 * np.expm1(-np.exp(-z))))
+    return np.asarray(h + scale * (z_median - z))
 
 
 def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -162,14 +169,17 @@ def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: floa
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
 
-    def upwards(cosine: Floats, above: Floats) -> Floats:
-        median = median_height(above, peak, scale)
-        sine2 = np.maximum(1.0 - ((EARTH_RADIUS + above) / (EARTH_RADIUS + median) * cosine) ** 2, 0.0)
-        return np.asarray(content_above(above, peak, scale) * 2.037 / (np.sqrt(sine2) + np.sqrt(sine2 + 0.076)))
+    def upwards(cosine: Floats, start: Floats) -> Floats:
+        """Return the slant content of an ascending ray from a height, with the cosine of its elevation."""
+        median = median_height(start, peak, scale)
+        cosine_at_median = (EARTH_RADIUS + start) / (EARTH_RADIUS + median) * cosine
+        sine2 = np.maximum(1.0 - cosine_at_median**2, 0.0)
+        return np.asarray(content_above(start, peak, scale) * 2.037 / (np.sqrt(sine2) + np.sqrt(sine2 + 0.076)))
 
-    here = upwards(np.cos(el), h)
+    ascending = upwards(np.cos(el), h)
     lowest = np.maximum((EARTH_RADIUS + h) * np.cos(el) - EARTH_RADIUS, 0.0)
-    return np.asarray(np.where(el < 0.0, 2.0 * upwards(np.ones_like(el), lowest) - here, here))
+    from_lowest = upwards(np.ones_like(el), lowest)
+    return np.asarray(np.where(el < 0.0, 2.0 * from_lowest - ascending, ascending))
 
 
 def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -179,7 +189,8 @@ def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: f
     `lear_slant`.
     """
     density = partial(_chapman, peak=peak, scale=scale)
-    return along_ray(elevation, height, peak + scale * np.array(_PANELS), density) / (scale * _beyond(0.0, peak, scale))
+    slant = along_ray(elevation, height, peak + scale * np.array(_PANELS), density)
+    return slant / (scale * _content_beyond(0.0, peak, scale))
 
 
 def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density: Callable[[Floats], Floats]) -> Floats:
@@ -195,22 +206,26 @@ def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density
         Density as a function of height (...,) m.
     """
     el, h = np.broadcast_arrays(np.asarray(elevation, dtype=float), np.asarray(height, dtype=float))
-    start, impact = (EARTH_RADIUS + h) * np.sin(el), (EARTH_RADIUS + h) * np.cos(el)
+    # distances along the ray count from its point closest to the Earth's centre, at the distance `impact`
+    start = (EARTH_RADIUS + h) * np.sin(el)
+    impact = (EARTH_RADIUS + h) * np.cos(el)
     radii = EARTH_RADIUS + np.maximum(np.asarray(edges, dtype=float), 0.0)
     bounds = np.sqrt(np.maximum(radii**2 - impact[..., None] ** 2, 0.0))
     bounds = np.concatenate([np.zeros_like(bounds[..., :1]), bounds], axis=-1)
-    content = _panels(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), density)
-    dips = start < 0.0
-    content[dips] += _panels(impact[dips], np.minimum(bounds[dips], -start[dips][:, None]), density)
+    content = _integral(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), density)
+    descends = start < 0.0
+    below_start = np.minimum(bounds[descends], -start[descends][:, None])
+    content[descends] += _integral(impact[descends], below_start, density)
     return np.asarray(content)
 
 
-def _beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
+def _content_beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
     """Return the integral of the layer above a height, in units of its peak density times scale height."""
-    return np.asarray(-math.e * np.expm1(-np.exp(-(np.asarray(height, dtype=float) - peak) / scale)))
+    z = (np.asarray(height, dtype=float) - peak) / scale
+    return np.asarray(-math.e * np.expm1(-np.exp(-z)))
 
 
-def _panels(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats]) -> Floats:
+def _integral(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats]) -> Floats:
     """Return the integral (m) of a density of height along straight rays over panels between the bounds (..., m)."""
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
@@ -234,10 +249,13 @@ def epstein_slant(elevation: ArrayLike, height: ArrayLike, peak: float, bottom: 
     and of its top side above it (m), as in the NeQuick family (Di Giovanni and Radicella 1990). The layer ends 20
     thicknesses above the peak, with 2e-9 of the content beyond. elevation (...,) rad, height (...,) m.
     """
-    edges = [*(peak + bottom * z for z in (-8.0, -4.0, -2.0, -1.0, 0.0)), *(peak + top * z for z in (1, 2, 4, 8, 20))]
+    edges = [peak + bottom * z for z in (-8.0, -4.0, -2.0, -1.0, 0.0)]
+    edges += [peak + top * z for z in (1, 2, 4, 8, 20)]
     density = partial(_epstein, peak=peak, bottom=bottom, top=top)
+    # vertical content from the ground to the peak, and above it
     below = 4.0 * bottom * (1.0 / (1.0 + math.exp(-peak / bottom)) - 0.5)
-    return along_ray(elevation, height, edges, density) / (below + 2.0 * top)
+    above = 2.0 * top
+    return along_ray(elevation, height, edges, density) / (below + above)
 
 
 def _epstein(height: Floats, peak: float, bottom: float, top: float) -> Floats:

@@ -92,11 +92,13 @@ def bean_thayer_refractivity(height: ArrayLike, surface: float = 324.8) -> Float
     """
     height = np.asarray(height, dtype=float)
     slope = -7.32e-3 * np.exp(0.005577 * surface)
-    first = surface + 1e3 * slope
-    rate = np.log(first / 105.0) / 8e3
-    middle = first * np.exp(-rate * (height - 1e3))
+    lower = surface + slope * height
+    at_1_km = surface + 1e3 * slope
+    rate = np.log(at_1_km / 105.0) / 8e3
+    middle = at_1_km * np.exp(-rate * (height - 1e3))
     upper = 105.0 * np.exp(-0.1424e-3 * (height - 9e3))
-    return np.asarray(np.where(height < 1e3, surface + slope * height, np.where(height < 9e3, middle, upper)))
+    above_1_km = np.where(height < 9e3, middle, upper)
+    return np.asarray(np.where(height < 1e3, lower, above_1_km))
 
 
 def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: float = 7350.0) -> Floats:
@@ -120,14 +122,20 @@ def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
     height = np.arange(BOTTOM, TOP + 1.0, _SPACING)
     wider = np.arange(BOTTOM + wings[0], TOP + wings[-1] + 1.0, _SPACING)
     log_n = np.convolve(np.log(1e-6 * refractivity(wider)), weight / np.sum(weight), "valid")
-    excess = np.exp(log_n)
-    slope = excess * np.gradient(log_n, _SPACING, edge_order=2)
+    excess = np.exp(log_n)  # n - 1
+    slope = excess * np.gradient(log_n, _SPACING, edge_order=2)  # n'
     r = EARTH_RADIUS + height
-    stretch = 1.0 + excess + r * slope
+    stretch = 1.0 + excess + r * slope  # dX/dr = n + r n'
     if np.any(stretch <= 0.0) or np.any(slope >= 0.0):
         raise ValueError("refractivity should fall with height, and by less than 157 per km: rays would be trapped")
     radius = r * (1.0 + excess)
-    return SampledAtmosphere(height, radius, np.log(-r * slope / stretch), log_n, np.interp(_PANELS, height, radius))
+    return SampledAtmosphere(
+        height=height,
+        radius=radius,
+        log_f=np.log(-r * slope / stretch),
+        log_n=log_n,
+        panels=np.interp(_PANELS, height, radius),
+    )
 
 
 # --- rays -------------------------------------------------------------------------------------------------------------
@@ -152,42 +160,44 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
     """
     height, elevation = np.broadcast_arrays(np.asarray(height, dtype=float), np.asarray(elevation, dtype=float))
     start = EARTH_RADIUS + height
-    inside = height <= TOP
-    start_radius = start * (1.0 + inside * np.exp(np.interp(height, profile.height, profile.log_n)))
+    is_in_air = height <= TOP
+    start_radius = start * (1.0 + is_in_air * np.exp(np.interp(height, profile.height, profile.log_n)))
     straight = start * np.cos(elevation)
-    target = np.arccos(straight / far) - elevation
+    target = np.arccos(straight / far) - elevation  # central angle between receiver and satellite
 
-    def miss(apparent: Floats) -> tuple[Floats, Floats]:
-        excess, bending = _added(profile, start_radius, apparent)
+    def trace(apparent: Floats) -> tuple[Floats, Floats]:
+        """Return the error of the central angle (rad) and the excess path (m) of rays of an apparent elevation."""
+        excess, bending = _air_contribution(profile, start_radius, apparent)
         angle = np.arccos(start_radius * np.cos(apparent) / far) - apparent + bending
         return angle - target, excess
 
     apparent = np.array(elevation)
-    for _ in range(_ROUNDS):  # Newton's method from below, where the miss is convex, so no step overshoots
-        missed, excess = miss(apparent)
+    for _ in range(_ROUNDS):  # Newton's method from below, where the error is convex, so no step overshoots
+        error, excess = trace(apparent)
         step = 1e-5
-        correction = -missed * step / np.minimum(miss(apparent + step)[0] - missed, -1e-3 * step)
+        stepped_error, _ = trace(apparent + step)
+        correction = -error * step / np.minimum(stepped_error - error, -1e-3 * step)
         apparent = apparent + correction
         if np.all(np.abs(correction) < 1e-9):  # convergence is quadratic: the next correction is negligible
             break
-    missed, excess = miss(apparent)
+    error, excess = trace(apparent)
     impact = start_radius * np.cos(apparent)  # the optical path grows by it for each radian of central angle
-    path = np.sqrt(far**2 - impact**2) - start_radius * np.sin(apparent) + excess - impact * missed
+    path = np.sqrt(far**2 - impact**2) - start_radius * np.sin(apparent) + excess - impact * error
     distance = np.sqrt(far**2 - straight**2) - start * np.sin(elevation)
     return Ray(np.asarray(path - distance), np.asarray(apparent))
 
 
-def _added(profile: SampledAtmosphere, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
+def _air_contribution(profile: SampledAtmosphere, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
     """Return the contribution of the air to optical path (m) and central angle (rad) of rays to space, (...,) each."""
     impact = start_radius * np.cos(apparent)
     start = start_radius * np.sin(apparent)  # l at the receiver
     bounds = np.sqrt(np.maximum(profile.panels**2 - impact[..., None] ** 2, 0.0))
     bounds[..., 0] = 0.0  # below the bottom the air is that of the bottom
-    up = _integrals(profile, impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]))
-    if np.any(start < 0.0):
-        down = _integrals(profile, impact, np.minimum(bounds, np.maximum(-start, 0.0)[..., None]))
-        return up[0] + down[0], up[1] + down[1]
-    return up
+    path, angle = _integrals(profile, impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]))
+    if np.any(start < 0.0):  # a descending ray passes the layers below the receiver twice
+        descent, descent_angle = _integrals(profile, impact, np.minimum(bounds, np.maximum(-start, 0.0)[..., None]))
+        return path + descent, angle + descent_angle
+    return path, angle
 
 
 def _integrals(profile: SampledAtmosphere, impact: Floats, bounds: Floats) -> tuple[Floats, Floats]:
@@ -196,8 +206,9 @@ def _integrals(profile: SampledAtmosphere, impact: Floats, bounds: Floats) -> tu
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
     square = impact[..., None, None] ** 2 + along**2
     weight = half * _WEIGHTS * np.exp(np.interp(np.sqrt(square), profile.radius, profile.log_f))
+    path = np.sum(weight, axis=(-2, -1))
     angle = impact * np.sum(weight / square, axis=(-2, -1))
-    return np.asarray(np.sum(weight, axis=(-2, -1))), np.asarray(angle)
+    return np.asarray(path), np.asarray(angle)
 
 
 def lowest_height(latitude: ArrayLike, height: ArrayLike, azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
@@ -216,11 +227,18 @@ def lowest_height(latitude: ArrayLike, height: ArrayLike, azimuth: ArrayLike, el
     lat, h, az, el = (np.asarray(value, dtype=float) for value in (latitude, height, azimuth, elevation))
     normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
     stretch = SEMI_MAJOR / SEMI_MINOR
-    flat, polar = (normal + h) * np.cos(lat), ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat) * stretch
-    north, east, up = np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)
-    outwards, polewards = up * np.cos(lat) - north * np.sin(lat), (up * np.sin(lat) + north * np.cos(lat)) * stretch
-    towards = flat * outwards + polar * polewards
-    start = np.hypot(flat, polar)
+    # receiver: distance from the polar axis, and stretched z
+    level = (normal + h) * np.cos(lat)
+    polar = ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat) * stretch
+    # direction of the line: away from the polar axis, to the east, and along stretched z
+    north = np.cos(el) * np.cos(az)
+    east = np.cos(el) * np.sin(az)
+    up = np.sin(el)
+    outwards = up * np.cos(lat) - north * np.sin(lat)
+    polewards = (up * np.sin(lat) + north * np.cos(lat)) * stretch
+    # the line is closest to the centre at the distance sqrt(r^2 - (r . d)^2 / d^2)
+    product = level * outwards + polar * polewards
+    start = np.hypot(level, polar)
     square = outwards**2 + east**2 + polewards**2
-    lowest = np.sqrt(np.maximum(start**2 - np.minimum(towards, 0.0) ** 2 / square, 0.0))
+    lowest = np.sqrt(np.maximum(start**2 - np.minimum(product, 0.0) ** 2 / square, 0.0))
     return np.asarray(np.where(el < 0.0, h - (start - lowest), h))

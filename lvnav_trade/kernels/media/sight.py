@@ -56,15 +56,16 @@ def along_line(
     height, elevation, distance = np.broadcast_arrays(*arrays)
     start = EARTH_RADIUS + height
     rise = start * np.sin(elevation)
-    top = np.sqrt(np.maximum((EARTH_RADIUS + _AIR) ** 2 - start**2 + rise**2, 0.0)) - rise
-    half = 0.5 * np.minimum(distance, top)[..., None]
+    to_top = np.sqrt(np.maximum((EARTH_RADIUS + _AIR) ** 2 - start**2 + rise**2, 0.0)) - rise
+    half = 0.5 * np.minimum(distance, to_top)[..., None]
     # s = 2 half share^3: nodes are dense near the observer, where refractivity is large
     share = 0.5 * (1.0 + _NODES)
-    s, weight = 2.0 * half * share**3, 3.0 * half * share**2 * _WEIGHTS
+    s = 2.0 * half * share**3
+    weight = 3.0 * half * share**2 * _WEIGHTS
     radius = np.sqrt(start[..., None] ** 2 + s**2 + 2.0 * s * rise[..., None])
-    level = start[..., None] * np.cos(elevation)[..., None] / radius
+    cos_elevation = start[..., None] * np.cos(elevation)[..., None] / radius
     h = radius - EARTH_RADIUS
-    n = 1e-6 * refractivity(h)
+    excess = np.sum(weight * (1e-6 * refractivity(h)), axis=-1)
     slope = 1e-6 * (refractivity(h + _SLOPE) - refractivity(h - _SLOPE)) / (2.0 * _SLOPE)
-    bending = -np.sum(weight * (1.0 - s / distance[..., None]) * slope * level, axis=-1)
-    return SightRefraction(np.asarray(np.sum(weight * n, axis=-1)), np.asarray(bending))
+    bending = -np.sum(weight * (1.0 - s / distance[..., None]) * slope * cos_elevation, axis=-1)
+    return SightRefraction(np.asarray(excess), np.asarray(bending))

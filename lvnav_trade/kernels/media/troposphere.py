@@ -40,17 +40,22 @@ def any_elevation(
     """
     el, h, radius = (np.asarray(value, dtype=float) for value in (elevation, height, earth_radius))
 
-    def upwards(angle: Floats, above: Floats) -> Floats:
+    def upwards(angle: Floats, start: Floats) -> Floats:
+        """Return the delay of an ascending ray of an elevation from a height."""
         high = 1.0 / (np.sin(np.maximum(angle, join)) + offset)
         mirrored = 1.0 / (np.sin(2.0 * join - np.minimum(angle, join)) + offset)
         low = 2.0 / (np.sin(join) + offset) - mirrored
-        factor = np.minimum(0.9 + 0.1 * angle / join, 1.0) - above / (16.0 * scale_height) if gain_law else 1.0
-        decay = np.exp(-above / scale_height)
-        return np.asarray(gain * np.maximum(factor, 0.0) * decay * np.where(angle >= join, high, low))
+        mapping = np.where(angle >= join, high, low)
+        factor = np.ones(())
+        if gain_law:
+            factor = np.minimum(0.9 + 0.1 * angle / join, 1.0) - start / (16.0 * scale_height)
+        decay = np.exp(-start / scale_height)
+        return np.asarray(gain * np.maximum(factor, 0.0) * decay * mapping)
 
-    here = upwards(np.abs(el), h)
+    ascending = upwards(np.abs(el), h)
     lowest = np.maximum((radius + h) * np.cos(el) - radius, 0.0)
-    return np.asarray(np.where(el < 0.0, 2.0 * upwards(np.zeros_like(el), lowest) - here, here))
+    from_lowest = upwards(np.zeros_like(el), lowest)
+    return np.asarray(np.where(el < 0.0, 2.0 * from_lowest - ascending, ascending))
 
 
 def spilker(
@@ -86,15 +91,15 @@ def stanag(elevation: ArrayLike, height: ArrayLike, surface: float = 324.8) -> F
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
     slope = -7.32e-3 * np.exp(0.005577 * surface)
-    first = surface + _LINEAR * slope
-    rate = np.log(first / _AT_MIDDLE) / (_MIDDLE - _LINEAR)
-
-    def linear(above: Floats) -> Floats:  # from a height up to the end of the layer
-        return np.asarray((surface + 0.5 * slope * (_LINEAR + above)) * (_LINEAR - above))
-
-    middle = first / rate * (np.exp(-rate * (np.clip(h, _LINEAR, _MIDDLE) - _LINEAR)) - _AT_MIDDLE / first)
+    at_linear = surface + _LINEAR * slope  # refractivity at the top of the linear layer
+    rate = np.log(at_linear / _AT_MIDDLE) / (_MIDDLE - _LINEAR)
+    # integral over each layer from the height, or from the bottom of the layer, to its top
+    in_linear = np.minimum(h, _LINEAR)
+    lower = (surface + 0.5 * slope * (_LINEAR + in_linear)) * (_LINEAR - in_linear)
+    decay = np.exp(-rate * (np.clip(h, _LINEAR, _MIDDLE) - _LINEAR))
+    middle = at_linear / rate * (decay - _AT_MIDDLE / at_linear)
     upper = _AT_MIDDLE / _UPPER * np.exp(-_UPPER * (np.maximum(h, _MIDDLE) - _MIDDLE))
-    zenith = 1e-6 * (linear(np.minimum(h, _LINEAR)) + middle + upper)
+    zenith = 1e-6 * (lower + middle + upper)
     return np.asarray(zenith / (np.sin(el) + 0.00143 / (np.tan(el) + 0.0455)))
 
 
@@ -120,11 +125,13 @@ def weather(
     ratio, so that the delay falls smoothly to zero.
     """
     h = np.asarray(height, dtype=float)
-    below, above = np.clip(h, 0.0, TROPOPAUSE), np.maximum(h - TROPOPAUSE, 0.0)
-    thin = np.exp(-above / _ISOTHERMAL_SCALE)
-    warmth = temperature - 6.5e-3 * below
-    vapour = 610.8 * humidity * np.exp((17.15 * warmth - 4684.0) / (warmth - 38.45))
-    return pressure * (1.0 - 2.2557e-5 * below) ** 5.2568 * thin, np.asarray(warmth), np.asarray(vapour * thin)
+    below = np.clip(h, 0.0, TROPOPAUSE)
+    above = np.maximum(h - TROPOPAUSE, 0.0)
+    decay = np.exp(-above / _ISOTHERMAL_SCALE)
+    kelvin = temperature - 6.5e-3 * below
+    vapour = 610.8 * humidity * np.exp((17.15 * kelvin - 4684.0) / (kelvin - 38.45))
+    total = pressure * (1.0 - 2.2557e-5 * below) ** 5.2568 * decay
+    return total, np.asarray(kelvin), np.asarray(vapour * decay)
 
 
 def saastamoinen_zenith(
@@ -139,9 +146,11 @@ def saastamoinen_zenith(
     latitude, height
         (...,) rad and m, for gravity; heights above 100 km count as 100 km.
     """
-    p, warmth, e, lat = (np.asarray(value, dtype=float) for value in (pressure, temperature, vapour, latitude))
+    p, kelvin, e, lat = (np.asarray(value, dtype=float) for value in (pressure, temperature, vapour, latitude))
     gravity = 1.0 - 0.00266 * np.cos(2.0 * lat) - 0.00028e-3 * np.clip(height, 0.0, 100e3)
-    return np.asarray(2.2768e-5 * p / gravity), np.asarray(2.277e-5 * (1255.0 / warmth + 0.05) * e)
+    dry = 2.2768e-5 * p / gravity
+    wet = 2.277e-5 * (1255.0 / kelvin + 0.05) * e
+    return np.asarray(dry), np.asarray(wet)
 
 
 # --- mapping functions ------------------------------------------------------------------------------------------------
@@ -186,19 +195,20 @@ def niell(
     day_of_year
         (...,) 1.0 at the start of the year.
     """
-    el, lat, h, day = np.broadcast_arrays(
-        *(np.asarray(v, dtype=float) for v in (elevation, latitude, height, day_of_year))
-    )
+    arrays = [np.asarray(value, dtype=float) for value in (elevation, latitude, height, day_of_year)]
+    el, lat, h, day = np.broadcast_arrays(*arrays)
+    # seasons are half a year apart on the southern hemisphere
     season = np.cos(2.0 * np.pi * ((day - 28.0) / 365.25 + np.where(lat < 0.0, 0.5, 0.0)))
-    north = np.abs(lat)
 
-    def at(table: Floats) -> list[Floats]:
-        return [np.interp(north, _LATITUDES, row) for row in table]
+    def coefficients(table: Floats) -> Floats:
+        return np.array([np.interp(np.abs(lat), _LATITUDES, row) for row in table])
 
-    mean, amplitude = at(_DRY_MEAN), at(_DRY_AMPLITUDE)
-    dry = _fraction(el, *(m - swing * season for m, swing in zip(mean, amplitude, strict=True)))
-    correction = (1.0 / np.sin(el) - _fraction(el, *(np.asarray(c) for c in _HEIGHT))) * h / 1e3
-    return np.asarray(dry + correction), _fraction(el, *at(_WET))
+    a, b, c = coefficients(_DRY_MEAN) - coefficients(_DRY_AMPLITUDE) * season
+    dry = _fraction(el, a, b, c)
+    a, b, c = np.asarray(_HEIGHT)
+    correction = (1.0 / np.sin(el) - _fraction(el, a, b, c)) * h / 1e3
+    a, b, c = coefficients(_WET)
+    return np.asarray(dry + correction), _fraction(el, a, b, c)
 
 
 def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
