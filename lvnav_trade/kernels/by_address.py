@@ -39,26 +39,27 @@ class _Address:
         """Return the record's address."""
         return builder.gep(self.address, [ir.Constant(_WORD, self.offset)]) if self.offset else self.address
 
-    def value(self, builder: Any, kind: Any) -> Any:
+    def value(self, builder: Any, llvm_type: Any) -> Any:
         """Return the record, with its location attached."""
-        found = builder.load(builder.bitcast(self.pointer(builder), kind.as_pointer()))
-        found.place = self
-        return found
+        record = builder.load(builder.bitcast(self.pointer(builder), llvm_type.as_pointer()))
+        record.place = self
+        return record
 
-    def field(self, builder: Any, kind: Any, index: int) -> Any:
+    def field(self, builder: Any, struct: Any, index: int) -> Any:
         """Return a field of the record (an LLVM struct), read at the beginning of the function."""
         if index not in self.fields:
-            inner, place = kind.elements[index], _Address(self.address, self.offset + _offsets(kind)[index])
+            place = _Address(self.address, self.offset + _offsets(struct)[index])
             with builder.goto_entry_block():
-                self.fields[index] = place.value(builder, inner)
+                self.fields[index] = place.value(builder, struct.elements[index])
         return self.fields[index]
 
 
 @cache
-def _offsets(kind: Any) -> list[int]:
+def _offsets(struct: Any) -> list[int]:
     """Return the offsets (bytes) of the fields of an LLVM struct."""
-    data, context = cpu_target.target_context.codegen().target_data, ir.Context()
-    return [kind.get_element_offset(data, index, context) for index in range(len(kind.elements))]
+    target_data = cpu_target.target_context.codegen().target_data
+    context = ir.Context()
+    return [struct.get_element_offset(target_data, index, context) for index in range(len(struct.elements))]
 
 
 class RecordModel(TupleModel):  # type: ignore[misc]  # numba tells no types
@@ -74,28 +75,36 @@ class RecordModel(TupleModel):  # type: ignore[misc]  # numba tells no types
         if place is not None:
             return place.pointer(builder)
         with builder.goto_entry_block():
-            kept = builder.alloca(value.type)
-        builder.store(value, kept)
-        return builder.bitcast(kept, _BYTE.as_pointer())
+            copy = builder.alloca(value.type)
+        builder.store(value, copy)
+        return builder.bitcast(copy, _BYTE.as_pointer())
 
     def from_argument(self, builder: Any, value: Any) -> Any:
         """Return the record at an address."""
         return _Address(value, 0).value(builder, self.get_value_type())
 
 
-def _model_of(plain: Any) -> Any:
-    def made(manager: Any, kind: Any) -> Any:
-        is_ours = kind.instance_class.__module__.partition(".")[0] == PACKAGE
-        return (RecordModel if is_ours else plain)(manager, kind)
+def _record_model(plain_model: Any) -> Any:
+    """Return a factory of data models: `RecordModel` for records of this package, `plain_model` for others."""
 
-    return made
+    def model(manager: Any, record_type: Any) -> Any:
+        package, _, _ = record_type.instance_class.__module__.partition(".")
+        if package == PACKAGE:
+            return RecordModel(manager, record_type)
+        return plain_model(manager, record_type)
+
+    return model
 
 
 @lower_getattr_generic(types.NamedTuple)  # type: ignore[untyped-decorator]
-def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    index, place = kind.fields.index(name), getattr(value, "place", None)
-    found = builder.extract_value(value, index) if place is None else place.field(builder, value.type, index)
-    return impl_ret_borrowed(context, builder, kind[index], found)
+def _field(context: Any, builder: Any, record_type: Any, value: Any, name: str) -> Any:
+    index = record_type.fields.index(name)
+    place = getattr(value, "place", None)
+    if place is None:
+        field = builder.extract_value(value, index)
+    else:
+        field = place.field(builder, value.type, index)
+    return impl_ret_borrowed(context, builder, record_type[index], field)
 
 
 class _Lower(Lower):  # type: ignore[misc]
@@ -110,12 +119,13 @@ class _Lower(Lower):  # type: ignore[misc]
             return
         if self.flags is None or not self.flags.enable_ssa or self.func_ir.func_id.is_generator:
             return
-        number: dict[str, int] = {}
+        n_assigned: dict[str, int] = {}
         for block in self.blocks.values():
             for assignment in block.find_insts(Assign):
-                number[assignment.target.name] = number.get(assignment.target.name, 0) + 1
-        kept = must_use_alloca(self.blocks)
-        self._singly_assigned_vars |= {name for name, times in number.items() if times == 1 and name not in kept}
+                name = assignment.target.name
+                n_assigned[name] = n_assigned.get(name, 0) + 1
+        in_memory = must_use_alloca(self.blocks)
+        self._singly_assigned_vars |= {name for name, n in n_assigned.items() if n == 1 and name not in in_memory}
 
     def loadvar(self, name: str) -> Any:
         """Return the value of a variable. A variable that is read before the block of its assignment needs memory."""
@@ -125,49 +135,53 @@ class _Lower(Lower):  # type: ignore[misc]
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
         """Return an element of an array, without the copy of the array and the operator lookup of numba."""
-        array, at = signature.args
-        if not self._is_element(array, at):
+        array, index_type = signature.args
+        if not self._is_element(array, index_type):
             return super().lower_getitem(resty, expr, value, index, signature)
-        pointer = self._pointer(array, value.name, at, index.name)
-        found = self.context.unpack_value(self.builder, array.dtype, pointer, align=None if array.aligned else 1)
-        return self.context.cast(self.builder, found, signature.return_type, resty)
+        pointer = self._pointer(array, value.name, index_type, index.name)
+        alignment = None if array.aligned else 1
+        element = self.context.unpack_value(self.builder, array.dtype, pointer, align=alignment)
+        return self.context.cast(self.builder, element, signature.return_type, resty)
 
     def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
         """Set an element of an array."""
-        array, at, kind = signature.args
-        if not self._is_element(array, at) or not isinstance(kind, types.Number | types.Boolean):
+        array, index_type, value_type = signature.args
+        if not self._is_element(array, index_type) or not isinstance(value_type, types.Number | types.Boolean):
             return super().lower_setitem(target_var, index_var, value_var, signature)
-        pointer = self._pointer(array, target_var.name, at, index_var.name)
-        value = self.context.cast(self.builder, self.loadvar(value_var.name), self.typeof(value_var.name), kind)
-        value = self.context.cast(self.builder, value, kind, array.dtype)
-        self.context.pack_value(self.builder, array.dtype, value, pointer, align=None if array.aligned else 1)
+        pointer = self._pointer(array, target_var.name, index_type, index_var.name)
+        value = self.loadvar(value_var.name)
+        value = self.context.cast(self.builder, value, self.typeof(value_var.name), value_type)
+        value = self.context.cast(self.builder, value, value_type, array.dtype)
+        alignment = None if array.aligned else 1
+        self.context.pack_value(self.builder, array.dtype, value, pointer, align=alignment)
         return None
 
-    def _is_element(self, array: Any, at: Any) -> bool:
+    def _is_element(self, array: Any, index_type: Any) -> bool:
         """Return whether an index selects one number of an array."""
+        if self.context.enable_boundscheck:
+            return False
         if not isinstance(array, types.Array) or not isinstance(array.dtype, types.Number | types.Boolean):
             return False
-        kinds = tuple(at) if isinstance(at, types.BaseTuple) else (at,)
-        is_checked = self.context.enable_boundscheck
-        return len(kinds) == array.ndim and all(isinstance(one, types.Integer) for one in kinds) and not is_checked
+        index_types = tuple(index_type) if isinstance(index_type, types.BaseTuple) else (index_type,)
+        return len(index_types) == array.ndim and all(isinstance(item, types.Integer) for item in index_types)
 
-    def _pointer(self, array: Any, name: str, at: Any, index: str) -> Any:
+    def _pointer(self, array: Any, name: str, index_type: Any, index_name: str) -> Any:
         """Return the address of an element; a negative index counts from the end."""
         builder, model = self.builder, self.context.data_model_manager[array]
-        given, asked = self.loadvar(name), self.context.cast(builder, self.loadvar(index), self.typeof(index), at)
-        shape = cgutils.unpack_tuple(builder, model.get(builder, given, "shape"), array.ndim)
-        kinds, parts = (at,), [asked]
-        if isinstance(at, types.BaseTuple):
-            kinds, parts = tuple(at), cgutils.unpack_tuple(builder, asked, array.ndim)
-        places = [fix_integer_index(self.context, builder, *one) for one in zip(kinds, parts, shape, strict=True)]
-        strides = (
-            []
-            if array.layout == "C"
-            else cgutils.unpack_tuple(builder, model.get(builder, given, "strides"), array.ndim)
-        )
-        return cgutils.get_item_pointer2(
-            self.context, builder, model.get(builder, given, "data"), shape, strides, array.layout, places
-        )
+        value = self.loadvar(name)
+        index = self.context.cast(builder, self.loadvar(index_name), self.typeof(index_name), index_type)
+        shape = cgutils.unpack_tuple(builder, model.get(builder, value, "shape"), array.ndim)
+        index_types, indices = (index_type,), [index]
+        if isinstance(index_type, types.BaseTuple):
+            index_types, indices = tuple(index_type), cgutils.unpack_tuple(builder, index, array.ndim)
+        places = []
+        for axis_type, axis_index, size in zip(index_types, indices, shape, strict=True):
+            places.append(fix_integer_index(self.context, builder, axis_type, axis_index, size))
+        strides = []
+        if array.layout != "C":
+            strides = cgutils.unpack_tuple(builder, model.get(builder, value, "strides"), array.ndim)
+        data = model.get(builder, value, "data")
+        return cgutils.get_item_pointer2(self.context, builder, data, shape, strides, array.layout, places)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -184,10 +198,13 @@ class Compiler(CompilerBase):  # type: ignore[misc]
 
     def define_pipelines(self) -> list[Any]:
         """Return numba's passes with the last one replaced."""
-        found = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        found.passes = [(_Lowering if one is NativeLowering else one, why) for one, why in found.passes]
-        found.finalize()
-        return [found]
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes = []
+        for compiler_pass, description in pipeline.passes:
+            passes.append((_Lowering if compiler_pass is NativeLowering else compiler_pass, description))
+        pipeline.passes = passes
+        pipeline.finalize()
+        return [pipeline]
 
 
-default_manager.register(types.NamedTuple, _model_of(TupleModel))
+default_manager.register(types.NamedTuple, _record_model(TupleModel))

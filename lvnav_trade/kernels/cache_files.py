@@ -50,7 +50,8 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
             content = Path(self._cache_path, name).read_bytes()
         except OSError:
             return None
-        return pickle.loads(content[_DIGEST:]) if self._digest(content[_DIGEST:]) == content[:_DIGEST] else None
+        digest, data = content[:_DIGEST], content[_DIGEST:]
+        return pickle.loads(data) if self._digest(data) == digest else None
 
     def _write(self, name: str, value: Any) -> None:
         content = self._dump(value)
@@ -107,11 +108,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            _warn_of_refusal(os.strerror(error.errno) if error.errno else str(error))
+            _warn_not_stored(os.strerror(error.errno) if error.errno else str(error))
 
 
 @cache
-def _warn_of_refusal(why: str) -> None:
+def _warn_not_stored(why: str) -> None:
     """Log once per process that kernels cannot be stored."""
     _LOG.warning(
         "compiled kernels cannot be stored in %s (%s); every command compiles them again until NUMBA_CACHE_DIR is a "

@@ -41,13 +41,13 @@ def set_cache_folder() -> None:
     The folder is below NUMBA_CACHE_DIR if set, else below XDG_CACHE_HOME or ``~/.cache``. If it is not writable, it is
     below a temporary folder that only this user can read, and a warning is logged. Worker processes inherit the choice.
     """
-    given = os.environ.get(_VARIABLE, "")
-    if Path(given).name.startswith(_MARK):
+    root_setting = os.environ.get(_VARIABLE, "")
+    if Path(root_setting).name.startswith(_MARK):
         return
     checked = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
     plain = "plain-" if is_plain() else ""
     name = f"{_MARK}{plain}{checked}{source_digest(Path(__file__).resolve().parents[1])}"
-    root = _usual_root(given)
+    root = _usual_root(root_setting)
     folder = root / name
     why = _refusal(folder) if root.is_absolute() else "there is no home folder"
     if why:
@@ -68,12 +68,14 @@ def is_filled() -> bool:
     return is_interpreted or any(Path(os.environ.get(_VARIABLE, "")).glob("*/*.nbi"))
 
 
-def _usual_root(given: str) -> Path:
+def _usual_root(root_setting: str) -> Path:
     """Return the folder for compiled kernels by the environment; relative if there is no home folder."""
-    if given:
-        return Path(given).absolute()
+    if root_setting:
+        return Path(root_setting).absolute()
     caches = os.environ.get("XDG_CACHE_HOME", "")
-    return Path(caches if os.path.isabs(caches) else os.path.expanduser("~/.cache"), "lvnav_trade")
+    if not os.path.isabs(caches):
+        caches = os.path.expanduser("~/.cache")
+    return Path(caches, "lvnav_trade")
 
 
 def _temporary_root(name: str) -> Path:
@@ -89,10 +91,8 @@ def _temporary_root(name: str) -> Path:
         status = place.lstat()
     except OSError:
         status = None
-    is_own = (
-        status is not None and stat.S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o077
-    )
-    if is_own and not _refusal(place / name):
+    is_private = status is not None and status.st_uid == user and not status.st_mode & 0o077
+    if is_private and status is not None and stat.S_ISDIR(status.st_mode) and not _refusal(place / name):
         return place
     private, owner = tempfile.mkdtemp(prefix="lvnav_trade-"), os.getpid()
 

@@ -61,7 +61,8 @@ def _parameters(kernel: Any, available: list[str]) -> list[str]:
     """Return the names of the parameters of a kernel."""
     python = getattr(kernel, "py_func", kernel)
     names = list(inspect.signature(python).parameters)
-    if unknown := [name for name in names if name not in available]:
+    unknown = [name for name in names if name not in available]
+    if unknown:
         place = f"{python.__module__}.{python.__name__}"
         raise TypeError(f"{place} asks for {', '.join(unknown)}; there is {', '.join(available)}")
     return names

@@ -108,16 +108,16 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
 
     @classmethod
     def _unserialize(cls, codegen: Any, state: tuple[str, str, Any]) -> Any:
-        name, kind, content = state
-        if kind != _ENTRY:
+        name, form, content = state
+        if form != _ENTRY:
             return super()._unserialize(codegen, state)
-        found = codegen.create_library(name)
-        found.enable_object_caching()
+        library = codegen.create_library(name)
+        library.enable_object_caching()
         code, names = content
-        found._set_compiled_object(code)
-        found._finalize_final_module()
+        library._set_compiled_object(code)
+        library._finalize_final_module()
         codegen._engine._defined_symbols |= names
-        return found
+        return library
 
 
 class Codegen(JITCPUCodegen):  # type: ignore[misc]
@@ -180,8 +180,8 @@ class InnerKernel(CPUDispatcher):  # type: ignore[misc]
 
     def compile(self, sig: Any) -> Any:
         """Compile a signature or load it from the cache; numba asks many times for the same signature."""
-        found = self.overloads.get(sig) if isinstance(sig, tuple) else None
-        return super().compile(sig) if found is None else found.entry_point
+        version = self.overloads.get(sig) if isinstance(sig, tuple) else None
+        return super().compile(sig) if version is None else version.entry_point
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return the version for given types of arguments; a literal counts as its type."""

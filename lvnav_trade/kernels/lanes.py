@@ -47,31 +47,38 @@ def zeros_of(shapes: Mapping[str, tuple[int, ...]], lanes: int = 0) -> dict[str,
     return {name: aligned_zeros((*shape, *end)) for name, shape in shapes.items()}
 
 
-def _view_type(kind):
+def _view_type(source_type):
     """Return the numba type of the view of an array or record; other types have no view and stay."""
-    if isinstance(kind, types.Array):
-        return LaneView(f64x8 if kind.dtype == types.float64 else u64x8, kind.ndim - 1)
-    if isinstance(kind, types.BaseNamedTuple):
-        return types.BaseTuple.from_types([_view_type(part) for part in kind.types], kind.instance_class)
-    return kind
+    if isinstance(source_type, types.Array):
+        item = f64x8 if source_type.dtype == types.float64 else u64x8
+        return LaneView(item, source_type.ndim - 1)
+    if isinstance(source_type, types.BaseNamedTuple):
+        field_types = [_view_type(field) for field in source_type.types]
+        return types.BaseTuple.from_types(field_types, source_type.instance_class)
+    return source_type
 
 
-def _has_view(kind):
-    if isinstance(kind, types.BaseNamedTuple):
-        return all(_has_view(part) for part in kind.types)
-    viewed = isinstance(kind, types.Array) and kind.layout == "C" and kind.dtype in (types.float64, types.uint64)
-    return viewed or kind == types.none
+def _has_view(source_type):
+    if isinstance(source_type, types.BaseNamedTuple):
+        return all(_has_view(field) for field in source_type.types)
+    if isinstance(source_type, types.Array):
+        return source_type.layout == "C" and source_type.dtype in (types.float64, types.uint64)
+    return source_type == types.none
 
 
-def _emit_view(context, builder, kind, value):
-    if isinstance(kind, types.Array):
-        source, target = context.make_array(kind)(context, builder, value), _proxy(context, builder, _view_type(kind))
+def _emit_view(context, builder, source_type, value):
+    if isinstance(source_type, types.Array):
+        source = context.make_array(source_type)(context, builder, value)
+        target = _proxy(context, builder, _view_type(source_type))
         target.data = source.data
         target.shape = cgutils.pack_array(builder, cgutils.unpack_tuple(builder, source.shape)[:-1])
         return target._getvalue()
-    if isinstance(kind, types.BaseNamedTuple):
-        values = zip(kind.types, cgutils.unpack_tuple(builder, value, len(kind.types)), strict=True)
-        return context.make_tuple(builder, _view_type(kind), [_emit_view(context, builder, *pair) for pair in values])
+    if isinstance(source_type, types.BaseNamedTuple):
+        fields = cgutils.unpack_tuple(builder, value, len(source_type.types))
+        views = []
+        for field_type, field in zip(source_type.types, fields, strict=True):
+            views.append(_emit_view(context, builder, field_type, field))
+        return context.make_tuple(builder, _view_type(source_type), views)
     return value
 
 
@@ -101,25 +108,28 @@ def _proxy(context, builder, lane_view, value=None):
     return cgutils.create_struct_proxy(lane_view)(context, builder, value=value)
 
 
-def _find(context, builder, lane_view, value, kind, index):
-    """Return a view's pointer to the lanes at an index, and the shape behind it (empty if the index is complete).
+def _locate(context, builder, lane_view, value, index_type, index):
+    """Return a view's pointer to the lanes at an index, and the remaining shape (empty if the index is complete).
 
     With NUMBA_BOUNDSCHECK=1 an index outside the view raises IndexError.
     """
     proxy = _proxy(context, builder, lane_view, value)
     shape = cgutils.unpack_tuple(builder, proxy.shape)
-    pairs = [(index, kind)]
-    if isinstance(kind, types.BaseTuple):
-        pairs = list(zip(cgutils.unpack_tuple(builder, index), kind.types, strict=True))
-    indices = [context.cast(builder, part, of, types.intp) for part, of in pairs]
+    parts, part_types = [index], [index_type]
+    if isinstance(index_type, types.BaseTuple):
+        parts, part_types = cgutils.unpack_tuple(builder, index), index_type.types
+    indices = []
+    for part, part_type in zip(parts, part_types, strict=True):
+        indices.append(context.cast(builder, part, part_type, types.intp))
     if context.enable_boundscheck:
-        for axis, part in enumerate(indices):
-            cgutils.do_boundscheck(context, builder, part, shape[axis], axis)
-    zero, width = (ir.Constant(ir.IntType(64), number) for number in (0, WIDTH))
+        for axis, axis_index in enumerate(indices):
+            cgutils.do_boundscheck(context, builder, axis_index, shape[axis], axis)
+    zero = ir.Constant(ir.IntType(64), 0)
+    width = ir.Constant(ir.IntType(64), WIDTH)
     offset = indices[0]
     for axis in range(1, len(shape)):
-        part = indices[axis] if axis < len(indices) else zero
-        offset = builder.add(builder.mul(offset, shape[axis]), part)
+        axis_index = indices[axis] if axis < len(indices) else zero
+        offset = builder.add(builder.mul(offset, shape[axis]), axis_index)
     return builder.gep(proxy.data, [builder.mul(offset, width)]), shape[len(indices) :]
 
 
@@ -128,7 +138,7 @@ def _index_count(index):
 
 
 @type_callable(operator.getitem)
-def _type_of_element(context):
+def _element_type(context):
     def element(v, index):
         if not isinstance(v, LaneView) or not 0 < _index_count(index) <= v.ndim:
             return None
@@ -141,10 +151,11 @@ def _type_of_element(context):
 @lower_builtin(operator.getitem, LaneView, types.Integer)
 @lower_builtin(operator.getitem, LaneView, types.BaseTuple)
 def _get(context, builder, sig, args):
-    data, shape = _find(context, builder, sig.args[0], args[0], sig.args[1], args[1])
+    data, shape = _locate(context, builder, sig.args[0], args[0], sig.args[1], args[1])
     if shape:
         target = _proxy(context, builder, sig.return_type)
-        target.data, target.shape = data, cgutils.pack_array(builder, shape)
+        target.data = data
+        target.shape = cgutils.pack_array(builder, shape)
         return target._getvalue()
     value = builder.load(builder.bitcast(data, context.get_value_type(sig.return_type).as_pointer()))
     value.align = 8
@@ -152,7 +163,7 @@ def _get(context, builder, sig, args):
 
 
 @type_callable(operator.setitem)
-def _type_of_assignment(context):
+def _assignment_type(context):
     def assignment(v, index, value):
         if not isinstance(v, LaneView) or _index_count(index) != v.ndim:
             return None
@@ -164,9 +175,9 @@ def _type_of_assignment(context):
 @lower_builtin(operator.setitem, LaneView, types.Integer, types.Any)
 @lower_builtin(operator.setitem, LaneView, types.BaseTuple, types.Any)
 def _set(context, builder, sig, args):
-    lane_view, index, kind = sig.args
-    data, _ = _find(context, builder, lane_view, args[0], index, args[1])
-    vector = as_vector(context, builder, kind, args[2], lane_view.item)
+    lane_view, index_type, value_type = sig.args
+    data, _ = _locate(context, builder, lane_view, args[0], index_type, args[1])
+    vector = as_vector(context, builder, value_type, args[2], lane_view.item)
     builder.store(vector, builder.bitcast(data, vector.type.as_pointer())).align = 8
     return context.get_dummy_value()
 
@@ -189,10 +200,16 @@ def _shape(v):
 
 @intrinsic
 def _select(typingctx, condition, a, b):
-    lane = next((kind for kind in (a, b) if isinstance(kind, Lane)), f64x8)
+    lane = f64x8
+    if isinstance(a, Lane):
+        lane = a
+    elif isinstance(b, Lane):
+        lane = b
 
     def codegen(context, builder, sig, args):
-        return builder.select(args[0], *(as_vector(context, builder, sig.args[k], args[k], lane) for k in (1, 2)))
+        first = as_vector(context, builder, sig.args[1], args[1], lane)
+        second = as_vector(context, builder, sig.args[2], args[2], lane)
+        return builder.select(args[0], first, second)
 
     return lane(condition, a, b), codegen
 

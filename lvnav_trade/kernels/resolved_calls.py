@@ -20,18 +20,18 @@ class RememberingContext(Context):  # type: ignore[misc]  # numba tells no types
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         """Return the signature of a call for given argument types."""
-        kind = func if isinstance(func, types.Type) else self._lookup_global(func)
-        if not isinstance(kind, types.Function) or kws:
+        function_type = func if isinstance(func, types.Type) else self._lookup_global(func)
+        if not isinstance(function_type, types.Function) or kws:
             return super().resolve_function_type(func, args, kws)
-        key = (id(kind), tuple(args), self._options())
+        key = (id(function_type), tuple(args), self._options())
         if key not in self.answers:
-            signature = super().resolve_function_type(kind, args, kws)
-            if signature is None or signature.args not in kind._impl_keys:
+            signature = super().resolve_function_type(function_type, args, kws)
+            if signature is None or signature.args not in function_type._impl_keys:
                 return signature
             # the function type is stored too, so that its id stays unique
-            self.answers[key] = (kind, signature, kind._impl_keys[signature.args])
+            self.answers[key] = (function_type, signature, function_type._impl_keys[signature.args])
         _, signature, implementation = self.answers[key]
-        kind._impl_keys[signature.args] = implementation
+        function_type._impl_keys[signature.args] = implementation
         return signature
 
     def _options(self) -> int:

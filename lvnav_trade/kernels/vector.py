@@ -50,15 +50,15 @@ class _ViewModel(models.StructModel):
         super().__init__(dmm, fe_type, [("data", types.CPointer(fe_type.item.scalar)), ("shape", shape)])
 
 
-def as_vector(context, builder, kind, value, lane):
+def as_vector(context, builder, operand_type, value, lane):
     """Emit an operand as a vector of a lane type: a lane as it is, a number eight times."""
-    if kind == lane:
+    if operand_type == lane:
         return value
-    vector = context.get_value_type(lane)
-    undefined = ir.Constant(vector, ir.Undefined)
-    number = context.cast(builder, value, kind, lane.scalar)
+    undefined = ir.Constant(context.get_value_type(lane), ir.Undefined)
+    number = context.cast(builder, value, operand_type, lane.scalar)
     first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
+    all_first = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(first, undefined, all_first)
 
 
 def _define(symbol, lane, result, emit):
@@ -66,23 +66,26 @@ def _define(symbol, lane, result, emit):
 
     @type_callable(symbol)
     def typed(context):
-        def result_of(a, b):
-            return (
-                result
-                if lane in (a, b) and all(kind == lane or isinstance(kind, lane.numbers) for kind in (a, b))
-                else None
-            )
+        def result_type(a, b):
+            is_defined = lane in (a, b)
+            for operand in (a, b):
+                is_defined = is_defined and (operand == lane or isinstance(operand, lane.numbers))
+            return result if is_defined else None
 
-        return result_of
+        return result_type
 
     def on_vectors(context, builder, sig, args):
-        return emit(builder, *(as_vector(context, builder, *pair, lane) for pair in zip(sig.args, args, strict=True)))
+        a = as_vector(context, builder, sig.args[0], args[0], lane)
+        b = as_vector(context, builder, sig.args[1], args[1], lane)
+        return emit(builder, a, b)
 
-    for kinds in ((lane, lane), *((lane, kind) for kind in lane.numbers), *((kind, lane) for kind in lane.numbers)):
-        lower_builtin(symbol, *kinds)(on_vectors)
+    lower_builtin(symbol, lane, lane)(on_vectors)
+    for number in lane.numbers:
+        lower_builtin(symbol, lane, number)(on_vectors)
+        lower_builtin(symbol, number, lane)(on_vectors)
 
 
-def _define_of_one(symbol, emit):
+def _define_unary(symbol, emit):
     """Implement a Python function of one float64 for a lane."""
 
     @type_callable(symbol)
@@ -129,6 +132,6 @@ for _symbol, _sign in (
     (operator.eq, "=="),
 ):
     _define(_symbol, f64x8, mask8, lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b))
-_define_of_one(operator.neg, ir.IRBuilder.fneg)
-_define_of_one(math.sqrt, _call("llvm.sqrt"))
-_define_of_one(abs, _call("llvm.fabs"))
+_define_unary(operator.neg, ir.IRBuilder.fneg)
+_define_unary(math.sqrt, _call("llvm.sqrt"))
+_define_unary(abs, _call("llvm.fabs"))
