@@ -216,7 +216,9 @@ def _window_back(back, scratch, tape, true, case, w, time_bin):
     _white_back(back, true, length, time_bin)
     window = length, schedule.first_tick[w], schedule.n_tick[w]
     _components_back(back, scratch, sums, true, case.options.units, seconds, window, time_bin)
-    rows, columns, decay = true.nav_rows, true.nav_columns, true.decay[length]
+    rows = true.nav_rows
+    columns = true.nav_columns
+    decay = true.decay[length]
     for m in range(back.e.shape[0]):
         apply_phi_transposed(back.e[m], scratch.D, rows, columns, decay, model.clock, seconds)
     _white_back(back, true, length, time_bin)
@@ -257,7 +259,8 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
     has_entered = False
     # each window in the reverse order of `forward.forward`: history, clones, updates, receiver errors, propagation
     for w in range(schedule.n_tick.shape[0] - 1, -1, -1):
-        time_bin, epoch = time_bins[w], schedule.epoch[w]
+        time_bin = time_bins[w]
+        epoch = schedule.epoch[w]
         if _add_metrics(back, entering, schedule.hist[w]):
             has_entered = True
         if not has_entered:

@@ -289,7 +289,9 @@ def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
 
 def _initial(prepared: Prepared, names: list[str]) -> Floats:
     """Return the initial covariance of the joint states by source, (n_source, N, N) SI squared."""
-    n, layout, clock = n_joint(prepared), prepared.layout, prepared.scenario.receiver.clock
+    n = n_joint(prepared)
+    layout = prepared.layout
+    clock = prepared.scenario.receiver.clock
     initial = np.zeros((len(names), n, n))
     for source, first in enumerate((ATT, VEL, POS)):  # the first three sources are the initial errors
         root = prepared.start.roots[source]
@@ -307,8 +309,10 @@ def components(prepared: Prepared) -> Components:
     The models are those of the truth. Of the filter only the state layout, the decay factors and the partial
     derivatives are used, to find by how much a component differs from the state that models it.
     """
-    names, model = source_names(prepared), prepared.model
-    terms, profiles = _terms(prepared), _profiles(prepared)
+    names = source_names(prepared)
+    model = prepared.model
+    terms = _terms(prepared)
+    profiles = _profiles(prepared)
     by_samples = prepared.layout.motion >= 0
     blocks = [(term.sensor, term.driver, term.offset, term.triad) for term in terms] + profiles
     sensor, driver, matched, triad = np.array(blocks, dtype=np.int64).reshape(-1, 4).T.copy()
@@ -329,7 +333,10 @@ def components(prepared: Prepared) -> Components:
     n_further = n_joint(prepared) - prepared.layout.n_state  # these joint states do not decay
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
     if by_samples:  # everything but the gravity gradient is propagated sample by sample
-        rows, columns, kinds, drivers = model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
+        rows = model.block_rows
+        columns = model.block_columns
+        kinds = model.block_kinds
+        drivers = model.block_drivers
     return Components(
         **tables,
         sensor=sensor,
@@ -364,7 +371,8 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
 
     The initial estimate of a component is zero, so the error of the state that models it is the component itself.
     """
-    n_source, n_slot = len(true.initial), true.followed.shape[1]
+    n_source = len(true.initial)
+    n_slot = true.followed.shape[1]
     sources = true.initial.copy()
     cross = np.zeros((n_source, n_slot, n_joint(prepared)))
     variances = np.zeros((n_source, n_slot, 1))

@@ -83,7 +83,9 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
         return None
     signals, frozen = prepared.signals, prepared.signals.frozen
     channels = difference_channels(prepared)
-    n, n_epoch, n_kind = len(channels), prepared.t_epoch.size, prepared.model.n_kind
+    n = len(channels)
+    n_epoch = prepared.t_epoch.size
+    n_kind = prepared.model.n_kind
     is_new = _new_measurements(prepared)
     move = np.zeros((n_epoch, 2 * n, 2 * n))
     white = np.zeros((n_epoch, 2 * n, n))
@@ -211,7 +213,8 @@ def renew_back(back, successive, model, epoch, time_bin):
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
-                state, source = model.extra_offset[e], successive.renewed_source[e]
+                state = model.extra_offset[e]
+                source = successive.renewed_source[e]
                 for m in range(back.e.shape[0]):
                     through = back.e[m, state]
                     back.contribution[m, source, time_bin] += through * through * successive.renewed[epoch, e]

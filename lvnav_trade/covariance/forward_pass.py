@@ -62,7 +62,8 @@ def linear_case(prepared: Prepared, aided: bool = True) -> FilterCase:
 
 def _new_parts(prepared: Prepared) -> OptionalState:
     """Return the arrays of the optional features that a case has, for its nominal flight."""
-    options, parts = prepared.options, dict[str, Any]()
+    options = prepared.options
+    parts = dict[str, Any]()
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     if options.rules is not None:
         parts["mode_state"] = new_mode_state(*sizes)

@@ -152,7 +152,8 @@ def turns(prepared: Prepared) -> Floats:
 
     Attitude is reported in body axes, velocity and position in the reporting frame, other states as they are.
     """
-    n, record = len(prepared.layout.reported), prepared.record
+    n = len(prepared.layout.reported)
+    record = prepared.record
     turn = np.zeros((prepared.t_hist.size, n, n))
     turn[:, ATT : ATT + 3, ATT : ATT + 3] = np.swapaxes(matrices(record.q), 1, 2)
     turn[:, VEL : VEL + 3, VEL : VEL + 3] = record.axes
@@ -248,7 +249,8 @@ def _go_back(
     hist : (n_sum,). History times of the errors in the sums, ascending.
     rows : (n_sum, n_row, n). Weights of the first n joint states at each of these times.
     """
-    true, schedule = components(prepared), prepared.schedule
+    true = components(prepared)
+    schedule = prepared.schedule
     if has_uncorrected_outputs(prepared):
         described = case_at(prepared, true, int(hist[-1]))
         tape = tape if described is prepared else forward_tape(described)
@@ -258,7 +260,8 @@ def _go_back(
     edges = np.arange(prepared.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
     time_bins = np.searchsorted(edges, ends - 1e-9, side="right") - 1
     time_bins = np.clip(time_bins, 0, edges.size - 2)
-    n_row, n = rows.shape[1], n_joint(prepared)
+    n_row = rows.shape[1]
+    n = n_joint(prepared)
     back = BackwardPass(
         e=np.zeros((n_row, n)),
         c=np.zeros((n_row, true.source.size)),

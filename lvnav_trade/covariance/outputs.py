@@ -148,7 +148,8 @@ def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Fl
 
 def _block_diagonal(first: Floats, second: Floats) -> Floats:
     """Return block-diagonal matrices (n_hist, n + k, n + k)."""
-    n, k = first.shape[1], second.shape[1]
+    n = first.shape[1]
+    k = second.shape[1]
     matrices = np.zeros((len(first), n + k, n + k))
     matrices[:, :n, :n] = first
     matrices[:, n:, n:] = second

@@ -45,7 +45,6 @@ def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, l
         is included; otherwise they are true increments
     linearised : code of `transition.linearise`
     """
-    dt = unit.dt
     place(nominal.nav, reference, first)
     linearise(nominal.rates, nominal.nav, linearised)
     for k in range(n_tick):
@@ -58,8 +57,9 @@ def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, l
                 velocity = unit.dvel[tick, axis]
             nominal.increments[k, axis] = angle
             nominal.increments[k, 3 + axis] = velocity
-    n_step, step = n_tick // algorithm.subsamples, dt * algorithm.subsamples
-    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, algorithm, dt * first)
+    n_step = n_tick // algorithm.subsamples
+    step, seconds = unit.dt * algorithm.subsamples, unit.dt * first
+    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, algorithm, seconds)
 
 
 @jit
@@ -133,8 +133,7 @@ def _enter_over_window(P, y, b, variance, echo):
     Parameters
     ----------
     P, y : (N, N) covariance of x, and (N,) Cov(x, c); both updated in place
-    b : (9,) sensitivity of attitude, velocity and position
-    variance : variance of c
+    b, variance : (9,) sensitivity of attitude, velocity and position to c, and variance of c
     echo : variance of the driving noise of c that also enters the states, with the opposite sign of b
     """
     # P + b y' + y b' + (variance + echo) b b'; the last term is shared between the two loops over i and j
@@ -390,11 +389,12 @@ def propagate(work, case, joint, flight, units, w):
     units : ImuArray; None for one IMU
     w : window
     """
-    model, schedule, scratch, true, sums = case.model, case.schedule, joint.scratch, joint.true, work.sums
+    model, schedule = case.model, case.schedule
+    scratch, true = joint.scratch, joint.true
     x, y, z = work.nav[R], work.nav[R + 1], work.nav[R + 2]
     _propagate_formal(work, scratch.D, model, schedule, w)
     seconds = model.seconds[schedule.length[w]]
-    transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
-    propagate_sources(joint.state, scratch, true, units, model, sums, schedule, w)
-    _advance_profiles(joint, flight.unit, units, model, sums, schedule, w)
+    transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, work.sums, x, y, z, seconds)
+    propagate_sources(joint.state, scratch, true, units, model, work.sums, schedule, w)
+    _advance_profiles(joint, flight.unit, units, model, work.sums, schedule, w)
     _add_deviations(work.nav, joint, flight, model, schedule, w)

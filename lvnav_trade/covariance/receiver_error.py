@@ -34,7 +34,8 @@ def _multiply_states(y, work, A, first):
 @jit
 def _multiply_covariance(P, work, A, first):
     """Replace the covariance P by that of states multiplied by A (m, m) from `first` on: rows, then columns."""
-    n, m = P.shape[0], A.shape[0]
+    n = P.shape[0]
+    m = A.shape[0]
     for j in range(n):
         for i in range(m):
             total = like(P[0, 0], 0.0)

@@ -158,7 +158,8 @@ def with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed:
     """
     if not has_uncorrected_outputs(prepared):
         return passed
-    out, segments = passed.out, segments_of(prepared, true, passed)
+    out = passed.out
+    segments = segments_of(prepared, true, passed)
     for segment, times in zip(segments[1:], times_of(prepared, segments)[1:], strict=True):
         restarted = segment.passed
         epochs = slice(segment.first, None)

@@ -198,10 +198,10 @@ a : (n_group, n_slot, 6) in lanes. Derivative of an IMU sample with respect to e
 """
 
 
-def _record(kind: Any, alone: dict[str, tuple[int, ...]], grouped: dict[str, tuple[int, ...]]) -> Any:
+def _record(record: Any, alone: dict[str, tuple[int, ...]], grouped: dict[str, tuple[int, ...]]) -> Any:
     """Return a record of zeros: arrays of given shapes, and arrays with the lanes of a group as an additional axis."""
     arrays = {name: np.zeros(shape) for name, shape in alone.items()}
-    return kind(**arrays, **{name: grouped_zeros(shape) for name, shape in grouped.items()})
+    return record(**arrays, **{name: grouped_zeros(shape) for name, shape in grouped.items()})
 
 
 def row_width(prepared: Prepared) -> int:
@@ -352,7 +352,8 @@ def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratc
 def new_record(prepared: Prepared, n_source: int) -> PassResults:
     """Return the results of a forward pass, zero."""
     n, n_hist, n_epoch, options = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size, prepared.options
-    n_sampled, n_reported = (0 if option is None else n_hist for option in (options.samples, options.report))
+    n_sampled = 0 if options.samples is None else n_hist
+    n_reported = 0 if options.report is None else n_hist
     return PassResults(
         **zeros_of(
             {

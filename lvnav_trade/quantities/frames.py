@@ -301,8 +301,12 @@ def quaternions(C: Floats, continuous: bool = True) -> Floats:
     trace = np.trace(C, axis1=1, axis2=2)
     ww = 1.0 + trace
     xx, yy, zz = (1.0 + 2.0 * np.diagonal(C, axis1=1, axis2=2) - trace[:, None]).T
-    wx, wy, wz = C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]
-    xy, xz, yz = C[:, 0, 1] + C[:, 1, 0], C[:, 0, 2] + C[:, 2, 0], C[:, 1, 2] + C[:, 2, 1]
+    wx = C[:, 2, 1] - C[:, 1, 2]
+    wy = C[:, 0, 2] - C[:, 2, 0]
+    wz = C[:, 1, 0] - C[:, 0, 1]
+    xy = C[:, 0, 1] + C[:, 1, 0]
+    xz = C[:, 0, 2] + C[:, 2, 0]
+    yz = C[:, 1, 2] + C[:, 2, 1]
     products = np.array(
         [
             [ww, wx, wy, wz],

@@ -106,7 +106,8 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
     before = np.concatenate([history.t[:1], t[:-1]])
     is_gap = t - before > max(GAP, 3.0 * usual)
     hist = np.minimum(np.searchsorted(history.t, t[is_gap] - 1e-9), history.t.size - 1)
-    begins, ends = before[is_gap].tolist(), history.t[hist].tolist()
+    begins = before[is_gap].tolist()
+    ends = history.t[hist].tolist()
     return tuple(Gap(f"{AFTER_GAP}{end:g} s", begin, end) for begin, end in zip(begins, ends, strict=True))
 
 
@@ -170,7 +171,8 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
     """
     if protection is None or not protection.alarms:
         return runs
-    columns, n_run = columns_of(prepared), len(runs.failed)
+    columns = columns_of(prepared)
+    n_run = len(runs.failed)
     ratio = np.zeros((n_run, len(protection.satellites), runs.t.size))
     for number, name in enumerate(protection.satellites):
         sub_filter = without_satellite(prepared, prepared.sky.names.index(name))

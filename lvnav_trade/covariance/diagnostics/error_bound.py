@@ -120,7 +120,8 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
 
 def _interval_noise(prepared: Prepared, tape: UpdateTape, n_update: int) -> Floats:
     """Return the process noise between successive updates, (n_update, n, n)."""
-    n, true = prepared.layout.n_state, components(prepared)
+    n = prepared.layout.n_state
+    true = components(prepared)
     noise = np.zeros((n_update, n, n))
     P, D = np.zeros((n, n)), np.zeros((true.nav_rows.size, 9))
     _gather(noise, P, D, tape, prepared.schedule, true, prepared.model)

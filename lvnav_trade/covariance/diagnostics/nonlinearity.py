@@ -85,7 +85,8 @@ def nonlinearity(
     if end is not None:  # the measurement at the end of the gap sees the grown errors
         last = max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1)
         formal, true = _covariances(prepared, history, last)
-        directions, time = scale * _factor(true), end
+        directions = scale * _factor(true)
+        time = end
     first_order, second_order = _orders(plus, minus, linear, formal)
     rows = _row_nonlinearity(prepared, time, directions, formal)
     return Nonlinearity(
@@ -159,7 +160,8 @@ def _decay(prepared: Prepared, n_tick: int) -> Floats:
 
 def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
     """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
-    turn, layout = turns(prepared)[hist], prepared.layout
+    turn = turns(prepared)[hist]
+    layout = prepared.layout
     states = slice(0, len(turn))  # further outputs are not states
     formal = turn.T @ history.formal_cov[hist, states, states] @ turn
     true = turn.T @ history.true_cov[hist, states, states] @ turn
@@ -226,7 +228,8 @@ def _strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: W
     The error-free flight and the drivers of IMU parameters are computed once.
     """
     sums = np.zeros(N_SUM)
-    algorithm, dt = full_rate(prepared.model.strapdown.gravity), prepared.unit.dt
+    algorithm = full_rate(prepared.model.strapdown.gravity)
+    dt = prepared.unit.dt
     legs = [(inputs(prepared, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
     increments_before = inputs(prepared, max(0, start - 1), 1).true[0]
 

@@ -244,7 +244,9 @@ def _begin_epoch(phi, delayed, extra_offset, epoch):
 
 def _triangular_factor(prepared: Prepared, rows: _ObservabilityArrays, first: int, last: int) -> tuple[int, Floats]:
     """Return the number of rows of the windows from first to last, and their triangular factor (n, n)."""
-    n, vehicle, delayed = prepared.layout.n_state, prepared.options.vehicle, prepared.options.delayed
+    n = prepared.layout.n_state
+    vehicle = prepared.options.vehicle
+    delayed = prepared.options.delayed
     folding = _Folding(
         triangle=np.zeros((n, n)),
         phi=np.eye(n),
@@ -265,7 +267,8 @@ def _triangular_factor(prepared: Prepared, rows: _ObservabilityArrays, first: in
 
 def _interval(prepared: Prepared, rows: _ObservabilityArrays, start: float, end: float) -> ObservabilityInterval:
     """Return the observability over the windows that end between start and end (s since lift-off)."""
-    schedule, states = prepared.schedule, np.array(prepared.layout.reported)
+    schedule = prepared.schedule
+    states = np.array(prepared.layout.reported)
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     windows = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
     count, triangle = _triangular_factor(prepared, rows, int(windows[0]), int(windows[-1]))

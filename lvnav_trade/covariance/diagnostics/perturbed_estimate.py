@@ -50,7 +50,8 @@ class Inputs(NamedTuple):
 
 def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
     """Return the inputs of some ticks; they do not depend on the error of the estimate."""
-    ticks, dt = slice(first, first + n_tick), prepared.unit.dt
+    ticks = slice(first, first + n_tick)
+    dt = prepared.unit.dt
     true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
     angles, velocities = slice(0, 3), slice(3, 6)
     sensors = []

@@ -67,7 +67,8 @@ def of_imu(prepared: Prepared, seed: int) -> list[CheckResult]:
     step = prepared.unit.process_ticks * prepared.unit.dt
     for source in dict.fromkeys(block.name for block in prepared.sources):
         blocks = [k for k, block in enumerate(prepared.sources) if block.name == source]
-        block, lag = prepared.sources[blocks[0]], lags[blocks[0]]
+        block = prepared.sources[blocks[0]]
+        lag = lags[blocks[0]]
         checks += _parameter_checks(block, first[:, blocks], later[:, blocks], lag, step)
     for name, z in _white(prepared, seed):
         checks += moments(name, z)
@@ -78,7 +79,8 @@ def of_imu(prepared: Prepared, seed: int) -> list[CheckResult]:
 def _parameter_checks(block: ErrorTerm, first: Floats, later: Floats, lag: int, step: float) -> list[CheckResult]:
     """Return the checks of the parameters of a source, (n_run, n_block, 3) at the start and `lag` steps later."""
     checks: list[CheckResult] = []
-    name, seconds = label_of(block.name), lag * step
+    name = label_of(block.name)
+    seconds = lag * step
     start_sigma = np.array(axes(block.sigma))
     later_sigma = np.sqrt(_variance(block, step, lag))
     has_start = start_sigma > 0.0
@@ -112,7 +114,8 @@ def _lag(block: ErrorTerm, step: float) -> int:
 
 def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]]:
     """Return the parameters (n_run, n_block, 3) at the start of runs and after some steps, and the numbers of steps."""
-    unit, (k0, k1) = prepared.unit, seed_words(seed)
+    unit = prepared.unit
+    k0, k1 = seed_words(seed)
     lags = [_lag(block, unit.process_ticks * unit.dt) for block in prepared.sources]
     n_block = len(lags)
     first = np.zeros((RUNS, n_block, 3))
@@ -132,14 +135,16 @@ def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]
 
 def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
     """Yield the white noise of every sensor of every IMU, (n_run, n_tick, n_axis) in sigmas of its card."""
-    imu, n = prepared.scenario.imu, min(_TICKS, len(prepared.unit.dtheta))
+    imu = prepared.scenario.imu
+    n = min(_TICKS, len(prepared.unit.dtheta))
     if isinstance(imu, ImuCard):
         noise = _imu_noise(prepared, seed, n)
         yield from _normalised_noise(imu, "", noise, 3, prepared.unit.dt)
         return
     noise = _array_noise(prepared, seed, n)
     for k, triad in enumerate(triads_of(imu)):
-        card, name = imu.units[triad.unit], f"unit {triad.unit + 1} "
+        card = imu.units[triad.unit]
+        name = f"unit {triad.unit + 1} "
         yield from _normalised_noise(card, name, noise[:, k], triad.n_axis, prepared.unit.dt)
 
 
@@ -155,7 +160,8 @@ def _normalised_noise(card: ImuCard, name: str, noise: Floats, n_axis: int, dt: 
 
 def _imu_noise(prepared: Prepared, seed: int, n: int) -> Floats:
     """Return the increments' noise of an IMU without other errors, (n_run, n, 6)."""
-    unit, (k0, k1) = prepared.unit, seed_words(seed)
+    unit = prepared.unit
+    k0, k1 = seed_words(seed)
     increments = np.zeros((_NOISE_RUNS, n, 6))
     no_errors = np.zeros(processes.N_TABLE)
     white = np.array([*unit.white[:6], 0.0, 0.0])  # without quantisation, whose remainder is not white
@@ -184,7 +190,8 @@ def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
 
     The difference of two runs over sqrt(2) has the noise of one run, without deterministic errors.
     """
-    units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
+    units = prepared.options.units
+    work, _ = new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
     no_quantisation = np.repeat([1.0, 0.0], [6, 2])
     units = units._replace(white=units.white * no_quantisation, redundant=None)

@@ -50,7 +50,8 @@ def jacobians(prepared: Prepared) -> list[CheckResult]:
     The figure is the largest relative difference between an entry of its Jacobian and the central difference of the
     prediction.
     """
-    size, names = sizes(prepared), state_names(prepared.layout)
+    size = sizes(prepared)
+    names = state_names(prepared.layout)
     work = new_nominal(prepared)
     quantities = np.array([name.partition(" ")[0] for name in names])
     groups = quantities[:, None] == quantities
@@ -120,7 +121,8 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
     The body rate, which moves the antenna, depends on the gyro bias or on the rate state only: Jacobian rows neglect
     other gyro parameters, so they are removed from d for the rate.
     """
-    error, motion = d.copy(), prepared.layout.motion
+    error = d.copy()
+    motion = prepared.layout.motion
     for block in prepared.layout.parameters:
         if block.sensor != GYRO or block.driver != CONSTANT or motion >= 0:
             error[block.offset : block.offset + 3] = 0.0
@@ -149,7 +151,8 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
     """Return the rows of sensor k, which measures the truth at the time of validity in the filter."""
     model, sensors = prepared.model, prepared.sensors
     assert sensors is not None  # the case has this one
-    first_row, first_channel = row_of(model, work, sensors.channel[k]), sensors.channel[k]
+    first_row = row_of(model, work, sensors.channel[k])
+    first_channel = sensors.channel[k]
     _estimate(prepared, work, epoch, d, prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch])
     measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
     fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)

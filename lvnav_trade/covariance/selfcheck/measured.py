@@ -131,8 +131,10 @@ def _nominal_epochs(prepared: Prepared) -> Bools:
 
 def _simulate_draws(prepared: Prepared, seed: int) -> EpochDraws:
     """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
-    signals, key = prepared.signals, seed_words(seed)
-    epochs, is_nominal = _checked_epochs(prepared), _nominal_epochs(prepared)
+    signals = prepared.signals
+    key = seed_words(seed)
+    epochs = _checked_epochs(prepared)
+    is_nominal = _nominal_epochs(prepared)
     has_ranges = _has_ranges(prepared)
     work, parts = new_work(prepared, lanes=False)
     truth = Truth(prepared.unit, prepared.start, prepared.record)
@@ -232,7 +234,9 @@ def _add_phases(
 
     last : (n_sat, n_kind), phases with which differences are formed
     """
-    signals, further, n_kind = prepared.signals, prepared.options.further, prepared.model.n_kind
+    signals = prepared.signals
+    further = prepared.options.further
+    n_kind = prepared.model.n_kind
     if further is None or last is None:
         return
     satellites = signals.used[epoch, : signals.n_used[epoch]]
@@ -258,7 +262,8 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
     for k, device in enumerate(prepared.devices):
         if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the IMUs
             continue
-        sensors, n = prepared.sensors, len(device.channels.labels)
+        sensors = prepared.sensors
+        n = len(device.channels.labels)
         assert sensors is not None  # the case has this one
         if exact:
             measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)

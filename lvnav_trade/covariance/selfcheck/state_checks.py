@@ -35,8 +35,10 @@ def round_trip(prepared: Prepared) -> list[CheckResult]:
     the error.
     """
     work, parts = new_work(prepared, lanes=False)
-    size, names = sizes(prepared), state_names(prepared.layout)
-    turn, reported = turns(prepared), np.array(prepared.layout.reported)
+    size = sizes(prepared)
+    names = state_names(prepared.layout)
+    turn = turns(prepared)
+    reported = np.array(prepared.layout.reported)
     worst: dict[str, tuple[float, str]] = {}
     for hist in sorted({0, prepared.t_hist.size // 2, prepared.t_hist.size - 1}):
         for state in reported.tolist():
@@ -75,7 +77,8 @@ def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
     if vehicle is not None:
-        tick, first = _tick(prepared, hist), vehicle.motion
+        tick = _tick(prepared, hist)
+        first = vehicle.motion
         parts.motion.rate[:] = vehicle.rate[tick] - d[first : first + 3]
         parts.motion.force[:] = vehicle.force[tick] - d[first + 3 : first + 6]
 
