@@ -79,6 +79,7 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
         through = _dot(gain, back.e[m])
         if variance > 0.0:
             back.contribution[m, source, time_bin] += through * through * variance
+        # correlated errors enter a measurement with its partial derivative, so lambda_c <- lambda_c - (k' lambda) dz/dc
         for family in range(n_entering(signals, whitened)):
             c, partial = component_partial(h, signals, true, family, epoch, channel, whitened)
             if c >= 0:

@@ -315,15 +315,17 @@ def components(prepared: Prepared) -> Components:
     profiles = _profiles(prepared)
     by_samples = prepared.layout.motion >= 0
     blocks = [(term.sensor, term.driver, term.offset, term.triad) for term in terms] + profiles
+    # contiguous columns, because kernels are compiled for contiguous arrays
     sensor, driver, matched, triad = np.array(blocks, dtype=np.int64).reshape(-1, 4).T.copy()
     profile = np.array([*[-1] * len(terms), *range(len(profiles))], dtype=np.int64)
+    # a component with a matching state acts by the state's own transition, see `propagate._enter_states`
     moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
     sampled = (matched < 0) & (driver >= 0) & by_samples
     all_components: list[Component] = []
     for k, term in enumerate(terms):
         source = names.index(term.name)
         all_components += _term_components(prepared, term, source, bool(moving[k]), bool(sampled[k]))
-    n_imu = len(all_components)
+    n_imu = len(all_components)  # correlated measurement errors follow
     first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
     shared, state_blocks = _shared_components(prepared, names)
     tables = slot_tables(all_components + shared, len(names), prepared.lengths.size)

@@ -38,6 +38,7 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
     """
     sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
     has_nees = np.all(sigma > 0.0, axis=1)
+    # E[e' P^-1 e] = tr(P^-1 E[e e']); the scaling of both matrices leaves the trace unchanged
     scale = sigma[has_nees, :, None] * sigma[has_nees, None, :]
     ratio = np.linalg.solve(formal[has_nees] / scale, total[has_nees] / scale)
     expected = np.full(len(formal), np.nan)
@@ -263,6 +264,7 @@ def _measure(work, receiver, case, joint, chain, epoch):
     chain : SolutionErrorModel of a receiver that reports a covariance with its solution, or None
     """
     options, signals, model = case.options, case.signals, case.model
+    # receiver errors advance first, because the measurements of this epoch contain them
     _jump(joint.state.mean, model.clock, signals.clock_jump[epoch])
     if chain is not None:
         advance_solution(joint.state, joint.scratch, chain, joint.true, epoch)
@@ -308,6 +310,7 @@ def _update(work, parts, case, joint, flight, vehicle, report, epoch):
     """Process the measurements of an epoch; vehicle and report as in `_propagate` and `_write`."""
     options = case.options
     if vehicle is not None:
+        # the samples of the last tick count as measurements of the epoch
         joint.out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
         joint.out.n_row[epoch] += N_SAMPLE
     _measure(work, parts.receiver, case, joint, flight.chain, epoch)

@@ -111,6 +111,7 @@ def _whole_tape(prepared: Prepared) -> UpdateTape:
     """Return an empty tape for a whole flight."""
     per_satellite = prepared.model.n_kind if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
+    # upper bound by epoch: a solution has six scalars, and further sensors may add six
     n_receiver = np.maximum(6, per_satellite * prepared.signals.n_used)
     n_update = int(np.sum(n_receiver + n_sensor + 6)) + 1
     n_tick = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
@@ -126,7 +127,7 @@ def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: Pa
     if derivatives.why:
         return InjectionLaw(derivatives.why)
     rows = injection_rows(derivatives)
-    times = np.flatnonzero(rows.any(axis=(1, 2)))
+    times = np.flatnonzero(rows.any(axis=(1, 2)))  # without a sensitivity a time adds nothing
     _, contribution = _go_back(prepared, times, rows[times], _whole_flight(prepared), tape)
     variance = contribution.sum(axis=2)
     return injection_law(derivatives, source_labels(prepared), variance, out.mean[steered, :N_MOTION])
@@ -256,6 +257,7 @@ def _go_back(
         tape = tape if described is prepared else forward_tape(described)
     tape = tape or forward_tape(prepared)
     last_window = int(np.flatnonzero(schedule.hist == hist[-1])[0])
+    # a window belongs to the bin of its end; a nanosecond absorbs rounding of times on an edge
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
     time_bins = np.searchsorted(edges, ends - 1e-9, side="right") - 1

@@ -278,6 +278,7 @@ def differences(
         empty.of[channel : channel + 3] = range(rows.start, rows.stop)
         pair_sensor = int(units.pair_sensor[pair])
         solved = units.pair_solved[pair]
+        # ticks between which the increments of an epoch are summed
         spans = np.stack([prepared.t_epoch - device.since, prepared.t_epoch])
         ticks = np.rint((spans - prepared.unit.start) / dt)
         nominal[pair] = _epoch_sums(np.einsum("tic,tnc->ni", solved, increments[pair_sensor]), ticks)

@@ -55,12 +55,14 @@ def injection_law(
     """
     n_orbit = len(ORBIT)
     navigation = _navigation_covariance(derivatives.target, variance)
+    # slopes are per sigma of each independent draw, so their products are covariances
     vehicle = np.array([slopes.T @ slopes for _, slopes in derivatives.vehicle])
     vehicle = vehicle.reshape(-1, *navigation.shape[1:])
     vehicle_variance = np.diagonal(vehicle, axis1=1, axis2=2)[:, :n_orbit]
     knowledge, execution = np.split(variance[len(_BASE) + len(_PAIRS) :], 2)
     offset = derivatives.reference.copy()
     offset[:n_orbit] = orbit_difference(derivatives.reference[None, :n_orbit], derivatives.target[None])[0]
+    # the second-order change c z^2 of a normal draw z has the mean c and the variance 2 c^2
     first_order = np.einsum("kne,ke->n", derivatives.navigation, mean)
     second_order = derivatives.curvature.sum(axis=0)
     vehicle_names = [name.replace("_", " ") for name, _ in derivatives.vehicle]

@@ -32,8 +32,9 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
     samples = prepared.options.samples
     if samples is None:
         return history
-    variance = out.samples + np.tile(true.sample_noise, 2)
+    variance = out.samples + np.tile(true.sample_noise, 2)  # the noise is in the raw and in the corrected sample
     n_hist = len(history.t)
+    # errors are truth minus sample, so the mean error of a sample is minus its profile
     mean = np.zeros((n_hist, 2 * N_SAMPLE))
     mean[:, :N_SAMPLE] = mean[:, N_SAMPLE:] = -_profiles(prepared)
     formal = np.tile(samples.raw, (n_hist, 2))
@@ -88,6 +89,7 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
     if report is None or chain is None:
         return history
     turn = _output_matrices(prepared)
+    # an epoch without a solution repeats the last one
     last_solved = np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))
     before_first = np.zeros((1, receiver.N_STATE, receiver.N_STATE))  # index -1: no epoch yet
     covariance = np.concatenate([chain.own[last_solved], before_first])

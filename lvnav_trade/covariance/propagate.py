@@ -268,7 +268,7 @@ def _advance_profiles(joint, unit, units, model, sums, schedule, w):
                 g[matched + axis] = 1.0
                 # the value is the mean over the window, so a change acts from the start of the window
                 apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
-                extra = 1.0 - decay[matched + axis]
+                extra = 1.0 - decay[matched + axis]  # the filter's state decays, the profile does not
                 for i in range(g.shape[0]):
                     state.mean[i] += g[i] * change
                 state.mean[matched + axis] += extra * value

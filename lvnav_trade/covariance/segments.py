@@ -91,6 +91,7 @@ def _starts(prepared: Prepared, mode: Floats) -> Ints:
 
 def _started_at(prepared: Prepared, epoch: int) -> Prepared:
     """Return the case whose filter gets no sample before those that start it at an epoch."""
+    # the filter starts with the last of the required number of good samples
     first = epoch - round(prepared.options.rules.start_after - 1) * prepared.model.every
     return _with_samples(prepared, np.arange(prepared.t_epoch.size) >= first)
 

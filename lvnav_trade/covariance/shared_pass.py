@@ -100,6 +100,7 @@ def is_same_filter(first: CovHistory, other: CovHistory) -> bool:
 def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
     """Return the linear covariance of the case with given sigmas (n_axis,), in the units of `SharedPass.least`."""
     sigma = np.asarray(sigmas, dtype=float)
+    # variances are linear in the squares of the sigmas
     fractions = (sigma**2 - shared.least**2) / (shared.largest**2 - shared.least**2)
     fields = {}
     for index, name in enumerate(_LINEAR):

@@ -39,6 +39,7 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
     count : number of components of each source. Sources with many components share groups, so few slots are unused.
     """
     n_source = len(count)
+    # sources with the most components first: a group has as many slots as its largest source
     place = np.empty(n_source, dtype=np.int64)
     place[np.argsort(-np.array(count), kind="stable")] = np.arange(n_source)
     group, lane = place // GROUP, place % GROUP

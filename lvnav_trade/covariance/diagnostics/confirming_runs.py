@@ -50,7 +50,7 @@ def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float]
     def summary(first: int, count: int) -> BlockSummary:
         return summarise(run_block(prepared, seed, first, count), times, history.true_sigma, prepared.outputs)
 
-    half = WIDTH * -(-runs // (2 * WIDTH))
+    half = WIDTH * -(-runs // (2 * WIDTH))  # rounded up to whole groups of lanes
     first_half = summary(0, min(half, runs))
     if half >= runs or not _suspect(first_half, history):
         return first_half

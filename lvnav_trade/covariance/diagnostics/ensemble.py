@@ -102,6 +102,7 @@ def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until:
     """
     in_interval = (errors.t > since) & (errors.t <= until) & (errors.seconds > 0.0)
     variance = np.diagonal(errors.covariance, axis1=1, axis2=2) + errors.mean**2
+    # white noise of density q adds q T per step, so q is the sum of the variances over the sum of the times
     density = variance[in_interval].sum(axis=0) / errors.seconds[in_interval].sum()
 
     offsets = {"attitude": ATT, "velocity": VEL, "position": POS}

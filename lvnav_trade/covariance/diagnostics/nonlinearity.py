@@ -80,6 +80,7 @@ def nonlinearity(
     start = _start_tick(prepared, time)
     windows = _windows(prepared, start) if end is None else _pieces(prepared, time, end)
     linear = _linear_errors(prepared, start, directions, windows)
+    # f(d) = L d + q(d, d): half of the sum of both signs is q, half of the difference is L d
     plus = _strapdown_errors(prepared, start, directions, windows)
     minus = _strapdown_errors(prepared, start, -directions, windows)
     if end is not None:  # the measurement at the end of the gap sees the grown errors

@@ -275,6 +275,7 @@ def _interval(prepared: Prepared, rows: _ObservabilityArrays, start: float, end:
     scale, root = initial_spread(prepared.start.P[np.ix_(states, states)])
     uncertain = scale > 0.0  # a state without initial sigma is known exactly, not unobservable
     root = root[np.ix_(uncertain, uncertain)]
+    # with independent errors y, x = scale (root y): the rows of H Phi diag(scale) root are per unit of y
     scaled = (triangle[:, states] * scale)[:, uncertain] @ root
     singular, vectors = decompose(scaled, root)
     directions = np.zeros((singular.size, states.size))

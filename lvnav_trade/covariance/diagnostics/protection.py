@@ -138,6 +138,7 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
     separation = np.zeros_like(without)
     for k, satellite in enumerate(satellites):
         sub_filter = covariance(without_satellite(prepared, satellite))
+        # with fewer measurements the sigma is not smaller; rounding may make it so
         without[k] = np.maximum(sub_filter.formal[:, columns], sigma)
         separation[k] = mean - sub_filter.mean[:, columns]
     limits = thresholds(sigma, without, risks.false_alarm / n_axis)
