@@ -310,7 +310,6 @@ def components(prepared: Prepared) -> Components:
     derivatives are used, to find by how much a component differs from the state that models it.
     """
     names = source_names(prepared)
-    model = prepared.model
     terms = _terms(prepared)
     profiles = _profiles(prepared)
     by_samples = prepared.layout.motion >= 0
@@ -321,24 +320,17 @@ def components(prepared: Prepared) -> Components:
     # a component with a matching state acts by the state's own transition, see `propagate._enter_states`
     moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
     sampled = (matched < 0) & (driver >= 0) & by_samples
-    all_components: list[Component] = []
-    for k, term in enumerate(terms):
-        source = names.index(term.name)
-        all_components += _term_components(prepared, term, source, bool(moving[k]), bool(sampled[k]))
-    n_imu = len(all_components)  # correlated measurement errors follow
+    imu_components: list[Component] = []
+    for term, moves, samples in zip(terms, moving[: len(terms)].tolist(), sampled[: len(terms)].tolist(), strict=True):
+        imu_components += _term_components(prepared, term, names.index(term.name), moves, samples)
+    n_imu = len(imu_components)  # correlated measurement errors follow
     first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
     shared, state_blocks = _shared_components(prepared, names)
-    tables = slot_tables(all_components + shared, len(names), prepared.lengths.size)
+    tables = slot_tables(imu_components + shared, len(names), prepared.lengths.size)
     stands = np.zeros((0, 0, 3, 0))
     if prepared.options.units is not None:
         stands = state_weights(prepared.layout, prepared.options.units, sensor, driver, triad)
-    n_further = n_joint(prepared) - prepared.layout.n_state  # these joint states do not decay
-    rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
-    if by_samples:  # everything but the gravity gradient is propagated sample by sample
-        rows = model.block_rows
-        columns = model.block_columns
-        kinds = model.block_kinds
-        drivers = model.block_drivers
+    rows, columns, kinds, drivers = _true_transition(prepared)
     return Components(
         **tables,
         sensor=sensor,
@@ -360,12 +352,26 @@ def components(prepared: Prepared) -> Components:
         white=by_length(_white_noise(prepared, names), tables["group"], tables["lane"]),
         initial=_initial(prepared, names),
         noise_source=noise_sources(prepared, names),
-        decay=np.pad(model.decay, ((0, 0), (0, n_further)), constant_values=1.0),
+        decay=_joint_decay(prepared),
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
         differences=differences(prepared, sensor, driver, triad, profile, first, n_imu),
         successive=successive_of(prepared, names, state_blocks),
     )
+
+
+def _true_transition(prepared: Prepared) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return rows, columns, kinds and drivers (n_block,) of the blocks of the true transition."""
+    model = prepared.model
+    if prepared.layout.motion >= 0:  # everything but the gravity gradient is propagated sample by sample
+        return model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
+    return transition_blocks(prepared.layout.parameters, 2)
+
+
+def _joint_decay(prepared: Prepared) -> Floats:
+    """Return the decay factors (n_length, N) of the joint states; receiver errors and clones do not decay."""
+    n_further = n_joint(prepared) - prepared.layout.n_state
+    return np.pad(prepared.model.decay, ((0, 0), (0, n_further)), constant_values=1.0)
 
 
 def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:

@@ -257,7 +257,7 @@ def _go_back(
         tape = tape if described is prepared else forward_tape(described)
     tape = tape or forward_tape(prepared)
     last_window = int(np.flatnonzero(schedule.hist == hist[-1])[0])
-    # a window belongs to the bin of its end; a nanosecond absorbs rounding of times on an edge
+    # a window belongs to the bin of its end; a nanosecond allows for rounding of times on an edge
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
     time_bins = np.searchsorted(edges, ends - 1e-9, side="right") - 1

@@ -366,15 +366,10 @@ def sensitivity(
     retuned = np.empty_like(frozen)
     for row, source in enumerate(sources):
         for column, factor in enumerate(FACTORS):
-            if factor == 1.0:
-                tuned = history
-            else:
-                if (source, factor) not in cache:
-                    cache[source, factor] = covariance(prepare(scaled(scenario, source, factor)))
-                tuned = cache[source, factor]
-            tuned_hist = int(np.argmin(np.abs(tuned.t - time)))
-            squares = tuned.true_sigma[tuned_hist, columns] ** 2 + tuned.mean[tuned_hist, columns] ** 2
-            retuned[row, column] = np.sqrt(np.sum(squares))
+            if factor != 1.0 and (source, factor) not in cache:
+                cache[source, factor] = covariance(prepare(scaled(scenario, source, factor)))
+            tuned = history if factor == 1.0 else cache[source, factor]
+            retuned[row, column] = _rms_norm(tuned, time, columns)
     return SigmaSensitivity(
         time=float(history.t[hist]),
         quantity=quantity,
@@ -383,3 +378,10 @@ def sensitivity(
         frozen=frozen,
         retuned=retuned,
     )
+
+
+def _rms_norm(history: CovHistory, time: float, columns: list[int]) -> float:
+    """Return the true root-mean-square of the norm of an error at the history time closest to a time (s)."""
+    hist = int(np.argmin(np.abs(history.t - time)))
+    squares = history.true_sigma[hist, columns] ** 2 + history.mean[hist, columns] ** 2
+    return float(np.sqrt(np.sum(squares)))
