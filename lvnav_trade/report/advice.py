@@ -1,7 +1,7 @@
 """Recommended improvements: a filter that models the largest error, or a better sensor."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -68,26 +68,32 @@ def advice(tables: Tables, row: Any) -> str:
     row : namedtuple
         Row of the metric `improvements`. Without a source, the text is its remark.
     """
-    case = {label: digest for digest, label in tables.labels.items()}[row.case]
     if not row.source:
         return f"{row.case}: {row.remark}."
-    together, _, limits = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
+    digests = {label: digest for digest, label in tables.labels.items()}
+    scenario = scenario_of(tables, digests[row.case])
+    requirements = {str(requirement["name"]): requirement for requirement in tables.campaign["requirements"]}
+    requirement = requirements[row.requirement]
+    together, limits = "", row.remark
+    if row.remark.startswith("together"):
+        together, _, limits = row.remark.partition("; ")
     is_joint = "," in row.source
-    scenario = scenario_of(tables, case)
-    change = "" if is_joint else _change(scenario, row.source, row.factor_ratio)
-    stated = next(
-        requirement for requirement in tables.campaign["requirements"] if str(requirement["name"]) == row.requirement
-    )
-    missing = None if is_joint else missing_state(scenario, row.source, row.share_ratio)
+    change, model = "", ""
+    if not is_joint:
+        change = _change(scenario, row.source, row.factor_ratio)
+        missing = missing_state(scenario, row.source, row.share_ratio)
+        model = "" if missing is None else _filter(missing)
+    if not change:
+        change = say("size", percent=f"{100.0 * row.factor_ratio:.3g}", together=bool(together))
     return say(
         "comply",
         case=row.case,
-        model="" if missing is None else _filter(missing),
+        model=model,
         source=_error(row.source, _dispersions(tables)),
-        size=change or say("size", percent=f"{100.0 * row.factor_ratio:.3g}", together=bool(together)),
+        size=change,
         share=f"{100.0 * row.share_ratio:.0f}",
-        quantity=words(split_metric(str(stated["metric"]))[0]),
-        event="" if stated.get("during") else words(where(stated)),
+        quantity=words(split_metric(str(requirement["metric"]))[0]),
+        event="" if requirement.get("during") else words(where(requirement)),
         is_one=not is_joint,
         limits=limits,
     )
@@ -127,26 +133,34 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
     missing : list of MissingState
         The cases whose filter lacks the state, each with the source's share; empty if the source dominates in no case.
     """
-    stated = (tables.campaign.get("requirements") or [{"metric": "velocity_error_3d"}])[0]
-    quantity = split_metric(str(stated["metric"]))[0].removeprefix("normalised_")
-    shares = {case: _shares(tables, case, quantity, str(stated.get("at") or "injection")) for case in cases}
-    tops = [
-        missing_state(scenario_of(tables, case), str(shares_of_case.idxmax()), float(shares_of_case.max()))
-        for case, shares_of_case in shares.items()
-        if len(shares_of_case)
-    ]
-    events = dict.fromkeys(str(shares_of_case.name) for shares_of_case in shares.values() if len(shares_of_case))
-    error = " at ".join([f"{words(quantity)} error", *(words(name) for name in events if len(events) == 1)])
-    first = max(
-        (candidate for candidate in tops if candidate is not None), key=lambda candidate: candidate.share, default=None
-    )
-    if first is None:
+    requirements = tables.campaign.get("requirements") or [{"metric": "velocity_error_3d"}]
+    quantity = split_metric(str(requirements[0]["metric"]))[0].removeprefix("normalised_")
+    event = str(requirements[0].get("at") or "injection")
+    shares = {case: _shares(tables, case, quantity, event) for case in cases}
+
+    events = dict.fromkeys(str(case_shares.name) for case_shares in shares.values() if len(case_shares))
+    error = f"{words(quantity)} error"
+    if len(events) == 1:
+        error += f" at {words(next(iter(events)))}"
+
+    largest = None
+    for case, case_shares in shares.items():
+        if not len(case_shares):
+            continue
+        source = str(case_shares.idxmax())
+        missing = missing_state(scenario_of(tables, case), source, float(case_shares.max()))
+        if missing is not None and (largest is None or missing.share > largest.share):
+            largest = missing
+    if largest is None:
         return error, []
-    missing = [
-        missing_state(scenario_of(tables, case), first.source, float(shares_of_case.get(first.source, 0.0)), 0.0)
-        for case, shares_of_case in shares.items()
-    ]
-    return error, [candidate for candidate in missing if candidate is not None]
+
+    lacking = []
+    for case, case_shares in shares.items():
+        share = float(case_shares.get(largest.source, 0.0))
+        missing = missing_state(scenario_of(tables, case), largest.source, share, least=0.0)
+        if missing is not None:
+            lacking.append(missing)
+    return error, lacking
 
 
 def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
@@ -157,8 +171,9 @@ def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
     """
     budget = METRICS["budget"](tables)
     rows = budget[(budget.case == tables.labels[case]) & (budget.metric == f"{quantity}_error")]
-    at = event if event in set(rows.event) else rows.event.iloc[-1] if len(rows) else ""
-    return rows[rows.event == at].set_index("source").share_ratio.rename(at)
+    if event not in set(rows.event):
+        event = rows.event.iloc[-1] if len(rows) else ""
+    return rows[rows.event == event].set_index("source").share_ratio.rename(event)
 
 
 def missing_state(
@@ -183,26 +198,36 @@ def missing_state(
         None if the filter models the source, if no state models it, or if the share is below `least`.
     """
     card = scenario.get("filter") or {}
-    state = next((name for path, _ in fields_of(source) for name in _states(path)), "")
+    state = _first_state(source)
     modelled = {*card.get("extra_states", ()), *card.get("consider", ()), *card.get("as_noise", ())}
     if share < least or not state or state in modelled:
         return None
     required = {*modelled, state}
-    suitable = (
-        name
-        for name, measured, states in _filter_cards()
-        if measured == frozenset(card.get("measurements", ())) and required <= states
-    )
-    return MissingState(source, share, state, next(suitable, ""))
+    measurements = frozenset(card.get("measurements", ()))
+    for name, card_measurements, states in _filter_cards():
+        if card_measurements == measurements and required <= states:
+            return MissingState(source, share, state, name)
+    return MissingState(source, share, state, "")
 
 
-def _states(path: tuple[str, ...]) -> Iterator[str]:
-    """Yield the extra state that models the error in a field of a scenario; nothing if no state does."""
-    sensor, name = path[-2] if len(path) > 1 else "", path[-1]
+def _first_state(source: str) -> str:
+    """Return the extra state that models an error source, of its first field that has one; empty if no state does."""
+    for path, _ in fields_of(source):
+        state = _extra_state(path)
+        if state:
+            return state
+    return ""
+
+
+def _extra_state(path: tuple[str, ...]) -> str:
+    """Return the extra state that models the error in a field of a scenario; empty if no state does."""
+    sensor = path[-2] if len(path) > 1 else ""
+    name = path[-1]
     if path[0] == "imu" and f"{sensor}_{name}" in PARAMETERS:
-        yield f"{sensor}_{name}"
-    elif path[0] in ("receiver", "atmosphere") and name in EXTRAS:
-        yield name
+        return f"{sensor}_{name}"
+    if path[0] in ("receiver", "atmosphere") and name in EXTRAS:
+        return name
+    return ""
 
 
 @cache
@@ -220,9 +245,10 @@ def _filter_cards() -> list[tuple[str, frozenset[str], frozenset[str]]]:
             card = tree.plain(tree.read_mapping(file))
         except InputError:
             continue
-        if card.get("extra_states"):
-            states, measured = (frozenset(card.get(name) or ()) for name in ("extra_states", "measurements"))
-            cards.append((f"filters/{file.stem}", measured, states))
+        states = frozenset(card.get("extra_states") or ())
+        measurements = frozenset(card.get("measurements") or ())
+        if states:
+            cards.append((f"filters/{file.stem}", measurements, states))
     return cards
 
 
@@ -234,10 +260,14 @@ def _error(source: str, dispersions: frozenset[str]) -> str:
     names = source.split(", ")
     if len(names) > 1:
         nouns = [f"{name} dispersion" if name in dispersions else name for name in names]
-        return among(nouns, _FEW - 1) if len(nouns) > _FEW else f"{', '.join(nouns[:-1])} and {nouns[-1]}"
+        if len(nouns) > _FEW:
+            return among(nouns, _FEW - 1)
+        return f"{', '.join(nouns[:-1])} and {nouns[-1]}"
     if source in dispersions:
         return f"{source} dispersion"
-    return f"{source.removesuffix('scale factor')}scale-factor error" if source.endswith("scale factor") else source
+    if source.endswith("scale factor"):
+        return f"{source.removesuffix('scale factor')}scale-factor error"
+    return source
 
 
 def _dispersions(tables: Tables) -> frozenset[str]:
@@ -251,19 +281,20 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
     parts = []
     fields = fields_of(source)
     for path, power in fields:
-        value = _at(scenario, path)
-        size, _, si = str(value).partition(" ")
-        if power != 1 or not isinstance(value, str) or not si:
+        value = _value_at(scenario, path)
+        size, _, si_unit = str(value).partition(" ")
+        if power != 1 or not isinstance(value, str) or not si_unit:
             return ""
-        if float(size) != 0.0:
-            unit = "deg" if path[-1] in _ANGLES else _DATASHEET.get(si, si)
-            displayed = float(size) / parse(f"1 {unit}", si)
-            name = f"{path[-1]} " if len(fields) > 1 else ""
-            parts.append(f"{name}from {number(displayed)} to {number(displayed * factor)} {unit}")
+        if float(size) == 0.0:
+            continue
+        unit = "deg" if path[-1] in _ANGLES else _DATASHEET.get(si_unit, si_unit)
+        displayed = float(size) / parse(f"1 {unit}", si_unit)
+        name = f"{path[-1]} " if len(fields) > 1 else ""
+        parts.append(f"{name}from {number(displayed)} to {number(displayed * factor)} {unit}")
     return f"{', '.join(parts)} (1 sigma)" if 0 < len(parts) <= _MOST_FIELDS else ""
 
 
-def _at(data: Any, path: tuple[str, ...]) -> Any:
+def _value_at(data: Any, path: tuple[str, ...]) -> Any:
     """Return the value at a path of keys and list positions; None if the path does not exist."""
     for key in path:
         if isinstance(data, list) and key.isdigit() and int(key) < len(data):

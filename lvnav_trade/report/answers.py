@@ -51,11 +51,14 @@ def _worst_runs(tables: Tables) -> list[Block]:
         error=[with_unit(row.error, row.unit) for row in worst.itertuples()],
         command=[f"lvnav-trade replay . {row.case} {row.run_number}" for row in worst.itertuples()],
     )
-    names = ["case", "run_number"]
-    traced = worst[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
-    drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in traced.itertuples()]
-    pictures = [Details("Pictures of the worst runs", drawn)] if drawn else []
-    return [stated("worst_runs", rows), *pictures]
+    blocks: list[Block] = [stated("worst_runs", rows)]
+    keys = ["case", "run_number"]
+    stored_runs = tables.traces[keys].drop_duplicates()
+    shown_runs = worst[keys].merge(stored_runs).drop_duplicates()
+    pictures = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in shown_runs.itertuples()]
+    if pictures:
+        blocks.append(Details("Pictures of the worst runs", pictures))
+    return blocks
 
 
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
@@ -75,16 +78,25 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
     blocks: list[Block] = [Text(sentence[0].upper() + sentence[1:], f"{name.capitalize()}.")]
     for verdict in ("met", "violated", "not confirmed", "undecided", "not applicable"):
         chosen = rows[rows.verdict == verdict]
-        if len(chosen):
-            count = f"{len(chosen)} of {len(rows)} cases: " if len(chosen) > _FEW else ""
-            count = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else count
-            blocks.append(Text(f"{count}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
-    blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
-    better = METRICS["improvements"](tables)
-    better = better[better.requirement == name]
-    if len(better):
-        return [*blocks, Text(_listed([advice(tables, row) for row in better.itertuples()], " "), "To comply:")]
-    return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
+        if chosen.empty:
+            continue
+        count = ""
+        if len(chosen) == len(rows) > 1:
+            count = f"all {len(rows)} cases: "
+        elif len(chosen) > _FEW:
+            count = f"{len(chosen)} of {len(rows)} cases: "
+        blocks.append(Text(f"{count}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
+    for text in _covariance_verdicts(tables, name, rows):
+        blocks.append(Text(text, "Linear covariance alone:"))
+    improvements = METRICS["improvements"](tables)
+    improvements = improvements[improvements.requirement == name]
+    if len(improvements):
+        changes = [advice(tables, row) for row in improvements.itertuples()]
+        blocks.append(Text(_listed(changes, " "), "To comply:"))
+    else:
+        violated = rows[rows.verdict == "violated"]
+        blocks += [Text(text) for text in _largest_sources(tables, requirement, violated)]
+    return blocks
 
 
 def _listed(texts: list[str], separator: str = "; ") -> str:
@@ -98,10 +110,10 @@ def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
         return _undecided(rows)
     if verdict in ("not confirmed", "not applicable"):
         return list(rows.case)
-    return [f"{row.case} ({row.estimate}; {_rests_on(row)})" for row in rows.itertuples()]
+    return [f"{row.case} ({row.estimate}; {_evidence(row)})" for row in rows.itertuples()]
 
 
-def _rests_on(row: Any) -> str:
+def _evidence(row: Any) -> str:
     """Name the evidence for a verdict: runs, or linear covariance and the number of runs that do not contradict it."""
     return say("rests_on", failures=row.failures, runs=row.runs, by_runs=row.by == "runs")
 
@@ -114,34 +126,37 @@ def _metric(requirement: dict[str, Any]) -> str:
 def _limit(requirement: dict[str, Any], shown: str) -> str:
     """Return a limit as text; an angle in milliradians is repeated in degrees."""
     size, _, unit = str(requirement["below"]).partition(" ")
-    return f"{shown} ({math.degrees(float(size)):.3g} deg)" if unit == "rad" and "mrad" in shown else shown
+    if unit == "rad" and "mrad" in shown:
+        return f"{shown} ({math.degrees(float(size)):.3g} deg)"
+    return shown
 
 
 def _place(requirement: dict[str, Any]) -> str:
     """Return the place of a requirement: "at injection", "at all times from lift-off"."""
-    at = words(where(requirement))
+    place = words(where(requirement))
     if not requirement.get("during"):
-        return f"at {at}"
-    return "at all times of the flight" if at == "flight" else f"at all times from {at}"
+        return f"at {place}"
+    return "at all times of the flight" if place == "flight" else f"at all times from {place}"
 
 
-def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
+def _covariance_verdicts(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
     """Return the verdicts by linear covariance alone; a single sentence if all agree with the verdicts of the runs."""
     frame = METRICS["expected_verdicts"](tables)
     frame = frame[frame.requirement == name]
-    runs = verdicts.set_index("case").verdict
-    differing = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
-    applies = ~differing.verdict.isin(["not applicable", "not confirmed"])
-    sentences = [
-        f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to meet it"
-        for row in differing[applies].itertuples()
-    ]
-    for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
-        sentences.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: {verdict}, {reason}")
-    if not len(frame):
+    if frame.empty:
         return []
-    same = int((frame.verdict == frame.case.map(runs)).sum())
-    return [say("covariance_alone", same=same, whole=len(frame), others=sentences)]
+    run_verdict = frame.case.map(verdicts.set_index("case").verdict)
+    is_same = frame.verdict == run_verdict
+    differing = frame[~is_same | (len(frame) <= _FEW)]
+    applies = ~differing.verdict.isin(["not applicable", "not confirmed"])
+    sentences = []
+    for row in differing[applies].itertuples():
+        chance = _chance(row.expected_probability)
+        sentences.append(f"{row.case}: {row.verdict}, {chance} of flights expected to meet it")
+    for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
+        cases = rows.case.iloc[0] if len(rows) == 1 else f"{len(rows)} cases"
+        sentences.append(f"{cases}: {verdict}, {reason}")
+    return [say("covariance_alone", same=int(is_same.sum()), whole=len(frame), others=sentences)]
 
 
 def _chance(probability: float) -> str:
@@ -150,9 +165,9 @@ def _chance(probability: float) -> str:
 
 
 def _undecided(rows: pd.DataFrame) -> list[str]:
-    return [
-        say("undecided", cases=list(group.case), runs=more) for more, group in rows.groupby("runs_to_decide", sort=True)
-    ]
+    """Name the undecided cases with the number of runs that would decide them."""
+    groups = rows.groupby("runs_to_decide", sort=True)
+    return [say("undecided", cases=list(group.case), runs=runs) for runs, group in groups]
 
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
@@ -161,21 +176,30 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
     The mean error, which is the same in every run, counts as a source. For a phase, the budget is that of the event
     with the smallest margin.
     """
-    budget, quantity = METRICS["budget"](tables), split_metric(requirement["metric"])[0]
+    budget = METRICS["budget"](tables)
+    quantity = split_metric(requirement["metric"])[0]
     digests = {label: case for case, label in tables.labels.items()}
     sentences = []
-    for case in violated.case:
-        at, there = where(requirement), ""
+    for label in violated.case:
+        case = digests[label]
+        event = where(requirement)
+        place = ""
         if requirement.get("during"):
-            law = asked(tables, requirement, digests[case])
-            at = at if isinstance(law, str) else law.distribution.moment.replace(" ", "_")
-            there = f" at {words(at)}"
-        rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == f"{quantity}_error")]
-        if len(rows) and not why_not_applicable(tables, digests[case]):
-            top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
-            if mean**2 > float((rows.sigma**2).sum()):
-                sentences.append(say("largest_mean", case=case, mean=mean, unit=top.unit, there=there))
-            else:
-                share = f"{100 * top.share_ratio:.0f}"
-                sentences.append(say("largest_source", case=case, source=top.source, share=share, there=there))
-    return [f"Largest source in the 3D error, by linear covariance: {_listed(sentences)}."] if sentences else []
+            law = asked(tables, requirement, case)
+            if not isinstance(law, str):
+                event = law.distribution.moment.replace(" ", "_")
+            place = f" at {words(event)}"
+        rows = budget[(budget.case == label) & (budget.event == event) & (budget.metric == f"{quantity}_error")]
+        if rows.empty or why_not_applicable(tables, case):
+            continue
+        top = rows.iloc[0]
+        mean = mean_at(tables, case, event, quantity)
+        if mean**2 > float((rows.sigma**2).sum()):
+            sentence = say("largest_mean", case=label, mean=mean, unit=top.unit, there=place)
+        else:
+            share = f"{100 * top.share_ratio:.0f}"
+            sentence = say("largest_source", case=label, source=top.source, share=share, there=place)
+        sentences.append(sentence)
+    if not sentences:
+        return []
+    return [f"Largest source in the 3D error, by linear covariance: {_listed(sentences)}."]

@@ -36,9 +36,9 @@ class Text(NamedTuple):
     """
 
     text: str
-    lead: str = ""  # first words, which are emphasised
-    kind: str = "text"  # "code" for a command
-    is_nothing: bool = False  # whether it only says that there is nothing to show
+    lead: str = ""
+    kind: str = "text"
+    is_nothing: bool = False
 
 
 class Table(NamedTuple):
@@ -53,9 +53,13 @@ class Table(NamedTuple):
     @property
     def narrow(self) -> bool:
         """Whether it fits into half the width of a page, with headings broken between words."""
-        headings = [max(map(len, name.split()), default=0) for name in self.head]
-        longest = [max([size, *(len(row[k]) for row in self.rows)]) for k, size in enumerate(headings)]
-        return len(self.rows) <= _HALF_ROWS and sum(longest) + len(longest) <= _HALF_SHEET
+        if len(self.rows) > _HALF_ROWS:
+            return False
+        n_characters = 0
+        for column, name in enumerate(self.head):
+            lengths = [len(word) for word in name.split()] + [len(row[column]) for row in self.rows]
+            n_characters += max(lengths, default=0) + 1
+        return n_characters <= _HALF_SHEET
 
 
 class Picture(NamedTuple):
@@ -79,14 +83,18 @@ class Picture(NamedTuple):
     @property
     def alt(self) -> str:
         """Description for screen readers: the caption and the content of each panel."""
-        return " ".join([self.caption, *(f"{alt_text(panel)}." for panel in self.figure.panels if panel.marks)])
+        descriptions = [f"{alt_text(panel)}." for panel in self.figure.panels if panel.marks]
+        return " ".join([self.caption, *descriptions])
 
     @property
     def width(self) -> str:
         """Width on a printed page: wide, half, or third for a column of many panels."""
         rows, columns = self.figure.grid.shape
-        bars = columns > 1 and self.figure.options.get("sharey") and not any(map(_is_map, self.figure.panels))
-        return "wide" if columns > 2 or bars else "third" if columns == 1 and rows > 2 else "half"
+        has_map = any(map(_is_map, self.figure.panels))
+        has_bars = columns > 1 and self.figure.options.get("sharey") and not has_map
+        if columns > 2 or has_bars:
+            return "wide"
+        return "third" if columns == 1 and rows > 2 else "half"
 
 
 def _is_map(panel: Panel) -> bool:
@@ -118,6 +126,7 @@ class Details(NamedTuple):
 
 Block = Text | Table | Picture | SourceScaling | DesignExplorer | Details
 Blocks = Callable[[Tables], list[Block]]
+_TableBlocks = Callable[[Tables, pd.DataFrame], list[Block]]  # of a computed table
 
 
 class Section(NamedTuple):
@@ -141,7 +150,8 @@ def number(value: float) -> str:
     if not 1e-4 <= abs(value) < 1e6:
         return f"{value:.2e}"
     rounded = float(f"{value:.2e}")
-    return f"{rounded:.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
+    exponent = math.floor(math.log10(abs(rounded)))
+    return f"{rounded:.{max(0, 2 - exponent)}f}"
 
 
 def percent(value: float) -> str:
@@ -151,26 +161,34 @@ def percent(value: float) -> str:
 
 def listed(texts: Sequence[str], most: int, separator: str = "; ") -> str:
     """Join texts; of more than `most` texts only the first, with the number of the others."""
-    more = [f"and {len(texts) - most} more, see the table"] if len(texts) > most else []
-    return "; ".join([separator.join(texts[:most]), *more])
+    text = separator.join(texts[:most])
+    n_more = len(texts) - most
+    return f"{text}; and {n_more} more, see the table" if n_more > 0 else text
 
 
 def first_ones(names: Sequence[str], most: int) -> str:
     """Join names by "and"; of more than `most` + 1 names only the first, with the number of the others."""
-    more = len(names) - most
-    return " and ".join([*names[:most], f"{more} more"] if more > 1 else names)
+    n_more = len(names) - most
+    if n_more > 1:
+        names = [*names[:most], f"{n_more} more"]
+    return " and ".join(names)
 
 
 def among(names: Sequence[str], most: int, separator: str = ", ") -> str:
     """Join names; of more than `most` names only the first, with the number of the others: "a, b and 3 more"."""
-    more = len(names) - most
-    last = ("; and " if separator == "; " else " and ") + f"{more} more"
-    return separator.join(names[:most]) + (last if more > 0 else "")
+    text = separator.join(names[:most])
+    n_more = len(names) - most
+    if n_more <= 0:
+        return text
+    conjunction = "; and" if separator == "; " else " and"
+    return f"{text}{conjunction} {n_more} more"
 
 
 def words(names: Any) -> Any:
     """Return a name, or a column of names, with spaces for underscores."""
-    return names.str.replace("_", " ") if isinstance(names, pd.Series) else str(names).replace("_", " ")
+    if isinstance(names, pd.Series):
+        return names.str.replace("_", " ")
+    return str(names).replace("_", " ")
 
 
 def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
@@ -193,12 +211,42 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
     """
     formatted = {}
     for entry in columns.split(" | "):
-        heading, _, source = entry.rpartition(" = ")
-        name, _, form = source.partition(": ")
-        bounds = [_written(frame[bound], form) for bound in name.split(" to ") if bound in frame]
-        if bounds:
-            formatted[heading or words(name)] = bounds[0] if len(bounds) == 1 else _interval_text(*bounds)
+        heading, _, content = entry.rpartition(" = ")
+        name, _, form = content.partition(": ")
+        bounds = [_format_column(frame[bound], form) for bound in name.split(" to ") if bound in frame]
+        if len(bounds) == 1:
+            formatted[heading or words(name)] = bounds[0]
+        elif bounds:
+            formatted[heading or words(name)] = _interval_text(*bounds)
     return pd.DataFrame(formatted)
+
+
+def _format_column(values: pd.Series, form: str) -> pd.Series:
+    """Return a column as text in a form (see `shown`)."""
+    if not form:
+        return values
+    if form == "words":
+        text: pd.Series = words(values)
+        return text
+    formats: dict[str, Callable[[float], str]] = {
+        "number": number,
+        "percent": percent,
+        "element": _format_element,
+        "time": _format_time,
+    }
+    to_text = formats.get(form, lambda value: format(value, form) if value == value else "–")
+    return values.map(to_text)
+
+
+def _format_element(value: float) -> str:
+    """Return an orbital element with seven digits; zero with the bound below which it is not resolved."""
+    if value != value:
+        return "–"
+    return f"{value:.7g}" if value else f"0 (below {LEAST:g})"
+
+
+def _format_time(value: float) -> str:
+    return f"{value:.0f}" if value == value else "never"
 
 
 def _interval_text(low: pd.Series, high: pd.Series) -> pd.Series:
@@ -206,24 +254,12 @@ def _interval_text(low: pd.Series, high: pd.Series) -> pd.Series:
     return low.where(low == high, low + " to " + high)
 
 
-def _written(values: pd.Series, form: str) -> pd.Series:
-    """Return a column as text in a form (see `shown`)."""
-    if form in ("", "words"):
-        return words(values) if form else values
-    formats: dict[str, Callable[[float], str]] = {
-        "number": number,
-        "percent": percent,
-        "element": lambda value: "–" if value != value else f"{value:.7g}" if value else f"0 (below {LEAST:g})",
-        "time": lambda value: f"{value:.0f}" if value == value else "never",
-    }
-    return values.map(formats.get(form, lambda value: format(value, form) if value == value else "–"))
-
-
 def table(frame: pd.DataFrame, caption: str = "", columns: str = "") -> Table:
     """Return a frame as a table with all columns, or with the given columns (see `shown`)."""
-    frame = shown(frame, columns) if columns else frame
-    numeric = tuple(pd.api.types.is_numeric_dtype(kind) and kind is not bool for kind in frame.dtypes)
-    rows = tuple(tuple(_cell(value) for value in row) for row in frame.itertuples(index=False))
+    if columns:
+        frame = shown(frame, columns)
+    numeric = tuple(pd.api.types.is_numeric_dtype(dtype) and dtype is not bool for dtype in frame.dtypes)
+    rows = tuple(tuple(map(_cell, row)) for row in frame.itertuples(index=False))
     return Table(tuple(map(str, frame.columns)), rows, numeric, caption)
 
 
@@ -238,16 +274,18 @@ def same_once(frame: pd.DataFrame) -> pd.DataFrame:
     groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
     rows = list(frame.drop(columns="case").astype(str).itertuples(index=False, name=None))
     for case, places in _places(frame.case).items():
-        groups.setdefault(tuple(rows[k] for k in places), []).append(case)
+        content = tuple(rows[k] for k in places)
+        groups.setdefault(content, []).append(case)
     if len(groups) == frame.case.nunique():
         return frame
-    first = frame[frame.case.isin([cases[0] for cases in groups.values()])]
-    is_one_group = len(groups) == 1
-    names = {cases[0]: f"all {len(cases)} cases" if is_one_group else "; ".join(cases) for cases in groups.values()}
+    names = {}
+    for cases in groups.values():
+        names[cases[0]] = f"all {len(cases)} cases" if len(groups) == 1 else "; ".join(cases)
+    first = frame[frame.case.isin(list(names))]
     return first.assign(case=first.case.map(names))
 
 
-def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFrame], list[Block]]], Blocks]:
+def of(metric: str, nothing: str = "") -> Callable[[_TableBlocks], Blocks]:
     """Decorate a function of a computed table so that it becomes a function of results.
 
     Parameters
@@ -258,7 +296,7 @@ def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFra
         Text if the table is empty; no block if this text is empty as well.
     """
 
-    def decorate(make: Callable[[Tables, pd.DataFrame], list[Block]]) -> Blocks:
+    def decorate(make: _TableBlocks) -> Blocks:
         @wraps(make)
         def section(tables: Tables) -> list[Block]:
             frame = METRICS[metric](tables)
@@ -289,9 +327,10 @@ def stated(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) 
     if "columns" in layout:
         frame = shown(frame, " ".join(layout["columns"].split()))
     else:
-        frame = frame.set_axis(" ".join(layout["headings"].split()).split(" | "), axis=1)
-    caption = " ".join(layout.get("caption", "").split()).format(**content)
-    return table(same_once(frame) if alike else frame, caption)
+        headings = " ".join(layout["headings"].split())
+        frame = frame.set_axis(headings.split(" | "), axis=1)
+    caption = " ".join(layout.get("caption", "").split())
+    return table(same_once(frame) if alike else frame, caption.format(**content))
 
 
 def chosen_cases(tables: Tables) -> dict[str, str]:
@@ -308,23 +347,24 @@ def deciding(tables: Tables) -> tuple[list[str], list[str]]:
 
     Without requirements: the best case, and all quantities.
     """
-    required = [
-        split_metric(str(requirement["metric"]))[0].removeprefix("normalised_")
-        for requirement in tables.campaign.get("requirements") or ()
-    ]
+    required = []
+    for requirement in tables.campaign.get("requirements") or ():
+        quantity, _ = split_metric(str(requirement["metric"]))
+        required.append(quantity.removeprefix("normalised_"))
     available = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
+    quantities = [quantity for quantity in available if quantity in required]
     labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
     digests = {label: case for case, label in tables.labels.items()}
-    return [digests[label] for label in labels], [
-        quantity for quantity in available if quantity in required
-    ] or available
+    return [digests[label] for label in labels], quantities or available
 
 
 def left_out(tables: Tables) -> list[Block]:
     """Return a note on the cases without figures; empty if every case has figures."""
-    more = len(tables.labels) - len(chosen_cases(tables))
-    text = f"The decisive cases and the best ones are shown, {MOST_CASES} in all; {more} more are in the tables."
-    return [Text(text)] if more > 0 else []
+    n_more = len(tables.labels) - len(chosen_cases(tables))
+    if n_more <= 0:
+        return []
+    text = f"The decisive cases and the best ones are shown, {MOST_CASES} in all; {n_more} more are in the tables."
+    return [Text(text)]
 
 
 def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
@@ -341,12 +381,13 @@ def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[
     cases : iterable of str
         Digests of the cases.
     """
-    frame, first = getattr(tables, name), dict[bytes, str]()
+    frame = getattr(tables, name)
     values = [_numbers(frame[column]) for column in columns]
     places = _places(frame.case)
+    first: dict[bytes, str] = {}
     for case in cases:
-        at = places.get(case, np.empty(0, dtype=int))
-        content = b"".join(column[at].tobytes() for column in values)
+        case_places = places.get(case, np.empty(0, dtype=int))
+        content = b"".join(column[case_places].tobytes() for column in values)
         first.setdefault(hashlib.sha256(content).digest(), case)
     return list(first.values())
 
@@ -358,13 +399,18 @@ def _places(cases: pd.Series) -> dict[str, Any]:
 
 def _numbers(column: pd.Series) -> Any:
     """Return a column (n_row,) as numbers; equal texts become equal numbers."""
-    return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else pd.factorize(column)[0]
+    if pd.api.types.is_numeric_dtype(column):
+        return column.to_numpy()
+    numbers, _ = pd.factorize(column)
+    return numbers
 
 
 def few(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:
     """Return at most as many cases as are drawn, and a note on the others."""
-    more = len(group) - MOST_CASES
-    remark: list[Block] = [Text(f"{more} more cases that differ here are in the tables.")] if more > 0 else []
+    n_more = len(group) - MOST_CASES
+    remark: list[Block] = []
+    if n_more > 0:
+        remark.append(Text(f"{n_more} more cases that differ here are in the tables."))
     return group[:MOST_CASES], remark
 
 
@@ -375,14 +421,11 @@ def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
 
 def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:
     """Return a numbered figure for each case; with several cases the caption names the case."""
-    return [
-        Picture(
-            f"{plot}-{k}",
-            PLOTS[plot](tables, case),
-            note(plot, "figures", **content) + named(tables, case, cases),
-        )
-        for k, case in enumerate(cases, 1)
-    ]
+    pictures: list[Block] = []
+    for k, case in enumerate(cases, 1):
+        caption = note(plot, "figures", **content) + named(tables, case, cases)
+        pictures.append(Picture(f"{plot}-{k}", PLOTS[plot](tables, case), caption))
+    return pictures
 
 
 def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: str) -> Picture:
@@ -392,6 +435,9 @@ def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: st
     `templates/texts.toml`, with its braces filled with label, quantity and `content`.
     """
     case, quantity = (about[0], about[-1]) if about else ("", "")
-    content |= {"label": tables.labels.get(case, ""), "quantity": quantity, "Quantity": quantity.capitalize()}
-    caption = note(name or plot, "figures", **content)
-    return Picture("-".join((name or plot, *about)), PLOTS[plot](tables, *about), caption)
+    name = name or plot
+    content["label"] = tables.labels.get(case, "")
+    content["quantity"] = quantity
+    content["Quantity"] = quantity.capitalize()
+    caption = note(name, "figures", **content)
+    return Picture("-".join([name, *about]), PLOTS[plot](tables, *about), caption)

@@ -86,7 +86,8 @@ OPEN = ("space", "summary", "requirements", "envelopes", "budget")
 """Sections that are open in the report; the others are folded."""
 BRIEF = (*OPEN, "consistency", "agreement", "configuration", "assumptions", "models", "reproduce")
 """Sections of a brief report."""
-_BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # largest number of rows of a table, and of figures, in a brief report
+_BRIEF_ROWS = 15  # largest number of rows of a table in a brief report
+_BRIEF_FIGURES = 9  # largest number of figures in a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js", "space.js")
 _MANY = 50
 _DETAILED = ("orbit", "orbit_correction", "impact")
@@ -129,57 +130,88 @@ def make(
     """
     # sections read single cells, for which Python's strings take half the time of Arrow's
     with pd.option_context("mode.string_storage", "python"):
-        return _made(tables, sections, step)
+        return _content(tables, sections, step)
 
 
-def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], None]) -> ReportContent:
+def _content(tables: Tables, sections: Sequence[str] | None, step: Callable[[], None]) -> ReportContent:
     """Return the content of the report, with strings converted for fast access to single cells."""
-    stated = (tables.campaign.get("report") or {}).get("sections")
-    names = list(sections or stated or SECTIONS)
+    selection = sections or (tables.campaign.get("report") or {}).get("sections")
+    names = list(selection or SECTIONS)
     _check(names)
-    title, question = title_of(tables), str(tables.campaign.get("description") or "")
+    title = title_of(tables)
+    question = str(tables.campaign.get("description") or "")
     if tables.cases.empty:
-        return ReportContent(title, question, [Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))], {})
-    sections_made, labelled = [], tables
-    tables = named(labelled)
-    detailed = _detailed(tables)
-    for name in names:
-        sections_made.append(
-            Section(name, SECTIONS[name][0], SECTIONS[name][1](detailed if name in _DETAILED else tables))
-        )
-        step()
-    if sections or stated:
-        sections_made = [
-            section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in sections_made
-        ]
+        failed = Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))
+        return ReportContent(title, question, [failed], {})
+    shown_tables = named(tables)
+    detailed = _detailed(shown_tables)
+    content = _sections(shown_tables, detailed, names, step)
+    if selection:  # a section that was asked for is shown even if it is empty
+        content = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in content]
     else:
-        sections_made = [section for section in sections_made if not all(map(_is_nothing, section.blocks))]
-    for section in sections_made:
-        share_scales(block.figure for block in _flat(section.blocks) if isinstance(block, Picture))
-    frames = {name: METRICS[name](detailed if name in _DETAILED else tables) for name in CSV}
-    labels = {tables.labels[case]: label for case, label in labelled.labels.items()}
-    if tables is not labelled:
-        of_cases = {name: frame for name, frame in frames.items() if "case" in frame and name != "designs"}
-        frames |= {name: frame.assign(case=frame.case.map(labels)) for name, frame in of_cases.items()}
-    frames |= {"designs": METRICS["designs"](labelled), "models": registered.evidence(labelled)}
-    csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
-    return ReportContent(title, question, [section for section in sections_made if section.blocks], csv, head(tables))
+        content = [section for section in content if not all(map(_is_nothing, section.blocks))]
+    for section in content:
+        share_scales(block.figure for block in _all_blocks(section.blocks) if isinstance(block, Picture))
+    return ReportContent(
+        title=title,
+        asked=question,
+        sections=[section for section in content if section.blocks],
+        csv=_csv_tables(tables, shown_tables, detailed),
+        head=head(shown_tables),
+    )
+
+
+def _sections(tables: Tables, detailed: Tables, names: Sequence[str], step: Callable[[], None]) -> list[Section]:
+    """Return the sections of these names; `step` is called after each.
+
+    detailed : the results for the sections that take long
+    """
+    sections = []
+    for name in names:
+        title, blocks = SECTIONS[name]
+        sections.append(Section(name, title, blocks(detailed if name in _DETAILED else tables)))
+        step()
+    return sections
+
+
+def _csv_tables(tables: Tables, shown_tables: Tables, detailed: Tables) -> dict[str, str]:
+    """Return the CSV tables that have rows, by file name, with the labels of the stored results.
+
+    tables, shown_tables : the results with their stored labels, and with those of the report
+    detailed : the results for the tables that take long, with the labels of the report
+    """
+    frames = {name: METRICS[name](detailed if name in _DETAILED else shown_tables) for name in CSV}
+    if shown_tables is not tables:
+        labels = {shown_tables.labels[case]: label for case, label in tables.labels.items()}
+        for name, frame in frames.items():
+            if "case" in frame and name != "designs":
+                frames[name] = frame.assign(case=frame.case.map(labels))
+    frames["designs"] = METRICS["designs"](tables)
+    frames["models"] = registered.evidence(tables)
+    return {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
 
 
 def _without_cases(tables: Tables) -> list[Block]:
     """Return the blocks of results in which every case failed, with the reasons."""
-    lead = Text("No case could be computed, so there are no results. Repeat lvnav-trade run to try again.", "Cases.")
-    return [lead, *(Text(f"{line}.", "Lost:") for line in tables.manifest.get("lost", []))]
+    text = "No case could be computed, so there are no results. Repeat lvnav-trade run to try again."
+    blocks: list[Block] = [Text(text, "Cases.")]
+    for line in tables.manifest.get("lost", []):
+        blocks.append(Text(f"{line}.", "Lost:"))
+    return blocks
+
+
+def _all_blocks(blocks: Sequence[Block]) -> list[Block]:
+    """Return blocks, followed by the blocks that they show on demand."""
+    all_blocks = list(blocks)
+    for block in blocks:
+        if isinstance(block, Details):
+            all_blocks += block.blocks
+    return all_blocks
 
 
 def _is_nothing(block: Block) -> bool:
     """Whether a block only says that there is nothing to show."""
     return isinstance(block, Text) and block.is_nothing
-
-
-def _flat(blocks: Sequence[Block]) -> list[Block]:
-    """Return blocks, followed by the blocks that they show on demand."""
-    return [*blocks, *(inner for block in blocks if isinstance(block, Details) for inner in block.blocks)]
 
 
 def _detailed(tables: Tables) -> Tables:
@@ -223,10 +255,12 @@ def build(
     """
     tables = load(folder)
     content = make(tables, sections, step)
-    pages = {"report.html": html_page(content.title, content.asked, content.sections, head=content.head)}
+    files: dict[str, str | bytes] = {**content.csv, **pictures(content.sections, figures)}
+    files["report.html"] = html_page(content.title, content.asked, content.sections, head=content.head)
     if brief:
-        pages["brief.html"] = html_page(content.title, content.asked, _shortened(content.sections), BRIEF, content.head)
-    owned(tables.folder, "results").publish("report", {**content.csv, **pictures(content.sections, figures), **pages})
+        shortened = _shortened(content.sections)
+        files["brief.html"] = html_page(content.title, content.asked, shortened, BRIEF, content.head)
+    owned(tables.folder, "results").publish("report", files)
     return tables.folder / ("brief.html" if brief else "report.html")
 
 
@@ -244,22 +278,24 @@ def verdict_tables(folder: Path | str) -> None:
 
 def _shortened(sections: Sequence[Section]) -> list[Section]:
     """Return the sections of a brief report, without blocks shown on demand, and with long tables shortened."""
-    n_figures = _BRIEF_FIGURES
-
-    def short(block: Block) -> list[Block]:
-        nonlocal n_figures
-        if isinstance(block, Table) and len(block.rows) > _BRIEF_ROWS:
-            note = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows are in the full report.")
-            return [block._replace(rows=block.rows[:_BRIEF_ROWS]), note]
-        n_figures -= isinstance(block, Picture)
-        is_beyond = isinstance(block, Picture) and n_figures < 0
-        return [] if isinstance(block, Details | SourceScaling | DesignExplorer) or is_beyond else [block]
-
-    return [
-        section._replace(blocks=[shortened_block for block in section.blocks for shortened_block in short(block)])
-        for section in sections
-        if section.name in BRIEF
-    ]
+    n_figures = 0
+    shortened = []
+    for section in sections:
+        if section.name not in BRIEF:
+            continue
+        blocks: list[Block] = []
+        for block in section.blocks:
+            if isinstance(block, Table) and len(block.rows) > _BRIEF_ROWS:
+                remark = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows are in the full report.")
+                blocks += [block._replace(rows=block.rows[:_BRIEF_ROWS]), remark]
+            elif isinstance(block, Picture):
+                n_figures += 1
+                if n_figures <= _BRIEF_FIGURES:
+                    blocks.append(block)
+            elif not isinstance(block, Details | SourceScaling | DesignExplorer):
+                blocks.append(block)
+        shortened.append(section._replace(blocks=blocks))
+    return shortened
 
 
 def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequence[str] = OPEN, head: Head = ()) -> str:
@@ -276,13 +312,21 @@ def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequen
     head : tuple of Line
         Title block below the title.
     """
-    style = source("page.css") + source("uplot/uPlot.min.css")
     script = "\n".join(source(name) for name in _SCRIPTS)
-    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    signs = {sign: verdict for verdict, sign in SIGNS.items() if sign != "–"}  # a dash is also a missing number
-    page = {"title": title, "asked": asked, "sections": sections, "open": {*shown, sections[0].name}, "head": head}
-    page |= {"signs": signs, "verdicts": {*SIGNS, "agree", "disagree"}}
-    return render("page.html.j2", **page, style=style, script=script, allowed=allowed)
+    script_digest = hashlib.sha256(script.encode()).digest()
+    return render(
+        "page.html.j2",
+        title=title,
+        asked=asked,
+        sections=sections,
+        open={*shown, sections[0].name},
+        head=head,
+        signs={sign: verdict for verdict, sign in SIGNS.items() if sign != "–"},  # a dash is also a missing number
+        verdicts={*SIGNS, "agree", "disagree"},
+        style=source("page.css") + source("uplot/uPlot.min.css"),
+        script=script,
+        allowed=base64.b64encode(script_digest).decode(),
+    )
 
 
 def markdown_page(title: str, asked: str, sections: Sequence[Section], head: Head = ()) -> str:
@@ -307,10 +351,14 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
     Path
         report.md.
     """
-    target, content = owned(folder, "report"), make(load(results))
+    target = owned(folder, "report")
+    content = make(load(results))
     page = markdown_page(content.title, content.asked, content.sections, content.head)
     with writing(folder, "the report cannot be kept there"):
-        target.publish("report", {**(content.csv if tables else {}), **pictures(content.sections), "report.md": page})
+        files: dict[str, str | bytes] = {**pictures(content.sections), "report.md": page}
+        if tables:
+            files |= content.csv
+        target.publish("report", files)
     return target.folder / "report.md"
 
 
@@ -328,6 +376,9 @@ def pictures(sections: Sequence[Section], formats: Sequence[str] = ("png",)) -> 
         return {}
     from lvnav_trade.report.figures.raster import files  # matplotlib, which a report as HTML does not need
 
-    blocks = [block for section in sections for block in _flat(section.blocks)]
-    figures = {f"figures/{block.name}": block.figure for block in blocks if isinstance(block, Picture)}
+    figures = {}
+    for section in sections:
+        for block in _all_blocks(section.blocks):
+            if isinstance(block, Picture):
+                figures[f"figures/{block.name}"] = block.figure
     return files(figures, formats)

@@ -27,6 +27,7 @@ KEPT = ("cases", "outputs", "runs", "interval_errors", "events", "states", "refe
 KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint_covariances", "innovations")
 """Tables that a comparison reads; of `reference` only few times, which identify the trajectory."""
 _KEPT_EVERY = 20
+_PERCENT_UNITS = {"ratio": "%", "fraction of runs": "points"}  # units of changes that are written times 100
 _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
 
 
@@ -44,26 +45,43 @@ def answer(comparison: ResultComparison) -> str:
 
 def rows(comparison: ResultComparison) -> list[tuple[str, ...]]:
     """Return the cells of the comparison table below `HEAD`, deteriorations first."""
-    order = comparison.frame.verdict.map(ORDER.index)
-    return [_row(row) for row in comparison.frame.loc[order.sort_values(kind="stable").index].itertuples(index=False)]
+    frame = comparison.frame.sort_values(
+        "verdict",
+        key=lambda verdicts: verdicts.map(ORDER.index),
+        kind="stable",
+    )
+    return [_row(row) for row in frame.itertuples(index=False)]
 
 
 def _row(row: Any) -> tuple[str, ...]:
-    """Return the cells of one compared quantity."""
-    is_requirement = row.kind == "requirement"
+    """Return the cells of one compared quantity, in the order of `HEAD`."""
     quantity = say(
-        "quantity", metric=row.metric, is_requirement=is_requirement, event=row.event, statistic=row.statistic
+        "quantity",
+        metric=row.metric,
+        is_requirement=row.kind == "requirement",
+        event=row.event,
+        statistic=row.statistic,
     )
-    unit = f" {row.unit}" if row.unit else ""
-    sizes = [
-        percent(value) if row.scale == "fraction of runs" else number(value) + unit
-        for value in (row.base, row.candidate)
-    ]
-    bounds = f"{_change(row.low, row.scale)} to {_change(row.high, row.scale)}"
-    word = row.verdict + (f" ({row.remark})" if row.remark else "")
-    worth = f"{row.effective_runs:.0f}" if math.isfinite(row.effective_runs) else number(row.effective_runs)
-    effect = _change(row.effect, row.scale, "g").lstrip("+")
-    return (word, row.case, quantity, *sizes, _change(row.change, row.scale), bounds, effect, str(row.runs), worth)
+    has_effective_number = math.isfinite(row.effective_runs)
+    return (
+        f"{row.verdict} ({row.remark})" if row.remark else row.verdict,
+        row.case,
+        quantity,
+        _size(row.base, row),
+        _size(row.candidate, row),
+        _change(row.change, row.scale),
+        f"{_change(row.low, row.scale)} to {_change(row.high, row.scale)}",
+        _change(row.effect, row.scale, "g").lstrip("+"),
+        str(row.runs),
+        f"{row.effective_runs:.0f}" if has_effective_number else number(row.effective_runs),
+    )
+
+
+def _size(value: float, row: Any) -> str:
+    """Return a value of a compared quantity with its unit."""
+    if row.scale == "fraction of runs":
+        return percent(value)
+    return f"{number(value)} {row.unit}" if row.unit else number(value)
 
 
 def _change(value: float, scale: str, form: str = "") -> str:
@@ -71,26 +89,33 @@ def _change(value: float, scale: str, form: str = "") -> str:
     if math.isnan(value):
         return "–"
     sign = "+" if value > 0 else ("-" if value < 0 else "")
-    size = abs(value) if scale not in ("ratio", "fraction of runs") else 100.0 * abs(value)
-    unit = {"ratio": "%", "fraction of runs": "points"}.get(scale, scale)
-    return f"{sign}{format(size, form) if form else number(size)} {unit}"
+    size = abs(value)
+    if scale in _PERCENT_UNITS:
+        size *= 100.0
+    unit = _PERCENT_UNITS.get(scale, scale)
+    text = format(size, form) if form else number(size)
+    return f"{sign}{text} {unit}"
 
 
 def markdown(comparison: ResultComparison) -> str:
     """Return a comparison as a Markdown page."""
-    sides = {"base": comparison.base, "candidate": comparison.candidate, "notes": comparison.notes}
-    confidence = percent(comparison.confidence)
     return render(
-        "compare.md.j2", **sides, answer=answer(comparison), head=HEAD, rows=rows(comparison), confidence=confidence
+        "compare.md.j2",
+        base=comparison.base,
+        candidate=comparison.candidate,
+        notes=comparison.notes,
+        answer=answer(comparison),
+        head=HEAD,
+        rows=rows(comparison),
+        confidence=percent(comparison.confidence),
     )
 
 
 def content(comparison: ResultComparison) -> dict[str, Any]:
     """Return a comparison as data for JSON; numbers that are not finite become null."""
-    records = [
-        {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
-        for row in comparison.frame.to_dict(orient="records")
-    ]
+    records = []
+    for row in comparison.frame.to_dict(orient="records"):
+        records.append({key: _json_value(value) for key, value in row.items()})
     return {
         "base": str(comparison.base),
         "candidate": str(comparison.candidate),
@@ -102,27 +127,36 @@ def content(comparison: ResultComparison) -> dict[str, Any]:
     }
 
 
+def _json_value(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def junit(comparison: ResultComparison) -> str:
     """Return a comparison as JUnit XML: "worse" is a failure, "undecided" is skipped."""
     counts = Counter(comparison.frame.verdict)
-    numbers = {"tests": len(comparison.frame), "failures": counts["worse"], "skipped": counts["undecided"], "errors": 0}
-    attributes = {key: str(value) for key, value in numbers.items()}
+    attributes = {
+        "tests": str(len(comparison.frame)),
+        "failures": str(counts["worse"]),
+        "skipped": str(counts["undecided"]),
+        "errors": "0",
+    }
+    name = xml_text(f"{comparison.base} against {comparison.candidate}")
     root = ElementTree.Element("testsuites", {"name": "lvnav-trade compare", **attributes})
-    suite = ElementTree.SubElement(
-        root, "testsuite", {"name": xml_text(f"{comparison.base} against {comparison.candidate}"), **attributes}
-    )
+    suite = ElementTree.SubElement(root, "testsuite", {"name": name, **attributes})
     for row in comparison.frame.itertuples(index=False):
-        cells = _row(row)
-        case = ElementTree.SubElement(
-            suite, "testcase", {"classname": xml_text(row.case), "name": xml_text(cells[2]), "time": "0"}
+        cells = dict(zip(HEAD, _row(row), strict=True))
+        testcase = ElementTree.SubElement(
+            suite,
+            "testcase",
+            {"classname": xml_text(row.case), "name": xml_text(cells["metric"]), "time": "0"},
         )
-        text = xml_text("; ".join(f"{name}: {cell}" for name, cell in zip(HEAD[3:], cells[3:], strict=True)))
-        if row.verdict != "not worse":
-            element = "failure" if row.verdict == "worse" else "skipped"
-            message = f"{cells[0]}; change {cells[5]}, bounds {cells[6]}"
-            ElementTree.SubElement(case, element, {"message": xml_text(message)}).text = text
-        else:
-            ElementTree.SubElement(case, "system-out").text = text
+        text = xml_text("; ".join(f"{heading}: {cells[heading]}" for heading in HEAD[3:]))
+        if row.verdict == "not worse":
+            ElementTree.SubElement(testcase, "system-out").text = text
+            continue
+        result = "failure" if row.verdict == "worse" else "skipped"
+        message = f"{cells['verdict']}; change {cells['change']}, bounds {cells['bounds']}"
+        ElementTree.SubElement(testcase, result, {"message": xml_text(message)}).text = text
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
@@ -161,21 +195,24 @@ def write(comparison: ResultComparison, md: Path | None = None, xml: Path | None
     md, xml : Path, optional
         Markdown and JUnit files.
     """
+    paths = []
+    if md is not None:
+        paths.append(_write_text(md, "w", markdown(comparison)))
+    if xml is not None:
+        paths.append(_write_text(xml, "w", junit(comparison)))
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
-    files = [
-        (md, "w", markdown),
-        (xml, "w", junit),
-        (Path(summary) if summary else None, "a", lambda found: markdown(found) + "\n"),
-    ]
-    written = []
-    for path, mode, text in files:
-        if path is not None:
-            with writing(path, "cannot be written"):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with path.open(mode, encoding="utf-8") as file:
-                    file.write(text(comparison))
-            written.append(path)
-    return written
+    if summary:
+        paths.append(_write_text(Path(summary), "a", markdown(comparison) + "\n"))
+    return paths
+
+
+def _write_text(path: Path, mode: str, text: str) -> Path:
+    """Write or append a text to a file, with its folder, and return the file."""
+    with writing(path, "cannot be written"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open(mode, encoding="utf-8") as file:
+            file.write(text)
+    return path
 
 
 def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
@@ -188,29 +225,34 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
     InputError
         A file of the results is damaged.
     """
-    tables, target = load(results), owned(folder, "base")
+    tables = load(results)
+    target = owned(folder, "base")
     if not tables.campaign:  # reading the campaign first rejects damaged results before they are copied
         raise damaged(tables.folder / RESOLVED, "it states nothing")
-    names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
-    manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
-    manifest |= {"results_version": RESULTS_VERSION, "across_machines": across_machines()}  # of the tables as kept
+    has_runs = int(tables.cases.run_count.sum()) > 0
+    names = KEPT if has_runs else (*KEPT, *KEPT_WITHOUT_RUNS)
     with writing(folder, "the base cannot be kept there"):
         files = {RESOLVED: (tables.folder / RESOLVED).read_bytes()}
         for name in names:
             # results of an older version may lack a table; a comparison that needs it reports this
             if has_table(tables.folder, name):
-                files[f"{name}.parquet"] = _kept(tables.folder, name)
-        manifest[DIGESTS] = {name: digest(content) for name, content in files.items()}
+                files[f"{name}.parquet"] = _table_bytes(tables.folder, name)
+        manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
+        manifest["results_version"] = RESULTS_VERSION  # of the tables as kept
+        manifest["across_machines"] = across_machines()
+        manifest[DIGESTS] = {name: digest(file_bytes) for name, file_bytes in files.items()}
         files[MANIFEST] = (json.dumps(manifest, indent=2, sort_keys=True) + "\n").encode()
         target.publish("base", files)
     return target.folder
 
 
-def _kept(folder: Path, name: str) -> bytes:
+def _table_bytes(folder: Path, name: str) -> bytes:
+    """Return a stored table as a Parquet file; of the reference trajectory only every 20th row."""
     import pyarrow.parquet as pq
 
-    table, content = stored_table(folder, name), io.BytesIO()
+    table = stored_table(folder, name)
     if name == "reference":
         table = table.take(list(range(0, table.num_rows, _KEPT_EVERY)))
-    pq.write_table(table, content, compression="zstd")
-    return content.getvalue()
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()

@@ -34,6 +34,7 @@ from lvnav_trade.results.statistics.select import final_event, mean_at
 from lvnav_trade.results.tables.read import Tables
 
 _LEAST_SHARE = 0.01  # share of the variance below which a table combines a source with others
+_SCALE_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)  # factors on the sigma of a source in the tables
 
 
 @of("budget", "The campaign requests no error budget.")
@@ -41,84 +42,105 @@ def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the error budget by linear covariance: tables by source and event, stacked plots, and when each source
     acted.
     """
-    key, required = deciding(tables)
+    key_cases, required = deciding(tables)
     blocks: list[Block] = [Text(note("budget"))]
-    further: list[Block] = list(left_out(tables))
-    for case in dict.fromkeys([*key, *chosen_cases(tables)]):
+    details: list[Block] = list(left_out(tables))
+    for case in dict.fromkeys([*key_cases, *chosen_cases(tables)]):
+        has_times = (tables.adjoint.case == case).any()
         for quantity in NAVIGATION:
-            place = blocks if case in key and quantity in required else further
             rows = frame[(frame.case == tables.labels[case]) & (frame.metric == f"{quantity}_error")]
-            if len(rows) and (place is blocks or quantity != "attitude"):
-                place.append(figure(tables, "budget", case, quantity))
-            if len(rows):
-                further.append(_by_event(tables, case, quantity, rows))
-            if len(rows) and quantity != "attitude" and (tables.adjoint.case == case).any():
-                further.append(figure(tables, "heatmap", case, quantity, name="when"))
+            if rows.empty:
+                continue
+            if case in key_cases and quantity in required:
+                blocks.append(figure(tables, "budget", case, quantity))
+            elif quantity != "attitude":
+                details.append(figure(tables, "budget", case, quantity))
+            details.append(_event_table(tables, case, quantity, rows))
+            if has_times and quantity != "attitude":
+                details.append(figure(tables, "heatmap", case, quantity, name="when"))
     title = "Budgets at every event, other cases and quantities, and the times at which errors enter"
-    return [*blocks, Details(title, further)]
+    return [*blocks, Details(title, details)]
 
 
-def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
+def _event_table(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
     """Return the table of sources by events: sigma and share of the variance, largest at the final event first."""
     events = separate_events(tables, case)
-    names = list(events.event[events.t_s <= events.t_s[events.event == final_event(tables, case)].max()])
-    share, sigma = (
-        rows.pivot_table(index="source", columns="event", values=column, sort=False)[names]
-        for column in ("share_ratio", "sigma")
-    )
+    end = events.t_s[events.event == final_event(tables, case)].max()
+    names = list(events.event[events.t_s <= end])
+    share = rows.pivot_table(index="source", columns="event", values="share_ratio", sort=False)[names]
+    sigma = rows.pivot_table(index="source", columns="event", values="sigma", sort=False)[names]
     share = share.sort_values(names[-1], ascending=False, kind="stable")
-    square, large = sigma.loc[share.index] ** 2, share.max(axis=1) >= _LEAST_SHARE
-    lines = [(source, square.loc[source], share.loc[source]) for source in share.index[large]]
-    if not large.all():
-        lines.append((f"{(~large).sum()} others", square[~large].sum(), share[~large].sum()))
-    lines.append(("all", square.sum(), share.sum()))
-    cells = [(name, *map(_part, np.sqrt(squares), parts)) for name, squares, parts in lines]
-    head = (f"{quantity} ({rows.unit.iloc[0]})", *map(words, names))
-    caption = f"{tables.labels[case]}: {quantity} error, 3D, by source at every event; a dash is below half a percent."
-    cells += _with_mean(tables, case, quantity, square.sum())
-    return Table(head, tuple(cells), (False, *(True for _ in names)), caption)
+    variance = sigma.loc[share.index] ** 2
+    is_large = share.max(axis=1) >= _LEAST_SHARE
+
+    lines = [(source, variance.loc[source], share.loc[source]) for source in share.index[is_large]]
+    if not is_large.all():
+        lines.append((f"{(~is_large).sum()} others", variance[~is_large].sum(), share[~is_large].sum()))
+    lines.append(("all", variance.sum(), share.sum()))
+    cells = [(name, *map(_sigma_and_share, np.sqrt(variances), shares)) for name, variances, shares in lines]
+    cells += _mean_lines(tables, case, quantity, variance.sum())
+    return Table(
+        head=(f"{quantity} ({rows.unit.iloc[0]})", *map(words, names)),
+        rows=tuple(cells),
+        numeric=(False,) + (True,) * len(names),
+        caption=(
+            f"{tables.labels[case]}: {quantity} error, 3D, by source at every event; a dash is below half a percent."
+        ),
+    )
 
 
-def _with_mean(tables: Tables, case: str, quantity: str, square: pd.Series[float]) -> tuple[tuple[str, ...], ...]:
+def _mean_lines(tables: Tables, case: str, quantity: str, variance: pd.Series[float]) -> list[tuple[str, ...]]:
     """Return the table rows of the mean error and of the RMS error at the events.
 
     The result is empty if the mean error is insignificant at every event.
 
-    square : variance by event, in the square of the table's unit
+    variance : by event, in the square of the table's unit
     """
-    mean = np.array([mean_at(tables, case, event, quantity) for event in square.index])
-    if not (mean**2 >= _LEAST_SHARE * (mean**2 + square)).any():
-        return ()
-    rms = np.hypot(mean, np.sqrt(square))
+    mean = np.array([mean_at(tables, case, event, quantity) for event in variance.index])
+    if not (mean**2 >= _LEAST_SHARE * (mean**2 + variance)).any():
+        return []
+    rms = np.hypot(mean, np.sqrt(variance))
     significant_mean = np.where(mean >= _LEAST_SHARE * rms, mean, np.nan)
-    return ("mean, the same in every run", *map(number, significant_mean)), ("root mean square", *map(number, rms))
+    return [
+        ("mean, the same in every run", *map(number, significant_mean)),
+        ("root mean square", *map(number, rms)),
+    ]
 
 
-def _part(sigma: float, share: float) -> str:
+def _sigma_and_share(sigma: float, share: float) -> str:
     """Return a sigma with two digits and its share of the variance.
 
     A share that rounds to 0 % becomes a dash; for a share of 100 % only the sigma is written.
     """
     if share > 1.0 - 1e-9:
         return number(sigma)
-    return f"{float(f'{sigma:.2g}'):g} ({100.0 * share:.0f} %)" if share >= 0.005 else "–"
+    if share >= 0.005:
+        return f"{float(f'{sigma:.2g}'):g} ({100.0 * share:.0f} %)"
+    return "–"
 
 
 def grades(tables: Tables) -> list[Block]:
     """Return the effect of a larger or smaller error source on the errors at the diagnosed event: a control, and
     tables.
     """
-    tuned = METRICS["sensitivity"](tables)
-    metrics = (_metric(tables, case, quantity, tuned) for case in chosen_cases(tables) for quantity in NAVIGATION)
-    data = [metric for metric in metrics if metric is not None]
-    if not data:
+    retuned = METRICS["sensitivity"](tables)
+    scalings = []
+    for case in chosen_cases(tables):
+        for quantity in NAVIGATION:
+            scaling = _source_scaling(tables, case, quantity, retuned)
+            if scaling is not None:
+                scalings.append(scaling)
+    if not scalings:
         return [Text("The campaign requests no covariance by source at the event (covariance: {adjoint: true}).")]
-    absent = "The campaign requests no re-tuned numbers (covariance: {sensitivity: true})."
-    text = f"{note('grades')} {note('retuned') if len(tuned) else absent}"
-    return [Text(text), SourceScaling(data_json(data)), *map(_grades_table, data)]
+    if len(retuned):
+        remark = note("retuned")
+    else:
+        remark = "The campaign requests no re-tuned numbers (covariance: {sensitivity: true})."
+    text = Text(f"{note('grades')} {remark}")
+    return [text, SourceScaling(data_json(scalings)), *map(_scaling_table, scalings)]
 
 
-def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:
+def _source_scaling(tables: Tables, case: str, quantity: str, retuned: pd.DataFrame) -> dict[str, Any] | None:
     """Return the mean square of an error and of its sources, with the re-tuned points of each source.
 
     Squares are in the square of the display unit. None if linear covariance has no budget of the error.
@@ -130,52 +152,51 @@ def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> di
         return None
     unit, factor = tables.people[quantity, "3d"]
     label = tables.labels[case]
-    tuned = tuned[(tuned.case == label) & (tuned.metric == f"{quantity}_error")]
     points: dict[str, list[list[float]]] = {name: [] for name in law.sources}
-    for name, ratio, retuned in zip(tuned.source, tuned.factor_ratio, tuned.retuned, strict=True):
-        points.setdefault(name, []).append([ratio, float(f"{retuned:.6g}")])
-    sources: list[dict[str, Any]] = [
-        {"name": name, "square": float(np.trace(covariance)) * factor**2, "retuned": points[name]}
-        for name, covariance in law.sources.items()
-    ]
+    for row in retuned[(retuned.case == label) & (retuned.metric == f"{quantity}_error")].itertuples():
+        points.setdefault(row.source, []).append([row.factor_ratio, float(f"{row.retuned:.6g}")])
+    sources: list[dict[str, Any]] = []
+    for name, covariance in law.sources.items():
+        square = float(np.trace(covariance)) * factor**2
+        sources.append({"name": name, "square": square, "retuned": points[name]})
     sources.sort(key=lambda source: -source["square"])
-    total = float(np.trace(law.covariance) + law.mean @ law.mean) * factor**2
-    metric = f"{quantity} error, 3D RMS at {words(event)}"
-    return {"case": label, "metric": metric, "unit": unit, "square": total, "sources": sources}
+    return {
+        "case": label,
+        "metric": f"{quantity} error, 3D RMS at {words(event)}",
+        "unit": unit,
+        "square": float(np.trace(law.covariance) + law.mean @ law.mean) * factor**2,
+        "sources": sources,
+    }
 
 
-def _grades_table(found: dict[str, Any]) -> Table:
-    """Return the table of the error for factors on the sigma of each source.
-
-    With frozen gains the mean square is J + (f^2 - 1) J_i, where J_i is the contribution of source i and f the factor.
-    """
-    factors = (0.1, 0.3, 1.0, 3.0, 10.0)
+def _scaling_table(scaling: dict[str, Any]) -> Table:
+    """Return the table of the error for factors on the sigma of each source."""
     rows = []
-    for source in found["sources"]:
-        share, tuned = source["square"] / found["square"], dict(source["retuned"])
+    for source in scaling["sources"]:
+        share = source["square"] / scaling["square"]
         if share >= _LEAST_SHARE:
-            frozen = [np.sqrt(found["square"] + (factor**2 - 1.0) * source["square"]) for factor in factors]
-            cells = [
-                number(size) + (f" / {number(tuned[factor])}" if factor in tuned else "")
-                for size, factor in zip(frozen, factors, strict=True)
-            ]
-            rows.append((source["name"], f"{100 * share:.0f} %", *cells))
-    head = ("source", "part of the mean square", *(f"x {factor:g}" for factor in factors))
-    compared = (
-        "gains frozen / filter re-tuned" if any(source["retuned"] for source in found["sources"]) else "gains frozen"
+            rows.append((source["name"], f"{100 * share:.0f} %", *_scaled_errors(scaling["square"], source)))
+    has_retuned = any(source["retuned"] for source in scaling["sources"])
+    gains = "gains frozen / filter re-tuned" if has_retuned else "gains frozen"
+    return Table(
+        head=("source", "part of the mean square", *(f"x {factor:g}" for factor in _SCALE_FACTORS)),
+        rows=tuple(rows),
+        numeric=(False, True) + (True,) * len(_SCALE_FACTORS),
+        caption=(
+            f"{scaling['case']}: {scaling['metric']} ({scaling['unit']}), {gains}; sigma of one source times a factor."
+        ),
     )
-    caption = f"{found['case']}: {found['metric']} ({found['unit']}), {compared}; sigma of one source times a factor."
-    return Table(head, tuple(rows), (False, *(True for _ in head[1:])), caption)
 
 
 @of("observability", "The campaign requests no observability.")
 def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return rank, smallest singular values and weakest direction of each phase of flight."""
     frame = frame.assign(rank=frame.rank_count.astype(str) + " / " + frame.state_count.astype(str))
-    labels = chosen_cases(tables).values()
-    case_tables = [stated("observability", frame[frame.case == label], label=label) for label in labels]
-    text = Text(note("observability", tolerance=frame.tolerance_ratio.iloc[0]))
-    return [text, *left_out(tables), *case_tables, *error_bound(tables)]
+    blocks: list[Block] = [Text(note("observability", tolerance=frame.tolerance_ratio.iloc[0]))]
+    blocks += left_out(tables)
+    for label in chosen_cases(tables).values():
+        blocks.append(stated("observability", frame[frame.case == label], label=label))
+    return blocks + error_bound(tables)
 
 
 def error_bound(tables: Tables) -> list[Block]:
@@ -185,18 +206,26 @@ def error_bound(tables: Tables) -> list[Block]:
     """
     rows = []
     for case, group in tables.error_bound.groupby("case", sort=False):
-        first_row, noise = group.iloc[0], group[group.matrix == "R"]
-        holds = first_row.rank_count == first_row.state_count and (noise.lower_bound_si > 0.0).all()
-        noises = [f"{number(r.lower_bound_si)} to {number(r.upper_bound_si)} {r.unit}" for r in noise.itertuples()]
-        bounds = (
-            first_row.lower_bound_si,
-            first_row.upper_bound_si,
-            first_row.weakest_direction,
-            "; ".join(noises),
-            "yes" if holds else "no",
+        first = group.iloc[0]
+        noise = group[group.matrix == "R"]
+        is_bounded = first.rank_count == first.state_count and (noise.lower_bound_si > 0.0).all()
+        noise_texts = []
+        for row in noise.itertuples():
+            noise_texts.append(f"{number(row.lower_bound_si)} to {number(row.upper_bound_si)} {row.unit}")
+        rows.append(
+            (
+                tables.labels[case],
+                f"{first.rank_count} / {first.state_count}",
+                first.lower_bound_si,
+                first.upper_bound_si,
+                first.weakest_direction,
+                "; ".join(noise_texts),
+                "yes" if is_bounded else "no",
+            )
         )
-        rows.append((tables.labels[case], f"{first_row.rank_count} / {first_row.state_count}", *bounds))
-    return [Text(note("error_bound")), stated("error_bound", pd.DataFrame(rows))] if rows else []
+    if not rows:
+        return []
+    return [Text(note("error_bound")), stated("error_bound", pd.DataFrame(rows))]
 
 
 def spot_check(tables: Tables) -> list[Block]:
@@ -205,15 +234,21 @@ def spot_check(tables: Tables) -> list[Block]:
     if frame.empty:
         return [Text("No spot check: only the runs of the campaign, if any, test linear covariance.")]
     tested = frame[frame.verdict != "not applicable"]
+    if tested.empty:
+        return []
     cases = tested.sort_values("chance_ratio", kind="stable").groupby("case", sort=False)
     outside = tested.verdict.eq("disagree").groupby(tested.case).sum()
     worst = cases.head(1)
-    worst = worst.assign(rows=worst.case.map(cases.size()), outside=worst.case.map(outside))
-    runs = " to ".join(dict.fromkeys(f"{count}" for count in (frame.runs.min(), frame.runs.max())))
-    if worst.empty:
-        return []
-    blocks: list[Block] = [Text(note("spot_check", runs=runs)), stated("spot_check", worst)]
-    return [*blocks, figure(tables, "validity")] if is_a_grid(tables) else blocks
+    worst = worst.assign(
+        rows=worst.case.map(cases.size()),
+        outside=worst.case.map(outside),
+    )
+    run_counts = dict.fromkeys((str(frame.runs.min()), str(frame.runs.max())))
+    text = Text(note("spot_check", runs=" to ".join(run_counts)))
+    blocks: list[Block] = [text, stated("spot_check", worst)]
+    if is_a_grid(tables):
+        blocks.append(figure(tables, "validity"))
+    return blocks
 
 
 @of("nonlinearity")
@@ -238,14 +273,41 @@ def rates(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     recover.
     """
     rows = []
-    for (case, fault), outcomes in frame.groupby(["case", "fault"], sort=False):
-        of_outcome = outcomes.set_index("outcome")
-        row = {"case": case, "fault": fault.replace("_", " "), "runs": int(outcomes.run_count.iloc[0])}
-        row |= {name: _share(of_outcome, name) for name in _SHARES}
-        row |= {f"time, {name}": _time(of_outcome, name) for name in _TIMES}
+    for (case, fault), group in frame.groupby(["case", "fault"], sort=False):
+        outcomes = group.set_index("outcome")
+        row = {
+            "case": case,
+            "fault": fault.replace("_", " "),
+            "runs": int(group.run_count.iloc[0]),
+        }
+        for outcome in _SHARES:
+            row[outcome.replace(" ", "_")] = _share(outcomes, outcome)
+        for outcome in _TIMES:
+            row[f"time,_{outcome.replace(' ', '_')}"] = _time(outcomes, outcome)
         rows.append(row)
-    all_rates = pd.DataFrame(rows).rename(columns=lambda name: name.replace(" ", "_"))
-    return [Text(note("integrity")), stated("integrity", all_rates)]
+    return [Text(note("integrity")), stated("integrity", pd.DataFrame(rows))]
+
+
+@of("decisions")
+def _exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the most frequent exclusions of each case, with their times."""
+    keys = ["case", "isolated_element", "satellites"]
+    run_rows = frame.loc[frame.index.repeat(frame.run_count)]
+    times = run_rows.groupby(keys, sort=False).t_s
+    decisions = pd.DataFrame(
+        {
+            "times": times.size(),
+            "first_s": times.min(),
+            "median_s": times.median(),
+            "last_s": times.max(),
+        }
+    )
+    decisions["lincov"] = frame.groupby(keys, sort=False).lincov.sum().reindex(decisions.index)
+    decisions = decisions.reset_index().sort_values("times", ascending=False, kind="stable")
+    most_frequent = decisions.groupby("case", sort=False).head(_MOST)
+    places = {case: place for place, case in enumerate(frame.case.unique())}
+    most_frequent = most_frequent.sort_values("case", key=lambda cases: cases.map(places), kind="stable")
+    return [stated("decisions", most_frequent)]
 
 
 def _share(rows: pd.DataFrame, outcome: str) -> str:
@@ -270,26 +332,34 @@ def worth(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [stated("tested_errors", frame)]
 
 
-@of("decisions")
-def _decided(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the most frequent exclusions of each case, with their times."""
-    keys = ["case", "isolated_element", "satellites"]
-    times = frame.loc[frame.index.repeat(frame.run_count)].groupby(keys, sort=False).t_s
-    decisions = pd.DataFrame(
-        {"times": times.size(), "first_s": times.min(), "median_s": times.median(), "last_s": times.max()}
-    )
-    decisions["lincov"] = frame.groupby(keys, sort=False).lincov.sum().reindex(decisions.index)
-    decisions = decisions.reset_index().sort_values("times", ascending=False, kind="stable")
-    first_rows = decisions.groupby("case", sort=False).head(_MOST)
-    order = {case: place for place, case in enumerate(frame.case.unique())}
-    return [stated("decisions", first_rows.sort_values("case", key=lambda case: case.map(order), kind="stable"))]
-
-
 def integrity(tables: Tables) -> list[Block]:
     """Return the performance of the fault tests in tables, and figures of their decisions over time."""
     blocks = rates(tables)
     if not blocks:
         return []
-    decided = METRICS["decisions"](tables).case
-    group, more = few([case for case, label in tables.labels.items() if label in set(decided)])
-    return [*blocks, *worth(tables), *_decided(tables), *figures(tables, "decisions", group), *more]
+    labels = set(METRICS["decisions"](tables).case)
+    cases, remark = few([case for case, label in tables.labels.items() if label in labels])
+    return [
+        *blocks,
+        *worth(tables),
+        *_exclusions(tables),
+        *figures(tables, "decisions", cases),
+        *remark,
+    ]
+
+
+def _scaled_errors(total: float, source: dict[str, Any]) -> list[str]:
+    """Return the error for each factor on the sigma of a source, followed by that of the re-tuned filter.
+
+    With frozen gains the mean square is J + (f^2 - 1) J_i, where J_i is the contribution of source i and f the factor.
+
+    total : mean square J of the error
+    """
+    retuned = dict(source["retuned"])
+    texts = []
+    for factor in _SCALE_FACTORS:
+        text = number(np.sqrt(total + (factor**2 - 1.0) * source["square"]))
+        if factor in retuned:
+            text += f" / {number(retuned[factor])}"
+        texts.append(text)
+    return texts

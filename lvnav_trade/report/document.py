@@ -41,37 +41,46 @@ def head(tables: Tables) -> Head:
 
     Uncommitted changes give a warning, because such results cannot be reproduced from the repository.
     """
-    card, manifest = tables.campaign.get("document") or {}, tables.manifest
-    commit = str(manifest.get("commit") or "")
-    lines = [(name, card.get(name)) for name in ("classification", "issue", "author")]
+    card = tables.campaign.get("document") or {}
+    manifest = tables.manifest
     date = str(manifest.get("finished") or manifest.get("created") or "")[:10]
-    has_title = card.get("title") and (manifest.get("campaign") or tables.campaign.get("name"))
-    lines += [("date", date), ("campaign", has_title), ("lvnav-trade", manifest.get("tool"))]
-    block = [Line(name, str(text)) for name, text in lines if text]
+    campaign = manifest.get("campaign") or tables.campaign.get("name")
+    entries = {
+        "classification": card.get("classification"),
+        "issue": card.get("issue"),
+        "author": card.get("author"),
+        "date": date,
+        "campaign": campaign if card.get("title") else None,  # else it is the title
+        "lvnav-trade": manifest.get("tool"),
+    }
+    lines = [Line(name, str(text)) for name, text in entries.items() if text]
+    commit = str(manifest.get("commit") or "")
     if commit.endswith(CHANGED):
         text = f"{commit}: the results cannot be computed again from a commit"
-        return (*block, Line("commit", text, True))
-    return (*block, *([Line("commit", commit)] if commit else []))
+        lines.append(Line("commit", text, warning=True))
+    elif commit:
+        lines.append(Line("commit", commit))
+    return tuple(lines)
 
 
 def stated_requirements(tables: Tables) -> list[Block]:
     """Return the table of the requirements with identifiers, sources and interpretation, and their convention."""
-    rows, limits = [], _limits(tables)
+    rows = []
+    limits = _limits(tables)
     for requirement in tables.campaign.get("requirements") or ():
-        sides = metric_in(requirement).bounded_as
-        over = "mixed" if requirement.get("during") else "ensemble"  # statistical interpretation of the probability
         limit = limits.get(requirement["name"]) or requirement["below"]
-        rows.append(
-            {
-                **{field: str(requirement.get(field) or "") for field in _OPTIONAL},
-                "requirement": requirement["name"],
-                "bound": f"{words(requirement['metric'])} below {limit}",
-                "place": place_of(requirement),
-                "probability": float(requirement["probability"]),
-                "confidence": float(requirement.get("confidence", 0.9)),
-                "interpretation": f"{sides}, {over}",
-            }
-        )
+        sides = metric_in(requirement).bounded_as
+        population = "mixed" if requirement.get("during") else "ensemble"  # to which the probability refers
+        row: dict[str, Any] = {field: str(requirement.get(field) or "") for field in _OPTIONAL}
+        row |= {
+            "requirement": requirement["name"],
+            "bound": f"{words(requirement['metric'])} below {limit}",
+            "place": place_of(requirement),
+            "probability": float(requirement["probability"]),
+            "confidence": float(requirement.get("confidence", 0.9)),
+            "interpretation": f"{sides}, {population}",
+        }
+        rows.append(row)
     if not rows:
         return []
     frame = pd.DataFrame(rows)
@@ -101,43 +110,52 @@ def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
         return []
     required = _fraction(policy["required"][policy["phase"]])
     least = margins.groupby("case", sort=False).margin_ratio.agg(lambda sizes: sizes.min(skipna=False))
-    short = least[~(least >= required)]
-    with_margin = len(least) - len(short)
-    designs = [
-        f"{case} ({'no margin' if margin != margin else f'{100.0 * margin:+.0f} %'})" for case, margin in short.items()
-    ]
-    places = " and ".join(
-        dict.fromkeys(place_of(requirement) for requirement in tables.campaign.get("requirements") or ())
-    )
+    is_sufficient = least >= required
+    designs = []
+    for case, margin in least[~is_sufficient].items():
+        text = "no margin" if pd.isna(margin) else f"{100.0 * margin:+.0f} %"
+        designs.append(f"{case} ({text})")
+    sufficient = set(least.index[is_sufficient])
+    places = dict.fromkeys(place_of(requirement) for requirement in tables.campaign.get("requirements") or ())
     text = say(
         "margin_policy",
         phase=policy["phase"],
         required=required,
-        kept=with_margin,
+        kept=len(sufficient),
         whole=len(least),
-        places=places,
+        places=" and ".join(places),
         short=designs,
-        around=_margins_around(tables, required, set(least.index) - set(short.index)),
+        around=_window_margins(tables, required, sufficient),
     )
     return [Text(text, "Margin policy.")]
 
 
-def _margins_around(tables: Tables, required: float, kept: Collection[str]) -> str:
-    """Return the sentence on the cases with less than the required margin in a window around an event."""
+def _window_margins(tables: Tables, required: float, sufficient: Collection[str]) -> str:
+    """Return the sentence on the cases with less than the required margin in a window around an event.
+
+    sufficient : cases with the required margin at the events
+    """
     frame = METRICS["windows"](tables)
-    frame = frame[frame.case.isin(kept)]
+    frame = frame[frame.case.isin(sufficient)]
     frame = frame.assign(margin=1.0 - frame.worst / frame.limit)
     least = frame.loc[frame.groupby("case", sort=False).margin.idxmin()]
     short = least[least.margin < required]
     if short.empty:
         return ""
-    each = [
-        f"{row.case} ({100.0 * row.margin:+.0f} % in {row.requirement}, {when(row, words(row.event))})"
-        for row in short.itertuples()
-    ]
-    cases, by = with_evidence(each, short.by)
+    texts = []
+    for row in short.itertuples():
+        moment = when(row, words(row.event))
+        texts.append(f"{row.case} ({100.0 * row.margin:+.0f} % in {row.requirement}, {moment})")
+    cases, source = with_evidence(texts, short.by)
     events = " and ".join(dict.fromkeys(words(short.event)))
-    return say("margin_around", kept=len(kept), short=len(short), events=events, evidence=by, cases=cases)
+    return say(
+        "margin_around",
+        kept=len(sufficient),
+        short=len(short),
+        events=events,
+        evidence=source,
+        cases=cases,
+    )
 
 
 def _fraction(value: float | str) -> float:

@@ -58,14 +58,15 @@ def markdown_alt(text: object) -> str:
 
 def _inline(text: object, links: tuple[re.Pattern[str], str] = _LINKS) -> str:
     escaped = str(text)
-    for pattern, by in (*_INLINE, links):
-        escaped = pattern.sub(by, escaped)
+    for pattern, replacement in (*_INLINE, links):
+        escaped = pattern.sub(replacement, escaped)
     return escaped
 
 
 def markdown_fence(text: object) -> str:
     """Return the fence of a Markdown code block, longer than any run of backticks in the text."""
-    return "".ljust(max(3, 1 + max(map(len, re.findall("`+", str(text))), default=0)), "`")
+    longest = max(map(len, re.findall("`+", str(text))), default=0)
+    return "`" * max(3, longest + 1)
 
 
 MARKDOWN = {"md": markdown, "line": markdown_line, "cell": markdown_cell, "alt": markdown_alt, "fence": markdown_fence}
@@ -147,11 +148,12 @@ def csv_text(frame: pd.DataFrame) -> str:
     """
     safe = frame.rename(columns=_csv_cell)
     for place, dtype in enumerate(safe.dtypes):
+        column = safe.iloc[:, place]
         if isinstance(dtype, pd.StringDtype):  # names repeat: escape each only once
-            names = safe.iloc[:, place]
-            safe.isetitem(place, names.map({name: _csv_cell(name) for name in names.unique()}))
+            escaped = {name: _csv_cell(name) for name in column.unique()}
+            safe.isetitem(place, column.map(escaped))
         elif not pd.api.types.is_numeric_dtype(dtype):
-            safe.isetitem(place, [_csv_cell(value) for value in safe.iloc[:, place]])
+            safe.isetitem(place, [_csv_cell(value) for value in column])
     return str(safe.to_csv(index=False, float_format="%.6g"))
 
 
@@ -159,4 +161,5 @@ def _csv_cell(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     text = visible(_BREAKS.sub(" ", value))
-    return "'" + text if text.lstrip().startswith(_FORMULA) and not _NUMBER.fullmatch(text) else text
+    is_formula = text.lstrip().startswith(_FORMULA) and not _NUMBER.fullmatch(text)
+    return f"'{text}" if is_formula else text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,19 +56,39 @@ _FACT_UNITS = (
 """End of a fact's name, the SI unit in it, display unit, factor from the one to the other."""
 _FEW = 3  # up to this number of cases, the table of errors has every event
 NAVIGATION = ("position", "velocity", "attitude")
-_FLOWN = 1e-6  # s, largest age of data that count as current
+_CURRENT = 1e-6  # s, largest age of data that count as current
+_DELAYS = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]  # columns of the table `satellites`
+_ORIGIN = (  # entries of the manifest with the origin of the results
+    "campaign",
+    "seed",
+    "campaign_digest",
+    "tool",
+    "code_digest",
+    "commit",
+    "python",
+    "numpy",
+    "numba",
+    "scipy",
+    "pyarrow",
+    "system",
+    "cpu",
+    "created",
+)
 
 
 @of("requirements", "The campaign states no requirement.")
 def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the table of verdicts with their numbers."""
-    failed = np.isinf(frame.estimate).any()
-    text = note("requirements") + (", ∞ where more runs failed." if failed else ".")
-    frame = in_words(frame)
-    frame = frame.assign(probability=frame.probability.map(percent), confidence=frame.confidence.map(percent))
+    text = note("requirements")
+    text += ", ∞ where more runs failed." if np.isinf(frame.estimate).any() else "."
     if (tables.campaign.get("monte_carlo") or {}).get("stop"):
         text += " " + note("stopping")
-    return [table(frame.rename(columns=words)), Text(text), *_expected(tables)]
+    rows = in_words(frame)
+    rows = rows.assign(
+        probability=rows.probability.map(percent),
+        confidence=rows.confidence.map(percent),
+    )
+    return [table(rows.rename(columns=words)), Text(text), *_expected(tables)]
 
 
 @of("windows")
@@ -92,19 +113,24 @@ def _expected(tables: Tables) -> list[Block]:
 
 def expectation(frame: pd.DataFrame) -> pd.Series[Any]:
     """Return the expected share of flights that comply (%); for a phase with an upper bound only, as text."""
-    share, above = 100.0 * frame.expected_probability, frame.reason == ABOVE_ONLY
-    return share.map(number).where(~above, "at most " + share.map(number)) if above.any() else share
+    share = 100.0 * frame.expected_probability
+    is_bound = frame.reason == ABOVE_ONLY
+    if not is_bound.any():
+        return share
+    texts = share.map(number)
+    return texts.where(~is_bound, "at most " + texts)
 
 
 def trajectory(tables: Tables) -> list[Block]:
     """Return the tables and figures of the trajectory, once for each distinct trajectory."""
     group = distinct(tables, "reference", ["t_s", "altitude_m"], tables.labels)
+    all_facts = tables.cases.set_index("case").facts
     blocks: list[Block] = []
-    for case, drawn in zip(group, figures(tables, "trajectory", group), strict=True):
+    for case, picture in zip(group, figures(tables, "trajectory", group), strict=True):
         events = tables.events[tables.events.case == case].sort_values("t_s", kind="stable")
         ends = events.t_end_s.map("{:.2f}".format).where(events.kind == "fault", "")
-        blocks += [drawn, stated("events", events.assign(ends=ends))]
-        facts = json.loads(tables.cases.set_index("case").facts[case])
+        blocks += [picture, stated("events", events.assign(ends=ends))]
+        facts = json.loads(all_facts[case])
         if facts:
             rows = tuple(fact(name, value) for name, value in facts.items())
             blocks.append(Table(("result of the ascent", "value"), rows, (False, True)))
@@ -128,27 +154,44 @@ def fact(name: str, value: float | str) -> tuple[str, str]:
 def envelopes(tables: Tables) -> list[Block]:
     """Return the errors of all cases together, then of each case with its covariances, then the table of RMS errors."""
     quantities = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    key, required = deciding(tables)
-    compared = [figure(tables, "comparison", quantity, name="compare") for quantity in (required or quantities)]
-    folded: list[Block] = [
-        figure(tables, "comparison", quantity, name="compare") for quantity in quantities if quantity not in required
-    ]
-    pairs = [(case, quantity) for case in dict.fromkeys([*key, *chosen_cases(tables)]) for quantity in quantities]
-    open_ones = [(case, quantity) for case, quantity in pairs if case in key and quantity in required]
-    simulated = [about for about in open_ones if _has_runs(tables, *about)]
-    blocks: list[Block] = [*compared, *(figure(tables, "quantiles", *about) for about in simulated)]
-    blocks += [figure(tables, "envelope", *about) for about in open_ones]
-    folded += [*left_out(tables), *(figure(tables, "envelope", *about) for about in pairs if about not in open_ones)]
-    frame = METRICS["rms"](tables)
-    frame = frame[(frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in quantities])]
-    places = _places(tables)
-    frame = frame[[place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]]
-    frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event)).drop(columns="axis")
+    key_cases, required = deciding(tables)
+    blocks: list[Block] = []
+    details: list[Block] = []
+    for quantity in required or quantities:
+        blocks.append(figure(tables, "comparison", quantity, name="compare"))
+    for quantity in quantities:
+        if quantity not in required:
+            details.append(figure(tables, "comparison", quantity, name="compare"))
+
+    cases = dict.fromkeys([*key_cases, *chosen_cases(tables)])
+    pairs = [(case, quantity) for case in cases for quantity in quantities]
+    key_pairs = [(case, quantity) for case, quantity in pairs if case in key_cases and quantity in required]
+    for case, quantity in key_pairs:
+        if _has_runs(tables, case, quantity):
+            blocks.append(figure(tables, "quantiles", case, quantity))
+    for case, quantity in key_pairs:
+        blocks.append(figure(tables, "envelope", case, quantity))
+    details += left_out(tables)
+    for case, quantity in pairs:
+        if (case, quantity) not in key_pairs:
+            details.append(figure(tables, "envelope", case, quantity))
     return [
         *blocks,
-        Details("Errors of other cases and quantities", folded),
-        Details("Numbers", [stated("envelopes", frame)]),
+        Details("Errors of other cases and quantities", details),
+        Details("Numbers", [_rms_table(tables, quantities)]),
     ]
+
+
+def _rms_table(tables: Tables, quantities: Sequence[str]) -> Table:
+    """Return the table of 3-D RMS errors at the shown places."""
+    frame = METRICS["rms"](tables)
+    metrics = [f"{quantity}_error" for quantity in quantities]
+    frame = frame[(frame.axis == "3d") & frame.metric.isin(metrics)]
+    places = _places(tables)
+    is_shown = [place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]
+    frame = frame[is_shown]
+    frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event))
+    return stated("envelopes", frame.drop(columns="axis"))
 
 
 def _has_runs(tables: Tables, case: str, quantity: str) -> bool:
@@ -166,9 +209,11 @@ def _places(tables: Tables) -> dict[str, set[str]]:
     places = {}
     for case, label in tables.labels.items():
         if len(tables.labels) <= _FEW:
-            places[label] = {"flight", *separate_events(tables, case).event}
+            events = set(separate_events(tables, case).event)
         else:
-            places[label] = {"flight", final_event(tables, case), *(required & set(flight_events(tables, case).event))}
+            events = required & set(flight_events(tables, case).event)
+            events.add(final_event(tables, case))
+        places[label] = {"flight", *events}
     return places
 
 
@@ -184,48 +229,63 @@ def consistency(tables: Tables) -> list[Block]:
     frame = METRICS["consistency"](tables)
     frame = frame.assign(inside_ratio=frame.inside_ratio * 100)
     verdicts = METRICS["filter_verdicts"](tables)
-    verdict_texts = [filter_verdict(row.verdict, row.sigma_ratio) for row in verdicts.itertuples()]
-    by = verdicts.by.replace("LinCov", "linear covariance")
-    verdicts = verdicts.assign(shown=verdict_texts, moment=words(verdicts.moment), by=by)
-    blocks: list[Block] = [Text(note("consistency")), stated("filter_verdicts", verdicts)]
-    blocks += [stated("consistency", frame), *left_out(tables)]
+    verdicts = verdicts.assign(
+        shown=[filter_verdict(row.verdict, row.sigma_ratio) for row in verdicts.itertuples()],
+        moment=words(verdicts.moment),
+        by=verdicts.by.replace("LinCov", "linear covariance"),
+    )
+    blocks: list[Block] = [
+        Text(note("consistency")),
+        stated("filter_verdicts", verdicts),
+        stated("consistency", frame),
+        *left_out(tables),
+    ]
     without = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
     if len(without):
-        blocks.append(
-            Text(
-                f"No ANEES of {'; '.join(without)}: the filter assumes that a state is known exactly, such as an "
-                "extra state whose error the truth does not have. Its covariance has no inverse."
-            )
+        text = (
+            f"No ANEES of {'; '.join(without)}: the filter assumes that a state is known exactly, such as an "
+            "extra state whose error the truth does not have. Its covariance has no inverse."
         )
-    blocks += [figure(tables, "consistency", case) for case in chosen_cases(tables)]
-    return [*blocks, *_whiteness(tables)]
+        blocks.append(Text(text))
+    for case in chosen_cases(tables):
+        blocks.append(figure(tables, "consistency", case))
+    return blocks + _whiteness(tables)
 
 
 @of("whiteness")
 def _whiteness(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the channel with the largest autocorrelation of each case, and the number of coloured channels."""
     frame = frame.assign(size=frame.largest_ratio.abs())
     cases = frame.groupby("case", sort=False)
+    n_channels = cases.size()
+    n_coloured = n_channels - cases.white.sum()
     worst = frame.loc[cases["size"].idxmax()].assign(
-        channels=cases.size().to_numpy(), coloured=(cases.size() - cases.white.sum()).to_numpy().astype(int)
+        channels=n_channels.to_numpy(),
+        coloured=n_coloured.to_numpy().astype(int),
     )
     return [stated("whiteness", worst)]
 
 
 def agreement(tables: Tables) -> list[Block]:
     """Return the verdict of each case and the quantities that disagree."""
-    rows, cases = METRICS["agreement"](tables), by_case(tables)
+    cases = by_case(tables)
     alpha = percent(float(cases.alpha_ratio.iloc[0])) if len(cases) else ""
-    gate = tables.innovations.groupby("case", sort=False).false_rejection_ratio.max() * 100
-    cases = cases.assign(
-        source=[f"{row.source} ({100 * row.share_ratio:.0f} %)" if row.source else "–" for row in cases.itertuples()],
-        rejected=[gate.get(case, 0.0) for case in tables.labels][: len(cases)],
-    )
+    sources = []
+    for row in cases.itertuples():
+        sources.append(f"{row.source} ({100 * row.share_ratio:.0f} %)" if row.source else "–")
+    false_rejections = tables.innovations.groupby("case", sort=False).false_rejection_ratio.max() * 100
+    rejected = [false_rejections.get(case, 0.0) for case in tables.labels]
+    cases = cases.assign(source=sources, rejected=rejected[: len(cases)])
     blocks: list[Block] = [Text(note("agreement", alpha=alpha)), stated("agreement", cases)]
-    blocks += [Text(f"{row.case}: {row.reason}.", "Not applicable.") for row in cases.itertuples() if row.reason]
-    bad = rows[rows.agree == "disagree"].drop(columns="agree")
-    if len(bad):
-        bad = bad.assign(distance=(bad.ratio - 1.0).abs()).nlargest(12, "distance").drop(columns="distance")
-        blocks.append(table(bad.rename(columns=words), "Largest disagreements (at most 12)."))
+    for row in cases.itertuples():
+        if row.reason:
+            blocks.append(Text(f"{row.case}: {row.reason}.", "Not applicable."))
+    rows = METRICS["agreement"](tables)
+    differing = rows[rows.agree == "disagree"].drop(columns="agree")
+    if len(differing):
+        differing = differing.assign(distance=(differing.ratio - 1.0).abs())
+        furthest = differing.nlargest(12, "distance").drop(columns="distance")
+        blocks.append(table(furthest.rename(columns=words), "Largest disagreements (at most 12)."))
     return blocks + _controlled(tables)
 
 
@@ -251,23 +311,7 @@ def references(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 def reproduce(tables: Tables) -> list[Block]:
     """Return the commands, the seed, the versions and the digests with which the results can be reproduced."""
     manifest = {**tables.manifest, "seed": tables.campaign.get("seed", tables.manifest.get("seed"))}
-    keys = (
-        "campaign",
-        "seed",
-        "campaign_digest",
-        "tool",
-        "code_digest",
-        "commit",
-        "python",
-        "numpy",
-        "numba",
-        "scipy",
-        "pyarrow",
-        "system",
-        "cpu",
-        "created",
-    )
-    rows = tuple((words(key), str(manifest[key])) for key in keys if manifest.get(key))
+    rows = tuple((words(key), str(manifest[key])) for key in _ORIGIN if manifest.get(key))
     return [
         Text(note("reproduce")),
         Text("lvnav-trade run campaign.resolved.yaml --out again\nlvnav-trade report .", kind="code"),
@@ -280,27 +324,42 @@ def satellites(tables: Tables) -> list[Block]:
     """Return the satellites in view with their C/N0, and the sky plot, once for each distinct geometry."""
     columns = ["t_s", "satellite", "tracked", "state", "cn0_db_hz", "antenna_number"]
     group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
-    for k, case in enumerate(group, 1):
-        rows, label = pick(tables.satellites, case=case), named(tables, case, group)
-        linked = " and their C/N0" if rows.cn0_db_hz.notna().any() else ""
-        caption = note("satellites", "figures", signal=linked) + label
-        blocks.append(Picture(f"satellites-{k}", PLOTS["satellites"](tables, case), caption))
-        blocks.append(Picture(f"sky-{k}", PLOTS["sky"](tables, case), note("sky", "figures") + label))
-        blocks += _measured(rows, label)
+    for index, case in enumerate(group, 1):
+        rows = pick(tables.satellites, case=case)
+        label = named(tables, case, group)
+        signal = " and their C/N0" if rows.cn0_db_hz.notna().any() else ""
+        blocks += [
+            Picture(
+                f"satellites-{index}",
+                PLOTS["satellites"](tables, case),
+                note("satellites", "figures", signal=signal) + label,
+            ),
+            Picture(
+                f"sky-{index}",
+                PLOTS["sky"](tables, case),
+                note("sky", "figures") + label,
+            ),
+            *_signal_table(rows, label),
+        ]
     return blocks
 
 
-def _measured(rows: pd.DataFrame, label: str) -> list[Block]:
+def _signal_table(rows: pd.DataFrame, label: str) -> list[Block]:
+    """Return the ranges of elevation, C/N0 and noise of each tracked satellite; empty without a link budget.
+
+    rows : rows of the table `satellites` for one case
+    """
     tracked = rows[rows.tracked & rows.cn0_db_hz.notna()]
     if tracked.empty:
         return []
-    groups = tracked.assign(elevation_deg=np.degrees(tracked.elevation_rad)).groupby("satellite")
+    tracked = tracked.assign(elevation_deg=np.degrees(tracked.elevation_rad))
+    groups = tracked.groupby("satellite")
     frame = pd.DataFrame(
         {
             "tracked from (s)": groups.t_s.min().map("{:.0f}".format),
             "to (s)": groups.t_s.max().map("{:.0f}".format),
             "elevation (deg)": _range(groups.elevation_deg, 0),
-            "antennas": groups.antenna_number.unique().map(lambda antennas: ", ".join(map(str, sorted(antennas)))),
+            "antennas": groups.antenna_number.unique().map(_sorted_text),
             "C/N0 (dB-Hz)": _range(groups.cn0_db_hz, 1),
             "range noise (m)": _range(groups.range_sigma_m, 2),
             "rate noise (m/s)": _range(groups.rate_sigma_m_per_s, 3),
@@ -310,8 +369,15 @@ def _measured(rows: pd.DataFrame, label: str) -> list[Block]:
     return [table(frame.rename_axis("satellite").reset_index(), caption)]
 
 
+def _sorted_text(values: Iterable[Any]) -> str:
+    return ", ".join(map(str, sorted(values)))
+
+
 def _range(groups: Any, digits: int) -> pd.Series:
-    low, high = (values.map(f"{{:.{digits}f}}".format) for values in (groups.min(), groups.max()))
+    """Return the smallest and the largest value of each group as text; one number if they are equal."""
+    to_text = f"{{:.{digits}f}}".format
+    low = groups.min().map(to_text)
+    high = groups.max().map(to_text)
     return low.where(low == high, low + " to " + high)
 
 
@@ -323,43 +389,59 @@ def tracking(tables: Tables) -> list[Block]:
     changes = METRICS["transitions"](tables)
     if changes.empty and not (METRICS["recovery"](tables).lost_count > 0).any():
         return []
-    group, more = few(distinct(tables, "satellites", ["t_s", "satellite", "tracked", "state"], tables.labels))
-    frames = {name: METRICS[name](tables) for name in ("tracking", "losses", "recovery")}
-    blocks = [stated(name, frame, alike=True) for name, frame in frames.items() if len(frame)] + more
-    return blocks + figures(tables, "timeline", group) + ([Text(note("searches"))] if len(changes) else [])
+    blocks: list[Block] = []
+    for name in ("tracking", "losses", "recovery"):
+        frame = METRICS[name](tables)
+        if len(frame):
+            blocks.append(stated(name, frame, alike=True))
+    columns = ["t_s", "satellite", "tracked", "state"]
+    group, remark = few(distinct(tables, "satellites", columns, tables.labels))
+    blocks += [*remark, *figures(tables, "timeline", group)]
+    if len(changes):
+        blocks.append(Text(note("searches")))
+    return blocks
 
 
 def delays(tables: Tables) -> list[Block]:
     """Return atmospheric delays, the residual delays after correction, and the latency; empty if there are none."""
-    columns = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]
     delayed = [case for case in tables.labels if _layers(tables, case)]
-    group, blocks = few(distinct(tables, "satellites", ["t_s", "satellite", *columns], delayed))
+    group, blocks = few(distinct(tables, "satellites", ["t_s", "satellite", *_DELAYS], delayed))
     if group:
         blocks.append(_delay_table(tables))
     blocks += figures(tables, "delays", group)
-    aged = set(tables.satellites.case[tables.satellites.latency_s > _FLOWN])
-    late = [case for case in tables.labels if case in aged]
-    group, more = few(distinct(tables, "satellites", ["t_s", "latency_s"], late))
-    return [*blocks, *more, *figures(tables, "latency", group)]
+    with_latency = set(tables.satellites.case[tables.satellites.latency_s > _CURRENT])
+    late = [case for case in tables.labels if case in with_latency]
+    group, remark = few(distinct(tables, "satellites", ["t_s", "latency_s"], late))
+    return [*blocks, *remark, *figures(tables, "latency", group)]
 
 
 def _layers(tables: Tables, case: str) -> list[str]:
-    names = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]
-    columns = pick_columns(tables.satellites, names, case=case)
-    return layers_of(pd.DataFrame(dict(zip(names, columns, strict=True))))
+    """Return the atmospheric layers with a delay or a correction in a case."""
+    columns = pick_columns(tables.satellites, _DELAYS, case=case)
+    return layers_of(pd.DataFrame(dict(zip(_DELAYS, columns, strict=True))))
 
 
 def _delay_table(tables: Tables) -> Block:
+    """Return the table of true and residual delays by case and layer."""
     rows = []
     for case, label in tables.labels.items():
-        lines = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
+        tracked = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
         for layer in _layers(tables, case):
-            true, residual = lines[f"{layer}_m"], lines[f"{layer}_left_m"]
-            worst = lines.loc[residual.abs().idxmax()]
-            sizes = [float((delay**2).mean() ** 0.5) for delay in (true, residual)]
-            where_worst = f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg"
-            extremes = f"{number(round(true.min(), 6))} to {number(true.max())}"
-            rows.append((label, layer, extremes, *sizes, float(residual.mean()), residual[worst.name], where_worst))
+            true = tracked[f"{layer}_m"]
+            residual = tracked[f"{layer}_left_m"]
+            worst = tracked.loc[residual.abs().idxmax()]
+            rows.append(
+                (
+                    label,
+                    layer,
+                    f"{number(round(true.min(), 6))} to {number(true.max())}",
+                    float((true**2).mean() ** 0.5),
+                    float((residual**2).mean() ** 0.5),
+                    float(residual.mean()),
+                    residual[worst.name],
+                    f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg",
+                )
+            )
     return stated("delays", pd.DataFrame(rows), alike=True)
 
 

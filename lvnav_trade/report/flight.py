@@ -19,7 +19,7 @@ from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
 
-_SIDE_BY_SIDE = 6  # largest number of cases side by side in a table
+_CONTROL_CASES = 4  # largest number of cases with figures of the vehicle under control
 
 
 @of("orbit", "No case ends in an orbit that clears the ground.")
@@ -32,25 +32,30 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             blocks.append(Text(f"{label}: the flight does not end in an orbit."))
             continue
         for event, rows in elements.groupby("event", sort=False):
-            columns = rows if rows.runs.max() > 0 else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
+            has_runs = rows.runs.max() > 0
+            columns = rows if has_runs else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
             blocks.append(stated("orbit", columns, label=label, event=words(event)))
-            blocks += [Text(f"{why}.", "Not applicable.") for why in dict.fromkeys(rows.remark) if why]
-        blocks += [figure(tables, "orbit", case), *_not_gaussian(tables, label)]
-    return [*blocks, Text(note("correction")), stated("correction", METRICS["orbit_correction"](tables))]
+            blocks += [Text(f"{reason}.", "Not applicable.") for reason in dict.fromkeys(rows.remark) if reason]
+        blocks.append(figure(tables, "orbit", case))
+        blocks += _normality_warning(tables, label)
+    blocks += [Text(note("correction")), stated("correction", METRICS["orbit_correction"](tables))]
+    return blocks
 
 
-def _not_gaussian(tables: Tables, label: str) -> list[Block]:
+def _normality_warning(tables: Tables, label: str) -> list[Block]:
     """Return a note on the orbital elements whose errors the ellipse of the figure does not describe."""
     frame = METRICS["normality"](tables)
     rows = frame[(frame.case == label) & ~frame.gaussian.astype(bool)]
     if rows.empty:
         return []
     skewed = ", ".join(f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples())
-    chance = f"chance below {rows.p_ratio.max():.1g} for a Gaussian" if rows.p_ratio.max() > 0.0 else "no Gaussian"
-    text = f"The errors of {skewed} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
-    return [
-        Text(f"{text}the 3-sigma ellipse, a first-order covariance, does not describe them; quantiles do.", "Warning:")
-    ]
+    p_value = rows.p_ratio.max()
+    chance = f"chance below {p_value:.1g} for a Gaussian" if p_value > 0.0 else "no Gaussian"
+    text = (
+        f"The errors of {skewed} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
+        "the 3-sigma ellipse, a first-order covariance, does not describe them; quantiles do."
+    )
+    return [Text(text, "Warning:")]
 
 
 @of("impact", "No stored state of any case has a point of impact.")
@@ -58,20 +63,25 @@ def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the impact points with their ellipses, and the verdict on the corridor."""
     blocks: list[Block] = [Text(note("impact")), *_corridor(tables), *left_out(tables)]
     for case, label in chosen_cases(tables).items():
-        rows = frame[(frame.case == label) & (frame.event != "")]
-        if len(rows):
-            axes = rows.major_3sigma_km.map(number) + " x " + rows.minor_3sigma_km.map(number)
-            columns = rows if rows.runs.max() > 1 else rows[[name for name in rows if not name.startswith("mc_")]]
-            blocks.append(stated("impact", columns.assign(axes=axes), label=label))
-        if (frame.case == label).any():
+        case_rows = frame[frame.case == label]
+        events = case_rows[case_rows.event != ""]
+        if len(events):
+            axes = events.major_3sigma_km.map(number) + " x " + events.minor_3sigma_km.map(number)
+            if events.runs.max() <= 1:
+                events = events[[name for name in events if not name.startswith("mc_")]]
+            blocks.append(stated("impact", events.assign(axes=axes), label=label))
+        if len(case_rows):
             blocks.append(figure(tables, "impact", case))
     return blocks
 
 
 @of("corridor")
 def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    frame = frame.assign(least=100.0 * frame.expected_probability, remark=frame.reason.fillna(""))
-    return [Text(note("corridor")), stated("corridor", frame)]
+    rows = frame.assign(
+        least=100.0 * frame.expected_probability,
+        remark=frame.reason.fillna(""),
+    )
+    return [Text(note("corridor")), stated("corridor", rows)]
 
 
 @of("rate_and_acceleration")
@@ -79,10 +89,11 @@ def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return by how much the estimates of rate and acceleration improve on the raw samples, and whether the errors
     match the filter's covariance.
     """
-    return [Text(note("motion")), stated("motion", _by_axis(frame))]
+    return [Text(note("motion")), stated("motion", _name_errors(frame))]
 
 
-def _by_axis(frame: pd.DataFrame) -> pd.DataFrame:
+def _name_errors(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return rows with the quantity and the axis of their error in one column."""
     return frame.assign(error=frame.metric.str.replace("_error", "") + " " + frame.axis)
 
 
@@ -92,28 +103,32 @@ def motion_summary(tables: Tables) -> list[Block]:
 
     The result is empty without runs, and for a vehicle under control, for which the nozzle movement decides.
     """
-    frame = METRICS["rate_and_acceleration"](tables)
     if len(tables.nozzle_travel) or not tables.cases.run_count.any():
         return []
+    frame = METRICS["rate_and_acceleration"](tables)
     outputs = tables.outputs
     estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
     frame = frame[frame.case.isin(estimated)]
     if frame.empty:
         return []
-    rows = []
-    for (case, error), case_rows in _by_axis(frame).groupby(["case", "error"], sort=False):
-        low, high = (
-            (case_rows.low / case_rows.over_sigma_ratio).min(),
-            (case_rows.high / case_rows.over_sigma_ratio).max(),
+    lines = []
+    for (case, error), rows in _name_errors(frame).groupby(["case", "error"], sort=False):
+        low = (rows.low / rows.over_sigma_ratio).min()
+        high = (rows.high / rows.over_sigma_ratio).max()
+        counts = rows.verdict.value_counts()
+        verdicts = [f"{name} in {count} of {len(rows)}" for name, count in counts.items()]
+        lines.append(
+            (
+                case,
+                error,
+                _range(rows.reduction_percent),
+                _range(rows.formal_reduction_percent),
+                _range(rows.over_sigma_ratio),
+                f"times {number(low)} to {number(high)}",
+                ", ".join(verdicts),
+            )
         )
-        counts = case_rows.verdict.value_counts().items()
-        ranges = [
-            _range(case_rows[name]) for name in ("reduction_percent", "formal_reduction_percent", "over_sigma_ratio")
-        ]
-        verdicts = ", ".join(f"{name} in {count} of {len(case_rows)}" for name, count in counts)
-        rows.append((case, error, *ranges, f"times {number(low)} to {number(high)}", verdicts))
-    phases = stated("motion_summary", pd.DataFrame(rows))
-    return [Text(note("motion_summary")), phases]
+    return [Text(note("motion_summary")), stated("motion_summary", pd.DataFrame(lines))]
 
 
 def _range(values: pd.Series) -> str:
@@ -131,12 +146,12 @@ def observed_table(tables: Tables) -> list[Block]:
 def motion(tables: Tables) -> list[Block]:
     """Return tables and figures of rate and acceleration for every case that estimates them."""
     estimated = set(zip(tables.outputs.case, tables.outputs.quantity, strict=True))
-    return motion_table(tables) + [
-        figure(tables, "motion", case, quantity)
-        for case in tables.labels
-        for quantity in ("rate", "acceleration")
-        if (case, quantity) in estimated
-    ]
+    blocks = motion_table(tables)
+    for case in tables.labels:
+        for quantity in ("rate", "acceleration"):
+            if (case, quantity) in estimated:
+                blocks.append(figure(tables, "motion", case, quantity))
+    return blocks
 
 
 @of("allan")
@@ -145,22 +160,26 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
     Cases with the same IMU share a row.
     """
-    decades = [10.0**k for k in range(-2, 5)]
-    nearest = [
-        int((curve.tau_s / t - 1.0).abs().idxmin())
-        for _, curve in frame.groupby(["case", "sensor"], sort=False)
-        for t in decades
-        if curve.tau_s.min() / 1.5 < t < 1.5 * curve.tau_s.max()
-    ]
+    nearest = []
+    for _, curve in frame.groupby(["case", "sensor"], sort=False):
+        for exponent in range(-2, 5):
+            t = 10.0**exponent
+            if curve.tau_s.min() / 1.5 < t < 1.5 * curve.tau_s.max():
+                nearest.append(int((curve.tau_s / t - 1.0).abs().idxmin()))
     deviations = stated("allan", frame.loc[list(dict.fromkeys(nearest))], alike=True)
-    cases = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
-    return [Text(note("allan")), deviations, *(figure(tables, "allan", case) for case in cases)]
+    labels = set(frame.case)
+    pictures = [figure(tables, "allan", case) for case, label in chosen_cases(tables).items() if label in labels]
+    return [Text(note("allan")), deviations, *pictures]
 
 
 @of("exclusions")
 def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the excluded IMUs, with the number of runs and the times."""
-    percents = frame.assign(share=100.0 * frame.share_ratio, low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
+    percents = frame.assign(
+        share=100.0 * frame.share_ratio,
+        low=100.0 * frame.low_ratio,
+        high=100.0 * frame.high_ratio,
+    )
     return [Text(note("exclusions")), stated("exclusions", percents)]
 
 
@@ -170,11 +189,16 @@ def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     both.
     """
     card = tables.campaign["covariance"]["protection"]
-    stated_numbers = {name: f"{float(value):g}" for name, value in card.items()}
+    numbers = {name: f"{float(value):g}" for name, value in card.items()}
     percents = frame.assign(low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
-    cases = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
-    drawn = [figure(tables, "protection", case) for case in cases]
-    return [Text(note("protection", **stated_numbers)), stated("protection", percents), *left_out(tables), *drawn]
+    labels = set(frame.case)
+    pictures = [figure(tables, "protection", case) for case, label in chosen_cases(tables).items() if label in labels]
+    return [
+        Text(note("protection", **numbers)),
+        stated("protection", percents),
+        *left_out(tables),
+        *pictures,
+    ]
 
 
 def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
@@ -183,16 +207,23 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
 
     brief : only burns and envelopes, of cases with the rate gain of the card
     """
-    moved, turned = METRICS["nozzle_travel"](tables), METRICS["motion_statistics"](tables)
-    if moved.empty:
+    travel = METRICS["nozzle_travel"](tables)
+    motion_rows = METRICS["motion_statistics"](tables)
+    if travel.empty:
         return []
     if brief:
-        gains = {case: float(levels.get("rate_gain", 1.0)) for case, levels in tables.levels.items()}
-        scaled = [tables.labels[case] for case, gain in gains.items() if gain != 1.0]
-        moved, turned = moved[~moved.case.isin(scaled)], turned[~turned.case.isin(scaled)]
-    filtered = turned[turned.controller_rate == "filtered"].drop(columns="controller_rate")
-    tabled = (("nozzle", moved), ("worth", METRICS["rate_filter_benefit"](tables)), ("turning", filtered))
-    return [Text(note("nozzle")), *(stated(name, frame) for name, frame in tabled)]
+        scaled = [
+            tables.labels[case] for case, levels in tables.levels.items() if float(levels.get("rate_gain", 1.0)) != 1.0
+        ]
+        travel = travel[~travel.case.isin(scaled)]
+        motion_rows = motion_rows[~motion_rows.case.isin(scaled)]
+    filtered = motion_rows[motion_rows.controller_rate == "filtered"].drop(columns="controller_rate")
+    return [
+        Text(note("nozzle")),
+        stated("nozzle", travel),
+        stated("worth", METRICS["rate_filter_benefit"](tables)),
+        stated("turning", filtered),
+    ]
 
 
 def control(tables: Tables) -> list[Block]:
@@ -202,8 +233,10 @@ def control(tables: Tables) -> list[Block]:
         return []
     if any("rate_gain" in levels for levels in tables.levels.values()):
         blocks.append(figure(tables, "sweep", name="nozzle-sweep"))
-    plots = (("movement", "nozzle"), ("turning", ""))
-    return blocks + [figure(tables, plot, case, name=name) for case in list(tables.labels)[:4] for plot, name in plots]
+    for case in list(tables.labels)[:_CONTROL_CASES]:
+        blocks.append(figure(tables, "movement", case, name="nozzle"))
+        blocks.append(figure(tables, "turning", case))
+    return blocks
 
 
 _LOST_SHOWN = 10  # runs listed for each case among those that miss their cut-off
@@ -214,23 +247,20 @@ _SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_n
 @of("injection")
 def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the errors of the achieved orbits with their contributions, how the runs end, and figures."""
-    ends = METRICS["cutoff"](tables)
-    spread = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
-    spread = spread.where(ends.runs > 0, "-")
-    lost = METRICS["failed_injections"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
+    blocks: list[Block] = [Text(note("injection")), stated("injection", frame)]
+    for row in frame[frame.reason != ""].drop_duplicates(["case", "reason"]).itertuples():
+        blocks.append(Text(f"{row.case}: linear covariance does not apply ({row.reason})."))
     sources = METRICS["injection_sources"](tables)
-    large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
-    budget = [stated("injection_sources", sources[large])] if large.any() else []
-    expected = frame[frame.reason != ""].drop_duplicates(["case", "reason"])
-    reasons = [Text(f"{row.case}: linear covariance does not apply ({row.reason}).") for row in expected.itertuples()]
-    guided, more = few([case for case, label in tables.labels.items() if label in set(ends.case)])
-    return [
-        Text(note("injection")),
-        stated("injection", frame),
-        *reasons,
-        *budget,
-        stated("cutoff", ends.assign(interval=spread)),
-        *([stated("lost", lost)] if len(lost) else []),
-        *figures(tables, "injection", guided),
-        *more,
-    ]
+    is_large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
+    if is_large.any():
+        blocks.append(stated("injection_sources", sources[is_large]))
+
+    ends = METRICS["cutoff"](tables)
+    interval = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
+    blocks.append(stated("cutoff", ends.assign(interval=interval.where(ends.runs > 0, "-"))))
+    lost = METRICS["failed_injections"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
+    if len(lost):
+        blocks.append(stated("lost", lost))
+    labels = set(ends.case)
+    guided, remark = few([case for case, label in tables.labels.items() if label in labels])
+    return [*blocks, *figures(tables, "injection", guided), *remark]

@@ -36,9 +36,9 @@ class VerdictCounts(NamedTuple):
     """
 
     total: int
-    hold: int  # reproduced
-    fail: int  # not reproduced
-    undecided: int  # not decided by the runs
+    hold: int
+    fail: int
+    undecided: int
 
 
 def counted(rows: pd.DataFrame) -> dict[str, VerdictCounts]:
@@ -51,23 +51,27 @@ def counted(rows: pd.DataFrame) -> dict[str, VerdictCounts]:
     """
     counts = {}
     for row_kind in (*_KINDS, "statement"):
-        words = rows.verdict[rows.counts_as == row_kind]
-        if len(words):
-            hold, fail = int((words == HOLDS).sum()), int((words == FAILS).sum())
-            counts[row_kind] = VerdictCounts(len(words), hold, fail, len(words) - hold - fail)
+        verdicts = rows.verdict[rows.counts_as == row_kind]
+        if len(verdicts):
+            hold = int((verdicts == HOLDS).sum())
+            fail = int((verdicts == FAILS).sum())
+            undecided = len(verdicts) - hold - fail
+            counts[row_kind] = VerdictCounts(len(verdicts), hold, fail, undecided)
     return counts
 
 
 def said(rows: pd.DataFrame, kinds: Mapping[str, VerdictCounts]) -> str:
     """Return the counts of numbers and orders as a sentence without its full stop."""
-    each = []
-    for row_kind, words in _KINDS.items():
-        if row_kind in kinds:
-            count = kinds[row_kind]
-            verb = plural(count.undecided, "is", "are")
-            open_count = f", {count.undecided} {verb} undecided" if count.undecided else ""
-            each.append(f"{count.hold} of {count.total} {words} are reproduced, {count.fail} are not{open_count}")
-    return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(each)}"
+    texts = []
+    for row_kind, name in _KINDS.items():
+        if row_kind not in kinds:
+            continue
+        count = kinds[row_kind]
+        text = f"{count.hold} of {count.total} {name} are reproduced, {count.fail} are not"
+        if count.undecided:
+            text += f", {count.undecided} {plural(count.undecided, 'is', 'are')} undecided"
+        texts.append(text)
+    return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(texts)}"
 
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
@@ -85,51 +89,70 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     if frame.empty:
         return []
     rows = frame[evidence(frame)]
-    lines = [f"{said(rows, counted(rows))}."] if len(rows) else []
-    if (by := fitted(rows)).any():
-        withheld = rows[~by & rows.published.notna()]
-        lines.append(
-            f"Settings were fitted to {int(by.sum())} of the numbers; {int(held(rows[by]).sum())} of these are "
-            f"reproduced, and {int(held(withheld).sum())} of the {len(withheld)} numbers withheld from the fit."
-        )
-    single = rows[rows.percentile.notna() & rows.in_band.astype(bool)]
-    if len(single):
-        points = " % and ".join(f"{point:g}" for point in EDGES)
-        among = int((~at_an_edge(single)).sum())
-        lines.append(
-            f"Separately, of {len(single)} numbers within their band that are of one published run, {among} lie "
-            f"between the {points} % quantiles of our runs."
-        )
-    evidence_rows = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
-    apart = [
-        f"{len(marked)} {words} ({int(held(marked).sum())} hold)"
-        for mark, words in _NOT_COUNTED.items()
-        if len(marked := evidence_rows[evidence_rows.counts_as == mark])
-    ]
-    if apart:
-        lines.append(f"Not counted: {'; '.join(apart)}.")
-    failing = rows[~held(rows)]
+    all_rows, failing = frame, rows[~held(rows)]
     if statements is not None:
+        all_rows = pd.concat([frame, statements], ignore_index=True)
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
-    blocks: list[Block] = [Text(" ".join(lines))]
+    sentences = [_counted_sentence(rows), _fitted_sentence(rows), _single_sentence(rows), _apart_sentence(all_rows)]
+    blocks: list[Block] = [Text(" ".join(sentence for sentence in sentences if sentence))]
     if len(failing):
-        all_rows = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
         blocks.append(stated("most_important", _short(most_important(failing, important), all_rows)))
     return blocks
 
 
-def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
+def _counted_sentence(rows: pd.DataFrame) -> str:
+    return f"{said(rows, counted(rows))}." if len(rows) else ""
+
+
+def _fitted_sentence(rows: pd.DataFrame) -> str:
+    """Return the counts of the numbers to which settings were fitted, and of those withheld from the fit."""
+    is_fitted = fitted(rows)
+    if not is_fitted.any():
+        return ""
+    withheld = rows[~is_fitted & rows.published.notna()]
+    return (
+        f"Settings were fitted to {int(is_fitted.sum())} of the numbers; {int(held(rows[is_fitted]).sum())} of these "
+        f"are reproduced, and {int(held(withheld).sum())} of the {len(withheld)} numbers withheld from the fit."
+    )
+
+
+def _single_sentence(rows: pd.DataFrame) -> str:
+    """Return how many numbers of a single published run lie among the runs, of those within their band."""
+    single = rows[rows.percentile.notna() & rows.in_band.astype(bool)]
+    if single.empty:
+        return ""
+    points = " % and ".join(f"{point:g}" for point in EDGES)
+    n_among = int((~at_an_edge(single)).sum())
+    return (
+        f"Separately, of {len(single)} numbers within their band that are of one published run, {n_among} lie "
+        f"between the {points} % quantiles of our runs."
+    )
+
+
+def _apart_sentence(rows: pd.DataFrame) -> str:
+    """Return the counts of the rows that are no evidence, by reason."""
+    counts = []
+    for mark, name in _NOT_COUNTED.items():
+        marked = rows[rows.counts_as == mark]
+        if len(marked):
+            counts.append(f"{len(marked)} {name} ({int(held(marked).sum())} hold)")
+    return f"Not counted: {'; '.join(counts)}." if counts else ""
+
+
+def _short(rows: pd.DataFrame, all_rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows with shorter texts, for the first screen.
 
     An item that occurs in one case only gets the campaign in place of the case. If a row has an item, its expression is
     omitted, because the item describes it.
     """
-    has_item, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
-    alone = has_item & rows["item"].map(cases).eq(1)
-    expression = has_item & rows.metric.str.contains(_EXPRESSION)
-    case_names = short_cases(rows)["case"]
+    has_item = rows["item"] != ""
+    n_cases = all_rows.groupby("item")["case"].nunique()
+    is_unique = has_item & rows["item"].map(n_cases).eq(1)
+    has_expression = has_item & rows.metric.str.contains(_EXPRESSION)
+    campaigns = rows["case"].str.partition(": ")[0]
     return rows.assign(
-        case=case_names.where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")
+        case=short_cases(rows)["case"].where(~is_unique, campaigns),
+        metric=rows.metric.mask(has_expression, ""),
     )
 
 
@@ -141,5 +164,9 @@ def those_that_miss(frame: pd.DataFrame) -> list[Block]:
 
 def not_counted(frame: pd.DataFrame) -> list[Block]:
     """Return the rows that are not counted: repeated, not published, read again, or checks of the tool."""
-    groups = ((name, frame[frame.counts_as == mark]) for mark, name in _TABLES.items())
-    return [stated(name, short_cases(rows)) for name, rows in groups if len(rows)]
+    blocks: list[Block] = []
+    for mark, name in _TABLES.items():
+        rows = frame[frame.counts_as == mark]
+        if len(rows):
+            blocks.append(stated(name, short_cases(rows)))
+    return blocks

@@ -61,35 +61,56 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[KmlFlight]:
     """
     if ellipses and not set(_AXES) <= set(tables.history.axis):
         raise InputError(f"{tables.folder}: ellipses need errors that are reported in frame ned")
-    drawn = []
+    case_flights = []
     for case, label in tables.labels.items():
-        reference, events = (table[table["case"] == case] for table in (tables.reference, tables.events))
+        reference = tables.reference[tables.reference["case"] == case]
         if reference.empty:
             raise damaged(tables.folder / "reference.parquet", f"no rows of the case {label}")
-        drawn.append(
-            KmlFlight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {})
+        flight = KmlFlight(
+            name=label or "flight",
+            reference=reference,
+            events=tables.events[tables.events["case"] == case],
+            ellipses=_ellipses(tables, case, every) if ellipses else {},
         )
-    return drawn
+        case_flights.append(flight)
+    return case_flights
 
 
 def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
     """Return the covariances of the ellipses by time (see `KmlFlight`)."""
-    axes, covariances = list(_AXES), dict[float, Floats]()
-    history, is_full = (
-        frame[(frame["case"] == case) & (frame.quantity == "position")]
-        for frame in (tables.history, tables.covariances)
-    )
-    sigma = history[history.axis.isin(axes)].pivot_table(index="t_s", columns="axis", values="lincov_true_si")
-    if len(sigma):
-        times = sigma.index.to_numpy()
-        instants = np.arange(times[0], times[-1] + 0.5 * every, every)
-        for time in times[np.unique(np.abs(times[:, None] - instants).argmin(axis=0))]:
-            covariances[float(time)] = np.diag(sigma.loc[time, axes].to_numpy(dtype=float) ** 2)
-    for time, rows in is_full[is_full.source == ""].groupby("t_s"):
-        square = rows.pivot_table(index="axis", columns="other_axis", values="true_si2")
-        full = square.combine_first(square.T).reindex(index=axes, columns=axes)
+    ellipses = _history_ellipses(tables, case, every) | _event_ellipses(tables, case)
+    return dict(sorted(ellipses.items()))
+
+
+def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
+    """Return diagonal covariances along the history, at the stored times nearest to multiples of an interval (s)."""
+    axes = list(_AXES)
+    rows = tables.history
+    rows = rows[(rows["case"] == case) & (rows.quantity == "position") & rows.axis.isin(axes)]
+    sigma = rows.pivot_table(index="t_s", columns="axis", values="lincov_true_si")
+    if sigma.empty:
+        return {}
+    times = sigma.index.to_numpy()
+    instants = np.arange(times[0], times[-1] + 0.5 * every, every)
+    nearest = np.abs(times[:, None] - instants).argmin(axis=0)
+    covariances = {}
+    for time in times[np.unique(nearest)]:
+        sigmas = sigma.loc[time, axes].to_numpy(dtype=float)
+        covariances[float(time)] = np.diag(sigmas**2)
+    return covariances
+
+
+def _event_ellipses(tables: Tables, case: str) -> dict[float, Floats]:
+    """Return the covariances at the events at which they are stored in full."""
+    axes = list(_AXES)
+    rows = tables.covariances
+    rows = rows[(rows["case"] == case) & (rows.quantity == "position") & (rows.source == "")]
+    covariances = {}
+    for time, time_rows in rows.groupby("t_s"):
+        triangle = time_rows.pivot_table(index="axis", columns="other_axis", values="true_si2")
+        full = triangle.combine_first(triangle.T).reindex(index=axes, columns=axes)
         covariances[float(time)] = full.to_numpy(dtype=float)
-    return dict(sorted(covariances.items()))
+    return covariances
 
 
 def write_kml(file: Path, title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> Path:
@@ -117,17 +138,26 @@ def kml(title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> bytes:
     level, which differs by at most 110 m. An ellipse is the projection of the error ellipsoid on the local horizontal;
     its placemark gives the ellipsoid.
     """
-    folders = [
-        {
-            "name": flight.name,
-            "colour": colour,
-            "path": _coordinates(*(flight.reference[name] for name in ("longitude_rad", "latitude_rad", "altitude_m"))),
-            "events": [_event(flight, row.event, float(row.t_s)) for row in flight.events.itertuples(index=False)],
-            "ellipses": [_ellipse(flight, *ellipse, magnify) for ellipse in flight.ellipses.items()],
-        }
-        for flight, colour in zip(drawn, cycle(_COLOURS), strict=False)
-    ]
+    folders = []
+    for flight, colour in zip(drawn, cycle(_COLOURS), strict=False):
+        reference = flight.reference
+        events = flight.events
+        folders.append(
+            {
+                "name": flight.name,
+                "colour": colour,
+                "path": _coordinates(reference.longitude_rad, reference.latitude_rad, reference.altitude_m),
+                "events": [_event(flight, name, float(t)) for name, t in zip(events.event, events.t_s, strict=True)],
+                "ellipses": [_ellipse(flight, t, P, magnify) for t, P in flight.ellipses.items()],
+            }
+        )
     return render("flight.kml.j2", title=title, flights=folders).encode()
+
+
+def _nearest_row(flight: KmlFlight, time: float) -> pd.Series[float]:
+    """Return the row of the reference trajectory that is nearest to a time (s)."""
+    distance = np.abs(flight.reference["t_s"].to_numpy(dtype=float) - time)
+    return flight.reference.iloc[int(distance.argmin())]
 
 
 def _coordinates(longitude: ArrayLike, latitude: ArrayLike, height: ArrayLike) -> str:
@@ -136,32 +166,30 @@ def _coordinates(longitude: ArrayLike, latitude: ArrayLike, height: ArrayLike) -
     return " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lon, lat, h in rows)
 
 
-def _at(flight: KmlFlight, time: float) -> pd.Series[float]:
-    return flight.reference.iloc[int(np.abs(flight.reference["t_s"].to_numpy(dtype=float) - time).argmin())]
-
-
 def _event(flight: KmlFlight, name: str, time: float) -> tuple[str, str, str]:
     """Return name, description and coordinates of an event or of the start of a fault.
 
     The description gives time, height and ground speed.
     """
-    here = _at(flight, time)
-    height, speed = here.altitude_m * 1e-3, here.ground_speed_m_per_s
+    row = _nearest_row(flight, time)
+    height = row.altitude_m * 1e-3
+    speed = row.ground_speed_m_per_s
     description = f"{time:.3f} s, height {height:.3f} km, speed over the ground {speed:.1f} m/s"
-    return name, description, _coordinates(here.longitude_rad, here.latitude_rad, here.altitude_m)
+    return name, description, _coordinates(row.longitude_rad, row.latitude_rad, row.altitude_m)
 
 
 def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float) -> tuple[str, str, str]:
     """Return name, description and coordinates of an error ellipse at a time (s); covariance (3, 3) in m^2."""
     north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
-    sizes = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))[::-1]
+    eigenvalues = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
+    half_axes = SIGMAS * np.sqrt(eigenvalues)[::-1]
     description = (
         f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "
-        f"{', '.join(f'{size:.3g}' for size in sizes)} m; drawn {magnify:g} times as large"
+        f"{', '.join(f'{half_axis:.3g}' for half_axis in half_axes)} m; drawn {magnify:g} times as large"
     )
-    here = _at(flight, time)
-    seen_from_above = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)
-    off = seen_from_above @ rotation_e_n(here.latitude_rad, here.longitude_rad)[:2]
-    r_e = ecef_from_geodetic(here.latitude_rad, here.longitude_rad, here.altitude_m) + off
+    row = _nearest_row(flight, time)
+    outline_ne = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)  # north, east
+    outline_e = outline_ne @ rotation_e_n(row.latitude_rad, row.longitude_rad)[:2]
+    r_e = ecef_from_geodetic(row.latitude_rad, row.longitude_rad, row.altitude_m) + outline_e
     latitude, longitude, height = geodetic_from_ecef(r_e)
     return f"3 sigma at {time:.6g} s", description, _coordinates(longitude, latitude, height)

@@ -6,7 +6,7 @@ The list is `templates/models.toml`. A family of models may state the evidence o
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -21,15 +21,20 @@ from lvnav_trade.results.tables.read import Tables, once
 _OF = {"sensors": of_sensors}
 Conditions = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 _FEW = 2  # up to this number of cases, each is named
+_CHECK = ("by", "shown", "test")  # columns of a check
 
 
 @cache
 def registry() -> dict[str, Any]:
     """Return the content of `templates/models.toml`: types of evidence, named conditions, an entry for each model."""
     document = tomllib.loads(source("models.toml"))
-    document["model"] = [
-        entry for item in document["model"] for entry in (_OF[item["of"]]() if "of" in item else [item])
-    ]
+    entries: list[Any] = []
+    for item in document["model"]:
+        if "of" in item:
+            entries += _OF[item["of"]]()
+        else:
+            entries.append(item)
+    document["model"] = entries
     return document
 
 
@@ -42,10 +47,10 @@ def is_used(entry: Mapping[str, Any], scenario: Mapping[str, Any]) -> bool:
 def _hold(conditions: Conditions, scenario: Mapping[str, Any]) -> bool:
     """Return whether at least one set of conditions is satisfied by a scenario."""
     sets = [conditions] if isinstance(conditions, Mapping) else conditions
-    return any(
-        all(_matches(list(at(scenario, path)), accepted) for path, accepted in condition_set.items())
-        for condition_set in sets
-    )
+    for condition_set in sets:
+        if all(_matches(list(at(scenario, path)), accepted) for path, accepted in condition_set.items()):
+            return True
+    return False
 
 
 def at(data: Any, path: str) -> Iterator[Any]:
@@ -57,18 +62,24 @@ def at(data: Any, path: str) -> Iterator[Any]:
         yield from data if isinstance(data, list) else [data]
         return
     key, _, remainder = path.partition(".")
-    inside = data if isinstance(data, list) else data.values() if isinstance(data, Mapping) else ()
     if key == "*":
-        for item in inside:
+        items: Iterable[Any] = ()
+        if isinstance(data, list):
+            items = data
+        elif isinstance(data, Mapping):
+            items = data.values()
+        for item in items:
             yield from at(item, remainder)
     elif isinstance(data, Mapping) and key in data:
         yield from at(data[key], remainder)
 
 
-def _matches(found: list[Any], wanted: Any) -> bool:
-    if isinstance(wanted, bool):
-        return any(map(_is_something, found)) is wanted
-    return any(value in (wanted if isinstance(wanted, list) else [wanted]) for value in found)
+def _matches(values: list[Any], accepted: Any) -> bool:
+    """Return whether any value is accepted: one of some values, or (True, False) whether something is set."""
+    if isinstance(accepted, bool):
+        return any(map(_is_something, values)) is accepted
+    accepted_values = accepted if isinstance(accepted, list) else [accepted]
+    return any(value in accepted_values for value in values)
 
 
 def _is_something(value: Any) -> bool:
@@ -104,15 +115,13 @@ def evidence(tables: Tables) -> pd.DataFrame:
     cases = scenarios(tables)
     rows = []
     for entry in registry()["model"]:
-        using = [label for label, scenario in cases.items() if is_used(entry, scenario)]
-        if using:
-            users = "all" if len(using) == len(cases) else "; ".join(using)
-            checks = entry["checks"] or [{"by": "", "shown": "", "test": ""}]
-            rows += [(entry["name"], users, len(using), *map(check.get, _CHECK), entry["omits"]) for check in checks]
+        labels = [label for label, scenario in cases.items() if is_used(entry, scenario)]
+        if not labels:
+            continue
+        users = "all" if len(labels) == len(cases) else "; ".join(labels)
+        for check in entry["checks"] or [{"by": "", "shown": "", "test": ""}]:
+            rows.append((entry["name"], users, len(labels), *map(check.get, _CHECK), entry["omits"]))
     return pd.DataFrame(rows, columns=["model", "cases", "case_count", *_CHECK, "omits"])
-
-
-_CHECK = ("by", "shown", "test")
 
 
 def models(tables: Tables) -> list[Block]:
@@ -121,20 +130,21 @@ def models(tables: Tables) -> list[Block]:
     if frame.empty:
         return []
     groups = frame.groupby("model", sort=False)
-    by_model = groups.first().reset_index().assign(checks=[_in_words(rows) for _, rows in groups])
-    by_model = by_model.assign(cases=[_few(row.cases, row.case_count) for row in by_model.itertuples()])
-    if (by_model.cases == "all").all():
-        by_model = by_model.drop(columns="cases")
-    return [Text(note("models")), stated("models", by_model)]
+    rows = groups.first().reset_index()
+    rows = rows.assign(
+        checks=[_in_words(checks) for _, checks in groups],
+        cases=[_few(row.cases, row.case_count) for row in rows.itertuples()],
+    )
+    if (rows.cases == "all").all():
+        rows = rows.drop(columns="cases")
+    return [Text(note("models")), stated("models", rows)]
 
 
 def _in_words(checks: pd.DataFrame) -> str:
     """Return the checks of a model as sentences, one for each type of evidence."""
-    by_sort = checks[checks.by != ""].groupby("by", sort=False).shown.agg("; ".join)
-    return (
-        " ".join(f"{sort.capitalize()}: {checks_of_sort}." for sort, checks_of_sort in by_sort.items())
-        or "Nothing independent."
-    )
+    groups = checks[checks.by != ""].groupby("by", sort=False)
+    sentences = [f"{evidence_type.capitalize()}: {'; '.join(rows.shown)}." for evidence_type, rows in groups]
+    return " ".join(sentences) or "Nothing independent."
 
 
 def _few(cases: str, count: int) -> str:

@@ -26,28 +26,40 @@ def printed_tables(study: StudyCard, rows: pd.DataFrame) -> list[Block]:
 
 
 def _table(layout: PrintedTable, rows: pd.DataFrame) -> Table:
-    rows_of_line = {label: [_row_of(cell, rows) for cell in cells] for label, cells in layout.rows.items()}
-    units = [_unit_of([cells[k] for cells in rows_of_line.values()]) for k in range(len(layout.columns))]
-    head = [(f"{name} {unit}".rstrip(), "ours", "ratio") for name, unit in zip(layout.columns, units, strict=True)]
-    lines = [(label, *(text for row in cells for text in _cells(row))) for label, cells in rows_of_line.items()]
-    headings = (layout.head, *(text for group in head for text in group))
-    return Table(headings, tuple(lines), (False,) + (True,) * (len(headings) - 1), layout.title)
+    """Return a published table in its own layout, with three columns for each of its columns."""
+    lines = {label: [_find_row(cell, rows) for cell in cells] for label, cells in layout.rows.items()}
+    headings = [layout.head]
+    for k, name in enumerate(layout.columns):
+        unit = _common_unit([cells[k] for cells in lines.values()])
+        headings += [f"{name} {unit}".rstrip(), "ours", "ratio"]
+    table_rows = []
+    for label, cells in lines.items():
+        texts = [label]
+        for row in cells:
+            texts += _cells(row)
+        table_rows.append(tuple(texts))
+    return Table(
+        head=tuple(headings),
+        rows=tuple(table_rows),
+        numeric=(False,) + (True,) * (len(headings) - 1),
+        caption=layout.title,
+    )
 
 
-def _row_of(cell: Cell | None, rows: pd.DataFrame) -> pd.Series | None:
+def _find_row(cell: Cell | None, rows: pd.DataFrame) -> pd.Series | None:
     """Return the row of a cell; None if the published table is empty there, or its campaign has no results."""
     if cell is None:
         return None
-    matching = rows[
-        (rows["item"] == cell.item) & rows["case"].str.startswith(f"{cell.campaign}: " if cell.campaign else "")
-    ]
+    prefix = f"{cell.campaign}: " if cell.campaign else ""
+    matching = rows[(rows["item"] == cell.item) & rows["case"].str.startswith(prefix)]
     for axis, level in cell.case.items():
         matching = matching[[f"{axis}={level}" in _levels(text) for text in matching["case"]]]
     return matching.iloc[0] if len(matching) else None
 
 
-def _unit_of(rows: Sequence[pd.Series | None]) -> str:
-    units = {str(row.unit) for row in rows if row is not None and row.published == row.published}
+def _common_unit(rows: Sequence[pd.Series | None]) -> str:
+    """Return the unit of a column in brackets; empty if the rows have no unit or several."""
+    units = {str(row.unit) for row in rows if row is not None and not pd.isna(row.published)}
     return f"({units.pop()})" if len(units) == 1 and units != {"-"} else ""
 
 
@@ -55,37 +67,41 @@ def _cells(row: pd.Series | None) -> tuple[str, str, str]:
     """Return published value, computed value, and ratio or verdict of a row."""
     if row is None:
         return "", "", ""
-    missed = "" if row.verdict == HOLDS else " out" if row.verdict.startswith("does not") else f" {row.verdict}"
-    by_input = " input" if row.counts_as == "repeats" else ""
-    if row.published == row.published:
-        return f"{row.published:g}", number(row.ours), f"{number(row.ratio)}{missed}{by_input}"
-    verdict_text = _PUBLISHED.search(str(row.remark))
-    return (
-        _WORDS.get(verdict_text[1], verdict_text[1]) if verdict_text else "",
-        number(row.ours),
-        missed.strip() or "as printed",
-    )
+    if row.verdict == HOLDS:
+        remark = ""
+    elif row.verdict.startswith("does not"):
+        remark = " out"
+    else:
+        remark = f" {row.verdict}"
+    if not pd.isna(row.published):
+        if row.counts_as == "repeats":
+            remark += " input"
+        return f"{row.published:g}", number(row.ours), f"{number(row.ratio)}{remark}"
+    published = _PUBLISHED.search(str(row.remark))
+    word = published[1] if published else ""
+    return _WORDS.get(word, word), number(row.ours), remark.strip() or "as printed"
 
 
 def mistakes(study: StudyCard, questions: Sequence[StudySection], script: StudyScript) -> Iterator[Mistake]:
     """Yield the cells of printed tables for which no statement exists."""
-    stated: dict[str, set[str]] = {}
+    items: dict[str, set[str]] = {}
     for question in questions:
-        lists = [
-            question.campaign.model_dump(mode="json")["references"],
-            *script.stated(question.campaign.name).values(),
-        ]
-        stated[question.campaign.name] = {str(entry["item"]) for entries in lists for entry in entries}
-    written = questions[0].written if questions else None
+        campaign = question.campaign
+        lists = [campaign.model_dump(mode="json")["references"], *script.stated(campaign.name).values()]
+        items[campaign.name] = {str(entry["item"]) for entries in lists for entry in entries}
+    all_items: set[str] = set().union(*items.values())
+    study_file = questions[0].written if questions else None
+    if study_file is None:
+        return
     for place, table in enumerate(study.printed):
         for label, cells in table.rows.items():
             for index, cell in enumerate(cells):
-                identifiers = (
-                    stated.get(cell.campaign, set()) if cell and cell.campaign else set().union(*stated.values())
-                )
-                if cell is not None and cell.item not in identifiers and written is not None:
+                if cell is None:
+                    continue
+                campaign_items = items.get(cell.campaign, set()) if cell.campaign else all_items
+                if cell.item not in campaign_items:
                     message = f"nothing with the item {quoted(cell.item)} is stated of a campaign of this study"
-                    yield written.mistake(f"printed.{place}.rows.{label}.{index}", message)
+                    yield study_file.mistake(f"printed.{place}.rows.{label}.{index}", message)
 
 
 def short_cases(rows: pd.DataFrame) -> pd.DataFrame:
@@ -94,21 +110,24 @@ def short_cases(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _short(text: str) -> str:
-    campaign, colon, compared = text.partition(": ")
+    """Return the name of a case with the levels that differ from the base; of an order, of all its cases."""
+    campaign, colon, cases = text.partition(": ")
     if not colon:
         return text
-    parts = (
-        [", ".join(map(_level, _levels(case_text))) or "base" for case_text in compared.split(" < ")]
-        if compared.strip()
-        else []
-    )
-    return f"{campaign}: {' < '.join(parts)}" if parts else campaign
+    if not cases.strip():
+        return campaign
+    short_names = []
+    for case in cases.split(" < "):
+        levels = [_level(level) for level in _levels(case)]
+        short_names.append(", ".join(levels) or "base")
+    return f"{campaign}: {' < '.join(short_names)}"
 
 
 def _levels(text: str) -> list[str]:
     """Return ``axis=level`` for the axes of a case that differ from the base; a level may contain commas."""
+    case = text.partition(": ")[2] or text
     levels: list[str] = []
-    for piece in _POOLED.sub("", text.partition(": ")[2] or text).split(", "):
+    for piece in _POOLED.sub("", case).split(", "):
         if "=" in piece or not levels:
             levels.append(piece)
         else:

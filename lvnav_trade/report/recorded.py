@@ -11,8 +11,10 @@ from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.figures.vehicle_motion import outages_of_log
 
-INSIDE, LEAST_NEES = 95.0, 0.3
-"""Percent of outages that should end within three sigma, and mean NEES below which a filter is too conservative."""
+INSIDE = 95.0
+"""Percent of outages that should end within three sigma."""
+LEAST_NEES = 0.3
+"""Mean NEES below which a filter is too conservative."""
 _COLUMNS = (
     "case | withheld (s) = length_s: number | outages | failed | inside 3 sigma (%) = inside_percent: number | "
     "NEES = nees_ratio: number | position RMS (m) = position_rms_m: number | worst (m) = position_worst_m: number | "
@@ -25,33 +27,38 @@ def page(done: FilteredLog, campaign: Campaign) -> tuple[str, str, list[Section]
     blocks: list[Block] = [
         Text(done.card.source),
         Text(note("recorded", campaign=campaign.name, alignment=_alignment(done))),
-        *(Text(f"{remark}.") for remark in done.notes),
-        table(done.summary, "Outages by case and length.", _COLUMNS),
-        *(Text(text) for text in _wanting(done)),
-        Picture("outages", outages_of_log(done.outages), note("outages_of_log", "figures")),
     ]
+    blocks += [Text(f"{remark}.") for remark in done.notes]
+    blocks.append(table(done.summary, "Outages by case and length.", _COLUMNS))
+    blocks += [Text(text) for text in _filter_remarks(done)]
+    blocks.append(Picture("outages", outages_of_log(done.outages), note("outages_of_log", "figures")))
     return done.card.name, "Outages withheld from a recorded log", [Section("outages", "Outages", blocks)]
 
 
 def _alignment(done: FilteredLog) -> str:
     """Return the description of the initial alignment."""
     alignment = done.alignment
-    heading_source = f"from the motion, one sigma {np.degrees(alignment.heading_sigma):.2g} deg"
+    if done.card.heading is not None:
+        heading_source = "stated"
+    else:
+        heading_source = f"from the motion, one sigma {np.degrees(alignment.heading_sigma):.2g} deg"
     rate = ", ".join(f"{value:.3g}" for value in np.degrees(alignment.gyro_bias))
     return (
         f"Heading at the end of the rest: {np.degrees(alignment.heading) % 360.0:.1f} deg "
-        f"({'stated' if done.card.heading is not None else heading_source}); removed from the rates: {rate} deg/s."
+        f"({heading_source}); removed from the rates: {rate} deg/s."
     )
 
 
-def _wanting(done: FilteredLog) -> Iterator[str]:
-    """Yield a sentence on the missing outputs of each row."""
+def _filter_remarks(done: FilteredLog) -> Iterator[str]:
+    """Yield a sentence for each case and length of outage in which the filter does not match its errors."""
     for row in done.summary.itertuples():
-        if reason := _reason(row):
-            yield f"{row.case}, {row.length_s:g} s: {reason}."
+        remark = _filter_remark(row)
+        if remark:
+            yield f"{row.case}, {row.length_s:g} s: {remark}."
 
 
-def _reason(row: Any) -> str:
+def _filter_remark(row: Any) -> str:
+    """Return by how much a filter assumes too little or too much error; empty if it is consistent."""
     if row.failed:
         return ""  # the notes explain it: such a row gives no evidence on the filter
     if row.inside_percent < INSIDE:

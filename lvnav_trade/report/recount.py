@@ -16,7 +16,7 @@ from lvnav_trade.quantities.input_limits import DATA_BYTES
 from lvnav_trade.report.blocks import Section
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text
-from lvnav_trade.report.script import StudyResult, StudyScript, published_rows
+from lvnav_trade.report.script import StudyResult, StudyScript
 from lvnav_trade.report.study import (
     APPENDIX,
     agreed,
@@ -28,6 +28,7 @@ from lvnav_trade.report.study import (
     frame_of,
     heading,
     line_of,
+    published_frame,
     reproduce,
     together,
 )
@@ -38,6 +39,7 @@ from lvnav_trade.results.tables.contents import owned
 _ANSWER, _ASSUMPTIONS, _REPRODUCE = "Answer", "Assumptions", "How to reproduce"
 _EARLIER = "Monte Carlo against linear covariance"  # appendix of reports of earlier versions, with every case
 _CAMPAIGNS = "The campaigns of this study.\n"
+_COUNTS_AS = {"references": "number", "statements": "statement"}  # by list of entries; all others count as orders
 _TEXTS = ("id", "source", "item", "case", "metric", "unit", "verdict", "remark", *MARKS)
 
 
@@ -64,11 +66,16 @@ def recount(study: StudyCard, campaigns: Sequence[Campaign], folder: Path | str,
         The folder has no such report.
     """
     place = Path(folder)
-    rows, page = _marked(_kept(place), _stated(campaigns, script)), _page(place)
-    section = answer(study, rows, script, _campaigns(page.sections[_ANSWER], rows))
-    page.sections[_ANSWER] = _text(section)
-    _to_appendix(page.sections, ())
-    files = {"references.csv": csv_text(rows).encode(), "report.md": _written(page), **pictures([section])}
+    rows = _mark_rows(_stored_rows(place), _study_entries(campaigns, script))
+    page = _stored_page(place)
+    section = answer(study, rows, script, _campaign_lines(page.sections[_ANSWER], rows))
+    page.sections[_ANSWER] = _section_text(section)
+    _update_appendix(page.sections, ())
+    files = {
+        "references.csv": csv_text(rows).encode(),
+        "report.md": _page_bytes(page),
+        **pictures([section]),
+    }
     with writing(place, "the study cannot be kept there"):
         for name, content in files.items():
             (place / name).write_bytes(content)
@@ -89,176 +96,264 @@ def renew(
 
     InputError if the folder has no such report.
     """
-    place, names = Path(folder), [each.name for each in campaigns]
-    target, page, kept = owned(place, "study"), _page(place), _kept(place)
-    answered = [each._replace(tables=in_units(each.tables, study.units)) for each in answered]
-    new = {each.part.campaign: each for each in answered}
-    published = [
-        frame_of(published_rows(each.campaign.name, each.tables, each.campaign.model_dump(mode="json"), script))
-        for each in answered
-    ]
-    unchanged = kept[(kept["case"] != "") & ~_campaign_of(kept).isin(list(new))]
-    unchanged = _marked(unchanged, _stated(campaigns, script))
-    with_results = {*new, *(line["campaign"] for line in _campaigns(page.sections[_ANSWER], unchanged))}
-    further = script.further_rows([each for each in campaigns if each.name not in with_results])
-    rows = pd.concat(
-        [_in_order([unchanged, together(answered, published)], names), *([frame_of(further)] if further else [])],
-        ignore_index=True,
-    )
-    lines = {line["campaign"]: line for line in _campaigns(page.sections[_ANSWER], rows)}
-    lines |= {name: line_of(each, rows) for name, each in new.items()}
+    place = Path(folder)
+    target = owned(place, "study")
+    page = _stored_page(place)
+    names = [campaign.name for campaign in campaigns]
+    answered = [result._replace(tables=in_units(result.tables, study.units)) for result in answered]
+    new = {result.part.campaign: result for result in answered}
+    published = [published_frame(result, script) for result in answered]
+    unchanged = _unchanged_rows(place, campaigns, script, new)
+    with_results = {line["campaign"] for line in _campaign_lines(page.sections[_ANSWER], unchanged)} | set(new)
+
+    rows = _sort_rows([unchanged, together(answered, published)], names)
+    further = script.further_rows([campaign for campaign in campaigns if campaign.name not in with_results])
+    if further:
+        rows = pd.concat([rows, frame_of(further)], ignore_index=True)
+
+    lines = {line["campaign"]: line for line in _campaign_lines(page.sections[_ANSWER], rows)}
+    lines |= {name: line_of(result, rows) for name, result in new.items()}
     sections = [
         answer(study, rows, script, [lines[name] for name in names if name in lines]),
         *assumptions(study),
-        *(campaign_section(each, own, script) for each, own in zip(answered, published, strict=True)),
     ]
-    page = _with_sections(page, sections, [heading(name) for name in names])
-    page = page._replace(head=markdown_page(study.title, study.description.strip(), []).rstrip() + "\n\n")
-    _merge(page.sections, _text(reproduce(study, answered)), _REPRODUCE, new, names)
-    _to_appendix(page.sections, new)
-    _merge(page.sections, _text(agreements(answered)), APPENDIX, new, names)
+    for result, frame in zip(answered, published, strict=True):
+        sections.append(campaign_section(result, frame, script))
+
     files: dict[str, bytes] = {
         **pictures(sections),
         "references.csv": csv_text(rows).encode(),
-        "agreement.csv": csv_text(_agreed(place, answered, names)).encode(),
-        "report.md": _written(page),
-        **{f"{name}.kml": flight_of(each, each.part.kml) for name, each in new.items() if each.part.kml is not None},
+        "agreement.csv": csv_text(_agreement_rows(place, answered, names)).encode(),
+        "report.md": _page_bytes(_renewed_page(page, study, sections, answered, names)),
     }
-    drawn = {name for name in target.listed("study") if any(name.startswith(f"figures/{each}-") for each in new)}
+    for name, result in new.items():
+        if result.part.kml is not None:
+            files[f"{name}.kml"] = flight_of(result, result.part.kml)
+    figures_of_new = tuple(f"figures/{name}-" for name in new)
+    earlier_figures = {name for name in target.listed("study") if name.startswith(figures_of_new)}
     with writing(place, "the study cannot be kept there"):
         target.claim("study", files)
         for name, content in files.items():
             (place / name).write_bytes(content)
-        target.remove("study", drawn - set(files))
+        target.remove("study", earlier_figures - set(files))
     return place / "report.md"
 
 
-def _page(place: Path) -> _Page:
+def _unchanged_rows(
+    place: Path, campaigns: Sequence[Campaign], script: StudyScript, new: Collection[str]
+) -> pd.DataFrame:
+    """Return the stored rows of the campaigns that are not in `new`, with their present items and marks."""
+    stored = _stored_rows(place)
+    unchanged = stored[(stored["case"] != "") & ~_campaign_names(stored).isin(list(new))]
+    return _mark_rows(unchanged, _study_entries(campaigns, script))
+
+
+def _renewed_page(
+    page: _Page,
+    study: StudyCard,
+    sections: Sequence[Section],
+    answered: Sequence[StudyResult],
+    names: Sequence[str],
+) -> _Page:
+    """Return a stored report with new sections, and with the lines of the answered campaigns in common tables.
+
+    sections : sections to replace or insert
+    names : names of all campaigns, in order
+    """
+    new = [result.part.campaign for result in answered]
+    page = _insert_sections(page, sections, [heading(name) for name in names])
+    head = markdown_page(study.title, study.description.strip(), [])
+    _merge_lines(page.sections, reproduce(study, answered), _REPRODUCE, new, names)
+    _update_appendix(page.sections, new)
+    _merge_lines(page.sections, agreements(answered), APPENDIX, new, names)
+    return page._replace(head=head.rstrip() + "\n\n")
+
+
+def _stored_page(place: Path) -> _Page:
     """Return the stored report; InputError if it has no answer."""
-    head, *parts = re.split(r"(?m)^## ", read_text(place / "report.md", DATA_BYTES))
-    sections = {title: body for title, _, body in (chunk.partition("\n") for chunk in parts)}
+    head, *chunks = re.split(r"(?m)^## ", read_text(place / "report.md", DATA_BYTES))
+    sections = {}
+    for chunk in chunks:
+        title, _, body = chunk.partition("\n")
+        sections[title] = body
     if _CAMPAIGNS not in sections.get(_ANSWER, ""):
         raise InputError(f"{place / 'report.md'}: is not the report of a study with an answer")
     return _Page(head, sections)
 
 
-def _written(page: _Page) -> bytes:
+def _page_bytes(page: _Page) -> bytes:
     parts = [f"## {title}\n{text.rstrip()}\n" for title, text in page.sections.items()]
     return (page.head + "\n".join(parts)).encode()
 
 
-def _text(section: Section) -> str:
+def _section_text(section: Section) -> str:
     """Return the Markdown of a section below its heading."""
     page = markdown_page("", "", [section])
-    return page[page.index("\n## ") + 1 :].partition("\n")[2]
+    section_start = page.index("\n## ") + 1
+    return page[section_start:].partition("\n")[2]
 
 
-def _with_sections(page: _Page, sections: Sequence[Section], order: Sequence[str]) -> _Page:
+def _insert_sections(page: _Page, sections: Sequence[Section], order: Sequence[str]) -> _Page:
     """Return a report with sections replaced, or inserted in the order of the campaigns' headings."""
-    updated = page.sections | {section.title: _text(section) for section in sections}
+    updated = page.sections | {section.title: _section_text(section) for section in sections}
     first = [title for title in (_ANSWER, _ASSUMPTIONS) if title in updated]
     middle = [title for title in order if title in updated]
     last = [title for title in updated if title not in {*first, *middle}]
-    return page._replace(sections={title: updated[title] for title in (*first, *middle, *last)})
+    titles = first + middle + last
+    return page._replace(sections={title: updated[title] for title in titles})
 
 
-def _to_appendix(sections: dict[str, str], new: Collection[str]) -> None:
+def _update_appendix(sections: dict[str, str], new: Collection[str]) -> None:
     """Move the comparison of both engines to the end.
 
     Lines on cases in which the engines agree, and on the campaigns in `new`, are removed.
     """
     text = sections.pop(_EARLIER, None) or sections.pop(APPENDIX, None)
-    if text is not None:
-        remaining = [line for line in text.split("\n") if " | agree | " not in line and _first(line) not in new]
-        sections[APPENDIX] = "\n".join(remaining)
+    if text is None:
+        return
+    lines = text.split("\n")
+    sections[APPENDIX] = "\n".join(line for line in lines if " | agree | " not in line and _first_cell(line) not in new)
 
 
-def _first(line: str) -> str:
+def _first_cell(line: str) -> str:
     """Return the first cell of a table row; empty for any other line."""
     return line[1:].partition("|")[0].strip() if line.startswith("|") else ""
 
 
-def _merge(sections: dict[str, str], made: str, title: str, new: Collection[str], names: Sequence[str]) -> None:
-    """Insert the lines of some campaigns into the table of a section, in the order of `names`."""
-    before = sections.get(title, made)
-    lines = [line for line in before.split("\n") if _first(line) in names and _first(line) not in new]
-    lines += [line for line in made.split("\n") if _first(line) in new]
-    frame = [line for line in (before if "\n|" in before else made).split("\n") if _first(line) not in names]
-    at = max((k for k, line in enumerate(frame) if line.startswith("|")), default=len(frame) - 1) + 1
-    sections[title] = "\n".join([*frame[:at], *sorted(lines, key=lambda line: names.index(_first(line))), *frame[at:]])
+def _merge_lines(
+    sections: dict[str, str], section: Section, title: str, new: Collection[str], names: Sequence[str]
+) -> None:
+    """Insert the lines of the campaigns in `new` into the table of a stored section, in the order of `names`.
+
+    section : the section with the campaigns in `new` only
+    """
+    new_text = _section_text(section)
+    stored_text = sections.get(title, new_text)
+    campaign_lines = []
+    for line in stored_text.split("\n"):
+        campaign = _first_cell(line)
+        if campaign in names and campaign not in new:
+            campaign_lines.append(line)
+    campaign_lines += [line for line in new_text.split("\n") if _first_cell(line) in new]
+    campaign_lines.sort(key=lambda line: names.index(_first_cell(line)))
+
+    has_table = "\n|" in stored_text
+    frame = (stored_text if has_table else new_text).split("\n")
+    frame = [line for line in frame if _first_cell(line) not in names]
+    table_lines = [k for k, line in enumerate(frame) if line.startswith("|")]
+    table_end = table_lines[-1] + 1 if table_lines else len(frame)
+    sections[title] = "\n".join(frame[:table_end] + campaign_lines + frame[table_end:])
 
 
-def _campaign_of(rows: pd.DataFrame) -> pd.Series:
+def _campaign_names(rows: pd.DataFrame) -> pd.Series:
+    """Return the campaign of each row, which is written before its case."""
     return rows["case"].str.partition(": ")[0]
 
 
-def _in_order(frames: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
+def _sort_rows(frames: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFrame:
     """Return the rows of all frames in the order of their campaigns."""
     rows = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
-    place = _campaign_of(rows).map({name: k for k, name in enumerate(names)})
+    places = {name: k for k, name in enumerate(names)}
+    place = _campaign_names(rows).map(places)
     return rows.iloc[place.argsort(kind="stable")].reset_index(drop=True)
 
 
-def _agreed(place: Path, answered: Sequence[StudyResult], names: Sequence[str]) -> pd.DataFrame:
+def _agreement_rows(place: Path, answered: Sequence[StudyResult], names: Sequence[str]) -> pd.DataFrame:
     """Return the rows of agreement.csv, with those of the answered campaigns replaced."""
-    texts = (read_text(place / "agreement.csv", DATA_BYTES), csv_text(agreed(answered)))
-    before, after = (pd.read_csv(StringIO(text), dtype=str, keep_default_na=False) for text in texts)
-    return _in_order(
-        [before[~_campaign_of(before).isin([campaign_results.part.campaign for campaign_results in answered])], after],
-        names,
-    )
+    stored = _text_table(read_text(place / "agreement.csv", DATA_BYTES))
+    new = _text_table(csv_text(agreed(answered)))
+    campaigns = [result.part.campaign for result in answered]
+    unchanged = stored[~_campaign_names(stored).isin(campaigns)]
+    return _sort_rows([unchanged, new], names)
 
 
-def _kept(place: Path) -> pd.DataFrame:
+def _text_table(text: str) -> pd.DataFrame:
+    """Return a CSV table with all cells as text."""
+    return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
+
+
+def _stored_rows(place: Path) -> pd.DataFrame:
     """Return the rows of the stored references.csv, with text columns as text."""
     text = read_text(place / "references.csv", DATA_BYTES)
     rows = pd.read_csv(StringIO(text), dtype=dict.fromkeys(_TEXTS, str)).reindex(columns=COLUMNS)
-    return rows.assign(**{name: rows[name].astype(object).where(rows[name].notna(), "") for name in _TEXTS})
+    for name in _TEXTS:
+        rows[name] = rows[name].astype(object).where(rows[name].notna(), "")
+    return rows
 
 
-def _stated(campaigns: Sequence[Campaign], script: StudyScript) -> list[tuple[str, str, Mapping[str, Any]]]:
-    """Return the entries in the folder of the study: identifier of the row, kind by which it counts, and the entry."""
-    stated_entries: list[tuple[str, str, Mapping[str, Any]]] = []
+class _Entry(NamedTuple):
+    """An entry in the folder of a study that states a row.
+
+    identifier : Identifier of the row.
+    counts_as : Group in which the row counts.
+    content : The entry.
+    """
+
+    identifier: str
+    counts_as: str
+    content: Mapping[str, Any]
+
+
+def _study_entries(campaigns: Sequence[Campaign], script: StudyScript) -> list[_Entry]:
+    """Return the entries in the folder of the study."""
+    study_entries = []
     for campaign in campaigns:
         lists = dict(script.stated(campaign.name))
         references = campaign.model_dump(mode="json")["references"]
         lists["references"] = [*references, *lists.get("references", ())]
         for key, entries in lists.items():
-            counts_as = {"references": "number", "statements": "statement"}.get(key, "order")
-            stated_entries += [
-                (entry["id"] or f"{campaign.name} {key} {k}", counts_as, entry) for k, entry in enumerate(entries, 1)
-            ]
-    return stated_entries + [
-        (str(entry["id"]), "statement", entry) for entry in script.stated("").get("statements", ())
-    ]
+            counts_as = _COUNTS_AS.get(key, "order")
+            for number, entry in enumerate(entries, 1):
+                identifier = entry["id"] or f"{campaign.name} {key} {number}"
+                study_entries.append(_Entry(identifier, counts_as, entry))
+    for entry in script.stated("").get("statements", ()):
+        study_entries.append(_Entry(str(entry["id"]), "statement", entry))
+    return study_entries
 
 
-def _marked(rows: pd.DataFrame, stated: Sequence[tuple[str, str, Mapping[str, Any]]]) -> pd.DataFrame:
+def _mark_rows(rows: pd.DataFrame, entries: Sequence[_Entry]) -> pd.DataFrame:
     """Return rows with their present items and marks; InputError if the study no longer has the entry of a row."""
-    by_id: dict[str, list[tuple[str, Mapping[str, Any]]]] = {}
-    for name, counts_as, entry in stated:
-        by_id.setdefault(name, []).append((counts_as, entry))
+    by_identifier: dict[str, list[_Entry]] = {}
+    for entry in entries:
+        by_identifier.setdefault(entry.identifier, []).append(entry)
     updated = []
     for row in rows.to_dict(orient="records"):
-        candidates = [pair for pair in by_id.get(row["id"], []) if str(row["item"]).startswith(str(pair[1]["item"]))]
+        item = str(row["item"])
+        candidates = [
+            entry for entry in by_identifier.get(row["id"], []) if item.startswith(str(entry.content["item"]))
+        ]
         if not candidates:
-            of = row["id"] or row["item"]
-            raise InputError(f"references.csv: the study has no statement any more for {of!r}; run the study")
-        counts_as, entry = max(candidates, key=lambda pair: len(str(pair[1]["item"])))
-        of_band = verdict_in_band(row, entry) if counts_as == "number" else {}
-        updated.append({**row, "item": entry["item"], **of_band, **marks(entry, counts_as)})
+            label = row["id"] or row["item"]
+            raise InputError(f"references.csv: the study has no statement any more for {label!r}; run the study")
+        # Entries may share an identifier, and the item of one may begin with that of another
+        entry = max(candidates, key=lambda candidate: len(str(candidate.content["item"])))
+        verdict = verdict_in_band(row, entry.content) if entry.counts_as == "number" else {}
+        updated.append(
+            {
+                **row,
+                "item": entry.content["item"],
+                **verdict,
+                **marks(entry.content, entry.counts_as),
+            }
+        )
     return pd.DataFrame(updated, columns=COLUMNS)
 
 
-def _campaigns(text: str, rows: pd.DataFrame) -> list[dict[str, Any]]:
+def _campaign_lines(text: str, rows: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of the campaign table in a stored answer, recounted."""
-    table = text.partition(_CAMPAIGNS)[2].strip().partition("\n\n")[0].split("\n")
-    names, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table)
+    table = text.partition(_CAMPAIGNS)[2].strip().partition("\n\n")[0]
+    headings, _, *lines = [_split_cells(line) for line in table.split("\n")]
     recounted = []
     for line in lines:
-        of = dict(zip(names, line, strict=True))
-        counted_rows = rows[rows["case"].str.startswith(f"{of['campaign']}: ") & evidence(rows)]
-        counts = {name: int(of[name]) for name in ("cases", "runs", "failed runs")}
-        published = f"{int(held(counted_rows).sum())} of {len(counted_rows)}" if len(counted_rows) else "–"
-        recounted.append({**of, **counts, "as published": published})
+        cells: dict[str, Any] = dict(zip(headings, line, strict=True))
+        is_of_campaign = rows["case"].str.startswith(f"{cells['campaign']}: ")
+        counted = rows[is_of_campaign & evidence(rows)]
+        for name in ("cases", "runs", "failed runs"):
+            cells[name] = int(cells[name])
+        cells["as published"] = f"{int(held(counted).sum())} of {len(counted)}" if len(counted) else "–"
+        recounted.append(cells)
     return recounted
+
+
+def _split_cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip("|").split("|")]

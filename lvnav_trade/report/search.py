@@ -66,13 +66,12 @@ def solved(
 
     names : names of the varied fields
     """
-    rows = answers.drop(columns=["evaluations"])
     has_curve = bool(answers.along.notna().any())
-    if not has_curve:
-        rows = rows.drop(columns=["along", "along_unit"])
-    blocks: list[Block] = (
-        [Text(_answer(solution, names), "") for solution in answers.itertuples()] if len(answers) <= _FEW else []
-    )
+    columns = ["evaluations"] if has_curve else ["evaluations", "along", "along_unit"]
+    rows = answers.drop(columns=columns)
+    blocks: list[Block] = []
+    if len(answers) <= _FEW:
+        blocks += [Text(_answer(solution, names), "") for solution in answers.itertuples()]
     blocks += [Text(note("solve")), table(_words(rows), f"Largest {names[0]} that meets the requirements.")]
     if not answers.monotone.all():
         blocks.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
@@ -91,17 +90,19 @@ def _words(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _answer(row: Any, names: Sequence[str]) -> str:
     """Return a solution as a sentence: the largest value that meets the requirements, and the limiting requirement."""
-    _, is_outside, why = row.remark.partition(NOT_APPLICABLE)
+    _, is_outside, reason = row.remark.partition(NOT_APPLICABLE)
+    has_second_field = not pd.isna(row.along)
+    has_value = not pd.isna(row.answer)
     return say(
         "largest",
         case=", ".join(label for label in (row.case, row.tuning) if label != "base"),
-        at=f"{names[1]} = {row.along:.4g} {row.along_unit}" if row.along == row.along else "",
+        at=f"{names[1]} = {row.along:.4g} {row.along_unit}" if has_second_field else "",
         field=names[0],
-        value=f"{row.answer:.4g} {row.unit}" if row.answer == row.answer else "",
+        value=f"{row.answer:.4g} {row.unit}" if has_value else "",
         remark=row.remark,
         limiting_requirement=row.limiting_requirement,
         is_monotone=row.monotone,
-        outside=f"{NOT_APPLICABLE.capitalize()}{why}" if is_outside else "",
+        outside=f"{NOT_APPLICABLE.capitalize()}{reason}" if is_outside else "",
     )
 
 
@@ -110,15 +111,15 @@ def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[B
 
     least : column of the total, such as cost or mass
     """
-    best, name = answers[answers.chosen], least.split("_")[0]
+    name = least.split("_")[0]
+    best = answers[answers.chosen]
     if len(best):
-        top = best.iloc[0]
-        ratio = f"error over limit {top.error_ratio:.3g} (largest: {top.limiting_requirement})"
-        sentence = f"{top.case}: {name} {top[least]:g}, {ratio}."
-        lead = f"Least {name} that meets the requirements:"
+        row = best.iloc[0]
+        ratio = f"error over limit {row.error_ratio:.3g} (largest: {row.limiting_requirement})"
+        first = Text(f"{row.case}: {name} {row[least]:g}, {ratio}.", f"Least {name} that meets the requirements:")
     else:
-        sentence, lead = "", "No case meets the requirements."
-    blocks: list[Block] = [Text(sentence, lead), table(_words(answers), f"All cases, smallest {name} first.")]
+        first = Text("", "No case meets the requirements.")
+    blocks: list[Block] = [first, table(_words(answers), f"All cases, smallest {name} first.")]
     if len(confirmed):
         caption = "Runs of the chosen case, and of the next cheaper one, which does not meet the requirements."
         blocks += [Text(note("solve_confirmed")), table(_words(confirmed), caption)]
@@ -145,31 +146,34 @@ def indexed(
     remark : str
         Further text.
     """
-    order = frame.sort_values("retuned_total", ascending=False).iloc[:3]
-    ranking = "; ".join(
-        f"{row.source} {row.retuned_total:.2f} +- {row.retuned_total_half_width:.2f} (frozen {row.frozen_total:.2f})"
-        for row in order.itertuples()
-    )
-    about = (
+    largest = []
+    for row in frame.sort_values("retuned_total", ascending=False).iloc[:3].itertuples():
+        interval = f"{row.retuned_total:.2f} +- {row.retuned_total_half_width:.2f}"
+        largest.append(f"{row.source} {interval} (frozen {row.frozen_total:.2f})")
+    coverage = (
         f"{error.replace('_', ' ')}, case {case}: these sources contribute {100 * covered:.3g} % of the mean square. "
         "The indices divide their effect; all other sources keep their sigmas. "
         f"A fit to {samples} re-tuned designs does not predict {100 * (1 - predicted):.2g} % of the variance of other "
         "designs."
     )
-    drawn = Picture("indices", plots.indices(frame), note("indices", "figures"))
-    lead = "Largest total indices, filter re-tuned:"
-    warning = [Text(f"{remark}.", "Linear covariance:")] if remark else []
-    return [Text(f"{ranking}.", lead), *warning, Text(about), Text(note("indices")), table(_words(frame)), drawn]
+    blocks: list[Block] = [Text(f"{'; '.join(largest)}.", "Largest total indices, filter re-tuned:")]
+    if remark:
+        blocks.append(Text(f"{remark}.", "Linear covariance:"))
+    return [
+        *blocks,
+        Text(coverage),
+        Text(note("indices")),
+        table(_words(frame)),
+        Picture("indices", plots.indices(frame), note("indices", "figures")),
+    ]
 
 
 def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:
     """Return the tuned filter parameters, the errors in every case (validation cases too), and the card as source."""
-    blocks: list[Block] = [Text(_tuning(cases), "Error over its limit:")]
-    numbers = table(_words(values), "The filter's numbers.")
     return [
-        *blocks,
+        Text(_tuning(cases), "Error over its limit:"),
         Text(note("tune")),
-        numbers,
+        table(_words(values), "The filter's numbers."),
         table(_words(cases), "Every case, before and after."),
         Text(source, "The card filter.yaml states its source:"),
     ]

@@ -71,29 +71,28 @@ def build(
     InputError
         The folder cannot be written.
     """
-    target, script = owned(folder, "study"), script or StudyScript(folder)
-    answered = [each._replace(tables=in_units(each.tables, study.units)) for each in answered]
-    rows = [
-        published_rows(each.campaign.name, each.tables, each.campaign.model_dump(mode="json"), script)
-        for each in answered
-    ]
-    published = together(answered, [frame_of(one) for one in rows])
-    if further := script.further_rows(unflown):
+    target = owned(folder, "study")
+    script = script or StudyScript(folder)
+    answered = [result._replace(tables=in_units(result.tables, study.units)) for result in answered]
+    frames = [published_frame(result, script) for result in answered]
+    published = together(answered, frames)
+    further = script.further_rows(unflown)
+    if further:
         published = pd.concat([published, frame_of(further)], ignore_index=True)
-    sections = [
-        answer(study, published, script, [line_of(one, published) for one in answered]),
-        *assumptions(study),
-        *(campaign_section(one, frame_of(mine), script) for one, mine in zip(answered, rows, strict=True)),
-        reproduce(study, answered),
-        agreements(answered),
-    ]
+    lines = [line_of(result, published) for result in answered]
+    sections = [answer(study, published, script, lines), *assumptions(study)]
+    for result, frame in zip(answered, frames, strict=True):
+        sections.append(campaign_section(result, frame, script))
+    sections += [reproduce(study, answered), agreements(answered)]
     files: dict[str, bytes | str] = {
         **pictures(sections),
         "references.csv": csv_text(published),
         "agreement.csv": csv_text(agreed(answered)),
         "report.md": markdown_page(study.title, study.description.strip(), sections),
-        **{f"{one.part.campaign}.kml": flight_of(one, one.part.kml) for one in answered if one.part.kml is not None},
     }
+    for result in answered:
+        if result.part.kml is not None:
+            files[f"{result.part.campaign}.kml"] = flight_of(result, result.part.kml)
     with writing(folder, "the study cannot be kept there"):
         target.publish("study", files)
     return target.folder / "report.md"
@@ -107,9 +106,8 @@ def assumptions(study: StudyCard) -> list[Section]:
 
 def agreed(answered: Sequence[StudyResult]) -> pd.DataFrame:
     """Return the rows of agreement.csv: runs against linear covariance, by campaign and case."""
-    return together(
-        answered, [agreement(campaign_results.tables).dropna(subset="monte_carlo") for campaign_results in answered]
-    )
+    frames = [agreement(result.tables).dropna(subset="monte_carlo") for result in answered]
+    return together(answered, frames)
 
 
 def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -117,17 +115,24 @@ def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+def published_frame(result: StudyResult, script: StudyScript) -> pd.DataFrame:
+    """Return the rows of published numbers of a campaign as a table."""
+    stated_campaign = result.campaign.model_dump(mode="json")
+    return frame_of(published_rows(result.campaign.name, result.tables, stated_campaign, script))
+
+
 def flight_of(result: StudyResult, case: Case) -> bytes:
     """Return the trajectory of a case as KML."""
     label = result.tables.labels[_cases(result, case)[0]]
-    drawn = [flight for flight in flights(result.tables, True, 60.0) if flight.name == label]
-    return kml(f"{result.part.campaign}: {label}", drawn)
+    case_flights = [flight for flight in flights(result.tables, True, 60.0) if flight.name == label]
+    return kml(f"{result.part.campaign}: {label}", case_flights)
 
 
 def together(answered: Sequence[StudyResult], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns as one frame, with the campaign's name before each case."""
-    labelled = [named(campaign_results, frame) for campaign_results, frame in zip(answered, frames, strict=True)]
-    return pd.concat([frame for frame in labelled if len(frame)] or labelled[:1], ignore_index=True)
+    labelled = [named(result, frame) for result, frame in zip(answered, frames, strict=True)]
+    with_rows = [frame for frame in labelled if len(frame)]
+    return pd.concat(with_rows or labelled[:1], ignore_index=True)
 
 
 def named(result: StudyResult, frame: pd.DataFrame) -> pd.DataFrame:
@@ -151,19 +156,21 @@ def answer(
     campaigns : sequence of mapping
         One row per campaign for the table of campaigns.
     """
-    numbered = script.is_statement(every) & evidence(every)
-    frame = every[~numbered]
+    is_statement = script.is_statement(every) & evidence(every)
+    statements = every[is_statement]
+    frame = every[~is_statement]
     blocks = [
-        *headline(frame, study.important, every[numbered]),
+        *headline(frame, study.important, statements),
         *printed_tables(study, every),
         *those_that_miss(frame),
-        *script.verdicts(every[numbered]),
+        *script.verdicts(statements),
+        table(pd.DataFrame(campaigns), "The campaigns of this study."),
     ]
-    blocks.append(table(pd.DataFrame(campaigns), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
         blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are counted, in one figure."))
-    return Section("answer", "Answer", [*blocks, *not_counted(frame)])
+    blocks += not_counted(frame)
+    return Section("answer", "Answer", blocks)
 
 
 def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
@@ -171,17 +178,19 @@ def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
 
     frame : rows of published numbers of all campaigns
     """
-    of_campaign = frame[frame["case"].str.startswith(f"{result.part.campaign}: ") & evidence(frame)]
-    counted, cases = by_case(result.tables), result.tables.cases
-    tested = counted[counted.verdict.isin(["agree", "disagree"])]
-    agree = int((tested.verdict == "agree").sum())
+    campaign = result.part.campaign
+    counted = frame[frame["case"].str.startswith(f"{campaign}: ") & evidence(frame)]
+    cases = result.tables.cases
+    verdicts = by_case(result.tables).verdict
+    n_agree = int((verdicts == "agree").sum())
+    n_tested = int(verdicts.isin(["agree", "disagree"]).sum())
     return {
-        "campaign": result.part.campaign,
+        "campaign": campaign,
         "cases": len(cases),
         "runs": int(cases.run_count.sum()),
         "failed runs": int(cases.failed_count.sum()),
-        "as published": f"{int(held(of_campaign).sum())} of {len(of_campaign)}" if len(of_campaign) else "–",
-        "both engines agree": f"{agree} of {len(tested)} cases" if len(tested) else "–",
+        "as published": f"{int(held(counted).sum())} of {len(counted)}" if len(counted) else "–",
+        "both engines agree": f"{n_agree} of {n_tested} cases" if n_tested else "–",
     }
 
 
@@ -190,61 +199,97 @@ def campaign_section(result: StudyResult, frame: pd.DataFrame, script: StudyScri
 
     frame : rows of published numbers of this campaign
     """
-    part, tables = result.part, result.tables
+    part = result.part
     question = part.question or result.campaign.description
-    blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
+    blocks: list[Block] = [Text(_one_line(question))] if question else []
     frame = frame[~script.is_statement(named(result, frame))]  # statements are shown in the answer
     if len(frame):
-        blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
-    blocks += [*script.blocks(result), *motion_summary(tables), *control_tables(tables, brief=True)]
-    blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired)]
-    numbered = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
-    if not any(figure.plot == "spread" for figure in part.figures):
-        numbered.append(("spread", CampaignFigure(plot="spread")))
-    for name, figure in numbered:
-        script_figure = script.figures.get(figure.plot)
-        drawn = _draw(result, figure, script) if script_figure is None else script_figure.draw(result, figure)
-        if drawn is not None:
-            about = (
-                note(figure.plot, "figures_of_a_study", **figure.model_dump())
-                if script_figure is None
-                else script_figure.caption
-            )
-            blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join((figure.caption or about).split())))
+        sources = "; ".join(dict.fromkeys(frame.source))
+        blocks.append(stated("study_references", frame, sources=sources))
+    blocks += script.blocks(result)
+    blocks += motion_summary(result.tables)
+    blocks += control_tables(result.tables, brief=True)
+    blocks += observed_table(result.tables)
+    blocks += study_tables(result.tables, part.tables, part.paired)
+    blocks += _campaign_pictures(result, script)
     if part.kml is not None:
         file = f"{part.campaign}.kml"
         blocks.append(Text(f"The trajectory with 3-sigma position errors, for Earth viewers: {file}."))
-    blocks += [Text(" ".join(paragraph.split())) for paragraph in part.text.split("\n\n") if paragraph.strip()]
+    for paragraph in part.text.split("\n\n"):
+        if paragraph.strip():
+            blocks.append(Text(_one_line(paragraph)))
     return Section(part.campaign, heading(part.campaign), blocks)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _campaign_pictures(result: StudyResult, script: StudyScript) -> list[Block]:
+    """Return the figures of a campaign that study.yaml names, and the spread of the runs if it does not name it."""
+    part = result.part
+    figures = {f"{place}-{figure.plot}": figure for place, figure in enumerate(part.figures, 1)}
+    if not any(figure.plot == "spread" for figure in part.figures):
+        figures["spread"] = CampaignFigure(plot="spread")
+    pictures_of_campaign: list[Block] = []
+    for name, figure in figures.items():
+        script_figure = script.figures.get(figure.plot)
+        if script_figure is None:
+            drawing = _draw(result, figure, script)
+        else:
+            drawing = script_figure.draw(result, figure)
+        if drawing is None:
+            continue
+        if script_figure is None:
+            caption = note(figure.plot, "figures_of_a_study", **figure.model_dump())
+        else:
+            caption = script_figure.caption
+        caption = _one_line(figure.caption or caption)
+        pictures_of_campaign.append(Picture(f"{part.campaign}-{name}", drawing, caption))
+    return pictures_of_campaign
 
 
 def heading(campaign: str) -> str:
     """Return the name of a campaign as a heading: ``imu_noise`` becomes IMU noise."""
-    first, *following = [word.upper() if word in _ACRONYMS else word for word in campaign.split("_")]
-    return " ".join([first[:1].upper() + first[1:], *following])
+    words = [word.upper() if word in _ACRONYMS else word for word in campaign.split("_")]
+    words[0] = words[0][:1].upper() + words[0][1:]
+    return " ".join(words)
 
 
 def _draw(result: StudyResult, figure: CampaignFigure, script: StudyScript) -> Drawing | None:
     """Return the drawing of a figure of study.yaml, by the script or by a plot of the report."""
-    case, level_sets, quantity = _cases(result, figure.case)[0], figure.cases, figure.quantity
-    for level_set in level_sets:
-        _cases(result, level_set)
-    over = (quantity, level_sets, figure.axis, figure.during)
-    metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
-    published = None if figure.published is None else PublishedValue(figure.published, figure.band or (0.5, 2.0))
+    case = _cases(result, figure.case)[0]
+    for levels in figure.cases:  # an InputError for levels without a case
+        _cases(result, levels)
+    error = (figure.quantity, figure.cases, figure.axis, figure.during)
     arguments: dict[str, tuple[Any, ...]] = {
-        "spread": ([*result.campaign.model_dump(mode="json")["references"], *script.references(result.campaign.name)],),
-        "errors": over,
-        "relative": over,
-        "autocorrelation": (level_sets, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, published, level_sets, figure.varied, figure.flown),
+        "spread": (_references(result, script),),
+        "errors": error,
+        "relative": error,
+        "autocorrelation": (figure.cases, figure.channels),
+        "locus": _locus_arguments(figure),
         "sweep": (figure.band,),
-        "envelope": (case, quantity),
-        "budget": (case, quantity),
-        "motion": (case, quantity),
+        "envelope": (case, figure.quantity),
+        "budget": (case, figure.quantity),
+        "motion": (case, figure.quantity),
     }
-    drawn: Drawing | None = PLOTS[figure.plot](result.tables, *arguments.get(figure.plot, (case,)))
-    return drawn
+    drawing: Drawing | None = PLOTS[figure.plot](result.tables, *arguments.get(figure.plot, (case,)))
+    return drawing
+
+
+def _references(result: StudyResult, script: StudyScript) -> list[Mapping[str, Any]]:
+    """Return the published numbers of a campaign, of its card and of the script."""
+    campaign = result.campaign
+    return [*campaign.model_dump(mode="json")["references"], *script.references(campaign.name)]
+
+
+def _locus_arguments(figure: CampaignFigure) -> tuple[Any, ...]:
+    """Return the arguments of the plot `locus` after the tables."""
+    published = None
+    if figure.published is not None:
+        published = PublishedValue(figure.published, figure.band or (0.5, 2.0))
+    metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
+    return (figure.axis, metric, figure.unit, published, figure.cases, figure.varied, figure.flown)
 
 
 def _cases(result: StudyResult, case: Case) -> list[str]:
@@ -258,13 +303,8 @@ def _cases(result: StudyResult, case: Case) -> list[str]:
 
 def agreements(answered: Sequence[StudyResult]) -> Section:
     """Return the appendix with the cases in which runs and linear covariance disagree."""
-    frame = pd.concat(
-        [
-            by_case(campaign_results.tables).assign(campaign=campaign_results.part.campaign)
-            for campaign_results in answered
-        ],
-        ignore_index=True,
-    )
+    frames = [by_case(result.tables).assign(campaign=result.part.campaign) for result in answered]
+    frame = pd.concat(frames, ignore_index=True)
     frame = frame[frame.verdict != "no runs"]
     frame = frame.assign(
         outside=frame.outside_count.astype(str) + " of " + frame.tested_count.astype(str),
@@ -272,32 +312,36 @@ def agreements(answered: Sequence[StudyResult]) -> Section:
     )
     differing = frame[frame.verdict != "agree"]
     blocks: list[Block] = [Text(note("study_agreement", level=percent(0.01)))]
-    blocks += [stated("study_agreement", differing)] if len(differing) else []
+    if len(differing):
+        blocks.append(stated("study_agreement", differing))
     return Section("agreement", APPENDIX, blocks)
 
 
 def reproduce(study: StudyCard, answered: Sequence[StudyResult]) -> Section:
     """Return the command, seeds and digests of each campaign."""
-    rows = [
-        {
-            "campaign": each.part.campaign,
-            "seed": str(each.tables.campaign.get("seed")),
-            "runs per case": str((each.tables.campaign.get("monte_carlo") or {}).get("runs", 0)),
-            "campaign digest": each.tables.manifest.get("campaign_digest", ""),
-            "code digest": each.tables.manifest.get("code_digest", ""),
-        }
-        for each in answered
-    ]
+    rows = []
+    for result in answered:
+        campaign, manifest = result.tables.campaign, result.tables.manifest
+        monte_carlo = campaign.get("monte_carlo") or {}
+        rows.append(
+            {
+                "campaign": result.part.campaign,
+                "seed": str(campaign.get("seed")),
+                "runs per case": str(monte_carlo.get("runs", 0)),
+                "campaign digest": manifest.get("campaign_digest", ""),
+                "code digest": manifest.get("code_digest", ""),
+            }
+        )
     place = study.name or "FOLDER"
     command = Text(f"lvnav-trade study {place} --keep reports/{place}", kind="code")
     blocks: list[Block] = [command, Text(note("study_reproduce", place=place)), table(pd.DataFrame(rows))]
     return Section("reproduce", "How to reproduce", blocks)
 
 
-def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
-    """Return the tables named in `wanted`, in a fixed order.
+def study_tables(tables: Tables, names: Sequence[str], axis: str) -> list[Block]:
+    """Return the tables named in `names`, in a fixed order.
 
-    wanted : requirements, logic, coverage, paired, error_bound, integrity, tested_errors
+    names : requirements, logic, coverage, paired, error_bound, integrity, tested_errors
     axis : axis whose levels are compared in the table `paired`
     """
     builders: dict[str, Callable[[Tables], list[Block]]] = {
@@ -309,39 +353,51 @@ def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block
         "integrity": rates,
         "tested_errors": worth,
     }
-    return [block for name, make in builders.items() if name in wanted for block in make(tables)]
+    blocks = []
+    for name, build_table in builders.items():
+        if name in names:
+            blocks += build_table(tables)
+    return blocks
 
 
 @of("requirements")
 def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
-    beyond = frame.failures.astype(str) + " of " + frame.runs.astype(str)
-    share, sure = frame.probability.iloc[0], frame.confidence.iloc[0]
+    probability = frame.probability.iloc[0]
+    confidence = frame.confidence.iloc[0]
+    n_met = int((frame.verdict == "met").sum())
     text = (
-        f"{int((frame.verdict == 'met').sum())} of {len(frame)} cells pass: at least {100 * share:g} % of flights "
-        f"within the limit, at a confidence of {100 * sure:g} %."
+        f"{n_met} of {len(frame)} cells pass: at least {100 * probability:g} % of flights "
+        f"within the limit, at a confidence of {100 * confidence:g} %."
     )
-    frame = in_words(frame).assign(verdict=frame.verdict.map(verdicts), beyond=beyond)
-    return [Text(text), stated("study_requirements", frame)]
+    verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
+    rows = in_words(frame).assign(
+        verdict=frame.verdict.map(verdicts),
+        beyond=frame.failures.astype(str) + " of " + frame.runs.astype(str),
+    )
+    return [Text(text), stated("study_requirements", rows)]
 
 
 def _coverage(tables: Tables) -> list[Block]:
     frame = coverage(tables)
     if frame.empty:
         return []
+    events = _spaced_events(frame)
+    if len(tables.labels) > _MANY:
+        events = events[:1]
+    frame = frame[frame.event.isin(events)]
     ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
-    events = _spaced(frame)[: 1 if len(tables.labels) > _MANY else None]  # with many cases only the last event
-    frame = frame[frame.event.isin(events)].assign(**{name: 100.0 * frame[name] for name in ratios})
-    return [Text(note("coverage")), stated("coverage", frame)]
+    return [Text(note("coverage")), stated("coverage", frame.assign(**{name: 100.0 * frame[name] for name in ratios}))]
 
 
-def _spaced(frame: pd.DataFrame) -> list[str]:
+def _spaced_events(frame: pd.DataFrame) -> list[str]:
     """Return events at least an eighth of the flight apart, starting from injection (or from the last event)."""
-    times = frame.drop_duplicates("event").set_index("event").t_s.sort_values(ascending=False, kind="stable")
-    last = str(times.index[0]) if "injection" not in times.index else "injection"
-    selected, distance = [last], (times.max() - times.min()) / 8.0
+    times = frame.drop_duplicates("event").set_index("event").t_s
+    times = times.sort_values(ascending=False, kind="stable")
+    last = "injection" if "injection" in times.index else str(times.index[0])
+    least_distance = (times.max() - times.min()) / 8.0
+    selected = [last]
     for name, t in times.items():
-        if all(abs(t - times[event]) >= distance for event in selected):
+        if all(abs(t - times[event]) >= least_distance for event in selected):
             selected.append(str(name))
     return selected
 
@@ -350,8 +406,8 @@ def _paired(tables: Tables, axis: str) -> list[Block]:
     frame = paired_levels(tables, axis)
     if frame.empty:
         return []
-    last = frame[frame.event.isin(_shown_events(frame))]
-    return [Text(note("paired")), stated("paired", last, axis=axis)]
+    rows = frame[frame.event.isin(_shown_events(frame))]
+    return [Text(note("paired")), stated("paired", rows, axis=axis)]
 
 
 def _shown_events(frame: pd.DataFrame) -> list[str]:

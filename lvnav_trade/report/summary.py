@@ -1,6 +1,7 @@
 """Summary of a report: the answer in a few lines, its limits, margins of all cases, the ranking."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
@@ -36,26 +37,42 @@ _ROLES = {"worst": "worst design", "binding": "smallest positive margin", "best"
 def summary(tables: Tables) -> list[Block]:
     """Return the verdict in a few lines, the margin of every requirement in every case, and the ranking."""
     frame = METRICS["margins"](tables)
-    blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *short_lived(tables), *overconfidence(tables)]
-    blocks += empty_stages(tables)
-    blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
+    blocks: list[Block] = [
+        *_beyond(tables),
+        *_verdict(frame),
+        *short_lived(tables),
+        *overconfidence(tables),
+        *empty_stages(tables),
+        *margin_policy(tables, frame),
+        *_deciding_cases(tables, frame),
+    ]
     ways = ways_to_comply(METRICS["improvements"](tables))
     if len(ways):
-        text = say("comply_first", advice=advice(tables, next(ways.itertuples())), others=len(ways) - 1)
+        first = next(ways.itertuples())
+        text = say("comply_first", advice=advice(tables, first), others=len(ways) - 1)
         blocks.append(Text(text, "To comply:"))
-    blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
-    for lead in ("Warning:", "Note:"):
-        lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
-        blocks += lines if len(lines) <= _FEW else [Details(f"{len(lines)} {lead[:-1].lower()}s", lines)]
-    blocks += [*placed_by_assumptions(tables), *ranked_by_assumptions(tables)]
+    blocks.append(Text(" ".join([_extent(tables), *_agreement(tables)])))
+    blocks += _remarks("warning", tables.manifest.get("warnings", []))
+    blocks += _remarks("note", tables.manifest.get("notes", []))
+    blocks += placed_by_assumptions(tables)
+    blocks += ranked_by_assumptions(tables)
     if len(frame):
         blocks.append(_matrix(tables, frame))
     else:
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
-    at = words(METRICS["ranking"](tables).event.iloc[0])
-    drawn = figure(tables, "rank", name="ranking", event=at)
+    event = words(METRICS["ranking"](tables).event.iloc[0])
+    blocks.append(figure(tables, "rank", name="ranking", event=event))
     ranking = _ranking(tables)
-    return [*blocks, drawn, Details("Ranking with intervals", [ranking]) if len(frame) else ranking]
+    blocks.append(Details("Ranking with intervals", [ranking]) if len(frame) else ranking)
+    return blocks
+
+
+def _remarks(name: str, lines: Sequence[str]) -> list[Block]:
+    """Return the warnings or notes (name) of a campaign as paragraphs; of many, all on demand."""
+    paragraphs = [Text(f"{line}.", f"{name.capitalize()}:") for line in lines]
+    if len(paragraphs) <= _FEW:
+        return list(paragraphs)
+    return [Details(f"{len(lines)} {name}s", paragraphs)]
 
 
 def _verdict(frame: pd.DataFrame) -> list[Block]:
@@ -63,39 +80,44 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
     if frame.empty:
         return []
     names = list(dict.fromkeys(frame.requirement))
-    of_cases = frame.groupby("case", sort=False).verdict.agg(worst)
-    counts = of_cases.value_counts()
+    is_several = len(names) > 1
+    worst_verdicts = frame.groupby("case", sort=False).verdict.agg(worst)
+    counts = worst_verdicts.value_counts()
+    others = []
+    for verdict in reversed(ORDER):
+        if verdict in counts and verdict != "met":
+            others.append(_not_met(frame, worst_verdicts, verdict, is_several))
     text = say(
         "verdict",
         met=int(counts.get("met", 0)),
-        whole=len(of_cases),
+        whole=len(worst_verdicts),
         requirements=len(names),
-        evidence=_evidence(frame, of_cases, "met"),
-        others=[
-            _not_met(frame, of_cases, verdict, len(names) > 1)
-            for verdict in ORDER[::-1]
-            if verdict in counts and verdict != "met"
-        ],
+        evidence=_evidence(frame, worst_verdicts, "met"),
+        others=others,
         by_covariance=bool((frame.by == COVARIANCE).all()),
     )
-    name = say("name_of_all", requirements=len(names)) if len(names) > 1 else f"{str(names[0]).capitalize()}."
-    return [Text(text, name)]
+    lead = say("name_of_all", requirements=len(names)) if is_several else f"{str(names[0]).capitalize()}."
+    return [Text(text, lead)]
 
 
-def _not_met(frame: pd.DataFrame, of_cases: pd.Series, verdict: str, is_several: bool) -> str:
-    """Return the number of designs with a verdict as their worst, and the requirements if there are several."""
-    these = frame[frame.case.isin(of_cases.index[of_cases == verdict]) & (frame.verdict == verdict)]
-    counts = these.groupby("requirement", sort=False).size()
+def _not_met(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str, is_several: bool) -> str:
+    """Return the number of designs with a verdict as their worst, and the requirements if there are several.
+
+    worst_verdicts : worst verdict by case
+    """
+    cases = worst_verdicts.index[worst_verdicts == verdict]
+    rows = frame[frame.case.isin(cases) & (frame.verdict == verdict)]
+    counts = rows.groupby("requirement", sort=False).size()
     return say(
         "not_met",
-        designs=int((of_cases == verdict).sum()),
+        designs=len(cases),
         verdict=verdict,
         which=dict(counts.items()) if is_several else {},
-        evidence=_evidence(frame, of_cases, verdict),
+        evidence=_evidence(frame, worst_verdicts, verdict),
     )
 
 
-def _evidence(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
+def _evidence(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str) -> str:
     """Return the number of designs whose verdict is confirmed by runs, if other designs rest on linear covariance.
 
     Compliance of a design is confirmed if all its requirements are; a violation, if that requirement is.
@@ -103,24 +125,33 @@ def _evidence(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
     of_runs = frame.by != COVARIANCE
     if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
         return ""
-    rows = frame.assign(of_runs=of_runs)[frame.case.map(of_cases) == verdict]
+    rows = frame.assign(of_runs=of_runs)
+    rows = rows[(rows.case.map(worst_verdicts) == verdict) & (rows.verdict == verdict)]
     if rows.empty:
         return ""
-    by_case = rows[rows.verdict == verdict].groupby("case", sort=False).of_runs
-    confirmed = by_case.all() if verdict == "met" else by_case.any()
-    by_covariance = by_case.any()[~confirmed]
-    return say("evidence", by_runs=int(confirmed.sum()), others=len(by_covariance), in_part=bool(by_covariance.any()))
+    case_evidence = rows.groupby("case", sort=False).of_runs
+    confirmed = case_evidence.all() if verdict == "met" else case_evidence.any()
+    partly_confirmed = case_evidence.any()[~confirmed]
+    return say(
+        "evidence",
+        by_runs=int(confirmed.sum()),
+        others=len(partly_confirmed),
+        in_part=bool(partly_confirmed.any()),
+    )
 
 
-def _cases_that_decide(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+def _deciding_cases(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the worst case, the compliant case with the smallest margin, and the best case."""
     sentences = []
     for case, role in key_cases(tables).items():
         rows = frame[frame.case == case]
         row = rows.loc[rows.margin_ratio.idxmin()]
-        size, limit = (with_unit(value, row.unit) for value in (row.estimate, row.limit))
-        sentences.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {size} of {limit})")
-    return [Text(f"{'; '.join(sentences)}.", "Margins.")] if sentences else []
+        estimate = with_unit(row.estimate, row.unit)
+        limit = with_unit(row.limit, row.unit)
+        sentences.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {estimate} of {limit})")
+    if not sentences:
+        return []
+    return [Text(f"{'; '.join(sentences)}.", "Margins.")]
 
 
 def _signed(row: Any, as_multiple: bool | None = None) -> str:
@@ -128,12 +159,15 @@ def _signed(row: Any, as_multiple: bool | None = None) -> str:
 
     as_multiple : Whether to write the error as a multiple of the limit; by default from `_MULTIPLE` on.
     """
-    size = row.margin_ratio
-    if pd.isna(size):
-        return SIGNS[row.verdict]
-    multiple = 1.0 - size >= _MULTIPLE if as_multiple is None else as_multiple
-    text = f" {number(1.0 - size)} times the limit" if multiple else f" {100.0 * size:+.0f} %"
-    return f"{SIGNS[row.verdict]}{text}"
+    sign = SIGNS[row.verdict]
+    if pd.isna(row.margin_ratio):
+        return sign
+    error_ratio = 1.0 - row.margin_ratio
+    if as_multiple is None:
+        as_multiple = error_ratio >= _MULTIPLE
+    if as_multiple:
+        return f"{sign} {number(error_ratio)} times the limit"
+    return f"{sign} {100.0 * row.margin_ratio:+.0f} %"
 
 
 def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
@@ -142,69 +176,81 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
     Columns: margins, consistency of the filter, worst error around events, and the errors that rank the cases.
     """
     names = list(dict.fromkeys(frame.requirement))
+    is_by_covariance = bool((frame.by == COVARIANCE).all())
+    has_multiple = {}
+    for name, rows in frame.groupby("requirement"):
+        has_multiple[name] = bool((1.0 - rows.margin_ratio >= _MULTIPLE).any())
+    margins = {}
+    for row in frame.itertuples():
+        sign = mark(row.by, is_by_covariance)
+        margins[row.case, row.requirement] = _signed(row, has_multiple[row.requirement]) + sign
+
     ranking = METRICS["ranking"](tables).set_index("case")
     quantities = [name for name in ("velocity", "position", "attitude") if name in ranking]
-    multiple = {name: bool((1.0 - rows.margin_ratio >= _MULTIPLE).any()) for name, rows in frame.groupby("requirement")}
-    alone = bool((frame.by == COVARIANCE).all())
-    cells = {
-        (row.case, row.requirement): _signed(row, multiple[row.requirement]) + mark(row.by, alone)
-        for row in frame.itertuples()
-    }
-    filters, around = filter_cells(tables), window_cells(tables)
-    rows = tuple(
-        (
-            case,
-            *(cells.get((case, name), "") for name in names),
-            filters[case],
-            *(of.get(case, "–") for of in around.values()),
-            *(number(ranking.at[case, name]) for name in quantities),
-        )
-        for case in dict.fromkeys(frame.case)
-    )
+    filters = filter_cells(tables)
+    windows = window_cells(tables)
+    lines = []
+    for case in dict.fromkeys(frame.case):
+        line = [case]
+        line += [margins.get((case, name), "") for name in names]
+        line.append(filters[case])
+        line += [cells.get(case, "–") for cells in windows.values()]
+        line += [number(ranking.at[case, name]) for name in quantities]
+        lines.append(tuple(line))
+
     units = [f"{name} ({ranking[f'{name}_unit'].iloc[0]})" for name in quantities]
-    at = [
-        words(requirement["at"]) for requirement in tables.campaign.get("requirements") or () if requirement.get("at")
-    ]
+    requirements = tables.campaign.get("requirements") or ()
+    events = [words(requirement["at"]) for requirement in requirements if requirement.get("at")]
+    matrix_text = str(lines)
     caption = say(
         "matrix",
         required=_required(tables, frame),
-        has_multiples=any(multiple.values()),
+        has_multiples=any(has_multiple.values()),
         signs=[f"{sign} {verdict}" for verdict, sign in SIGNS.items() if (frame.verdict == verdict).any()],
-        by_covariance=alone,
-        marks=[f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if any(sign in str(row) for row in rows)],
-        moments=list(dict.fromkeys(at)),
-        has_windows=bool(around),
+        by_covariance=is_by_covariance,
+        marks=[f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if sign in matrix_text],
+        moments=list(dict.fromkeys(events)),
+        has_windows=bool(windows),
         event=words(METRICS["ranking"](tables).event.iloc[0]),
     )
-    head = ("design", *names, "filter consistent over the run?", *around, *units)
-    return Table(head, rows, (False, *(True for _ in names), False, *(True for _ in (*around, *quantities))), caption)
+    return Table(
+        head=("design", *names, "filter consistent over the run?", *windows, *units),
+        rows=tuple(lines),
+        numeric=(False,) + (True,) * len(names) + (False,) + (True,) * (len(windows) + len(quantities)),
+        caption=caption,
+    )
 
 
 def _required(tables: Tables, frame: pd.DataFrame) -> str:
     """Return the requirements as a sentence: limit, place and share of flights; empty if there are too many."""
-    stated = tables.campaign.get("requirements") or ()
-    if len(stated) > _FEW:
+    requirements = tables.campaign.get("requirements") or ()
+    if not requirements or len(requirements) > _FEW:
         return ""
     limits = {row.requirement: with_unit(row.limit, row.unit) for row in frame.dropna(subset="limit").itertuples()}
-    parts = [
-        {
-            "name": requirement["name"],
-            "limit": limits.get(requirement["name"], requirement["below"]),
-            "place": place_of(requirement),
-            "probability": float(requirement["probability"]),
-        }
-        for requirement in stated
-    ]
-    return say("required", requirements=parts) if parts else ""
+    facts = []
+    for requirement in requirements:
+        name = requirement["name"]
+        facts.append(
+            {
+                "name": name,
+                "limit": limits.get(name, requirement["below"]),
+                "place": place_of(requirement),
+                "probability": float(requirement["probability"]),
+            }
+        )
+    return say("required", requirements=facts)
 
 
 def _beyond(tables: Tables) -> list[Block]:
     """Return a warning if cards allow flights outside validated limits, which a reader should not overlook."""
     lines = tables.manifest.get("beyond_limits", [])
-    return [Text(f"{'; '.join(lines)}. All results below depend on it.", "Outside validated limits:")] if lines else []
+    if not lines:
+        return []
+    return [Text(f"{'; '.join(lines)}. All results below depend on it.", "Outside validated limits:")]
 
 
-def _scale(tables: Tables) -> str:
+def _extent(tables: Tables) -> str:
+    """Return the number of cases and runs, and of failed runs, as a sentence."""
     cases = tables.cases
     failed = int(cases.failed_count.sum())
     return say(
@@ -219,16 +265,22 @@ def _scale(tables: Tables) -> str:
 
 
 def _ranking(tables: Tables) -> Block:
+    """Return the table of the cases in the order of their errors, with intervals."""
     frame = METRICS["ranking"](tables)
     frame = frame.assign(failed=frame.case.map(tables.cases.set_index("label").failed_count))
-    left_out = " Runs that failed before this event are excluded." if frame.failed.any() else ""
-    columns = ["case | runs = run_count", *(["failed"] if left_out else [])]
-    for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
-        # Headings of a frame are unique: blanks of different length
-        unit, blank_heading = frame[f"{quantity}_unit"].iloc[0], "".ljust(len(columns))
+    columns = ["case | runs = run_count"]
+    remark = ""
+    if frame.failed.any():
+        columns.append("failed")
+        remark = " Runs that failed before this event are excluded."
+    for quantity in ("velocity", "position", "attitude"):
+        if quantity not in frame:
+            continue
+        unit = frame[f"{quantity}_unit"].iloc[0]
+        blanks = " " * len(columns)  # headings of a frame are unique: blanks of different length
         columns.append(f"{quantity} ({unit}) = {quantity}")
-        columns.append(f"95 % interval{blank_heading} = {quantity}_low to {quantity}_high: number")
-    caption = f"Ranking: 3D RMS error at {words(frame.event.iloc[0])}, best velocity first.{left_out}"
+        columns.append(f"95 % interval{blanks} = {quantity}_low to {quantity}_high: number")
+    caption = f"Ranking: 3D RMS error at {words(frame.event.iloc[0])}, best velocity first.{remark}"
     ranking = table(frame, caption, " | ".join(columns))
     return ranking._replace(head=tuple(name.rstrip() for name in ranking.head))
 
@@ -237,11 +289,15 @@ def _agreement(tables: Tables) -> list[str]:
     """Return sentences on the agreement of runs and linear covariance."""
     cases = by_case(tables)
     tested = cases[cases.verdict.isin(["agree", "disagree"])]
-    outside = cases[cases.verdict == "not applicable"].groupby("reason", sort=False)
-    why = [f"{listed(list(rows.case), 2 * _FEW)} ({reason})" for reason, rows in outside]
-    parts = [f"Not applicable: {'; '.join(why)}."] if why else []
-    if not len(tested):
-        return parts
-    bad = tested[tested.verdict == "disagree"]
-    disagreements = [say("disagreement", case=row.case, row=row._asdict()) for row in bad.itertuples()]
-    return [say("agreement", tested=len(tested), level=float(tested.alpha_ratio.iloc[0]), bad=disagreements), *parts]
+    sentences = []
+    if len(tested):
+        differing = tested[tested.verdict == "disagree"]
+        disagreements = [say("disagreement", case=row.case, row=row._asdict()) for row in differing.itertuples()]
+        level = float(tested.alpha_ratio.iloc[0])
+        sentences.append(say("agreement", tested=len(tested), level=level, bad=disagreements))
+    reasons = []
+    for reason, rows in cases[cases.verdict == "not applicable"].groupby("reason", sort=False):
+        reasons.append(f"{listed(list(rows.case), 2 * _FEW)} ({reason})")
+    if reasons:
+        sentences.append(f"Not applicable: {'; '.join(reasons)}.")
+    return sentences

@@ -27,8 +27,9 @@ def filter_cells(tables: Tables) -> dict[str, str]:
     """
     cells = {}
     for row in METRICS["filter_verdicts"](tables).itertuples():
-        moment = f" at {words(row.moment)}" if row.moment != "run" and row.verdict in _SIGNS else ""
-        cells[row.case] = filter_verdict(row.verdict, row.sigma_ratio) + moment
+        cells[row.case] = filter_verdict(row.verdict, row.sigma_ratio)
+        if row.moment != "run" and row.verdict in _SIGNS:
+            cells[row.case] += f" at {words(row.moment)}"
     return cells
 
 
@@ -36,18 +37,30 @@ def filter_verdict(verdict: str, sigma_ratio: float) -> str:
     """Return the verdict on a filter with its sign, and the factor by which its sigma is too small or too large."""
     if verdict not in _SIGNS:
         return "–"
-    factor = {OVERCONFIDENT: sigma_ratio, CONSERVATIVE: 1.0 / sigma_ratio if sigma_ratio else float("inf")}.get(verdict)
-    return f"{_SIGNS[verdict]} {verdict}" + ("" if factor is None else f" x{factor:.2g}")
+    text = f"{_SIGNS[verdict]} {verdict}"
+    if verdict == OVERCONFIDENT:
+        return f"{text} x{sigma_ratio:.2g}"
+    if verdict == CONSERVATIVE:
+        factor = 1.0 / sigma_ratio if sigma_ratio else float("inf")
+        return f"{text} x{factor:.2g}"
+    return text
 
 
 def overconfidence(tables: Tables) -> list[Block]:
     """Return a warning on filters whose sigma is too small, and a note on those whose sigma is too large."""
     frame = METRICS["filter_verdicts"](tables)
+    small = frame[frame.verdict == OVERCONFIDENT]
+    large = frame[frame.verdict == CONSERVATIVE]
     blocks: list[Block] = []
-    small, large = (frame[frame.verdict == verdict] for verdict in (OVERCONFIDENT, CONSERVATIVE))
     if len(small):
-        facts = {"designs": len(small), "whole": len(frame), "ratio": _span(small.sigma_ratio)}
-        blocks.append(Text(say("overconfident", cure=_cure(tables, small), **facts), "Warning:"))
+        text = say(
+            "overconfident",
+            designs=len(small),
+            whole=len(frame),
+            ratio=_span(small.sigma_ratio),
+            cure=_cure(tables, small),
+        )
+        blocks.append(Text(text, "Warning:"))
     if len(large):
         ratios = 1.0 / large.sigma_ratio.where(large.sigma_ratio > 0.0)
         text = say("conservative", designs=len(large), whole=len(frame), ratio=_span(ratios))
@@ -67,10 +80,8 @@ def _cure(tables: Tables, rows: pd.DataFrame) -> str:
     error, missing = unmodelled(tables, [digests[case] for case in rows.case])
     if not missing:
         return ""
-    low, high = (
-        f"{100.0 * value:.0f}"
-        for value in (min(source.share for source in missing), max(source.share for source in missing))
-    )
+    shares = [state.share for state in missing]
+    low, high = f"{100.0 * min(shares):.0f}", f"{100.0 * max(shares):.0f}"
     return say(
         "lacking",
         filters=len(rows),
@@ -78,7 +89,7 @@ def _cure(tables: Tables, rows: pd.DataFrame) -> str:
         source=missing[0].source,
         error=error,
         share=high if low == high else f"{low} to {high}",
-        cards=list(dict.fromkeys(source.card for source in missing if source.card)),
+        cards=list(dict.fromkeys(state.card for state in missing if state.card)),
     )
 
 
@@ -88,32 +99,40 @@ def short_lived(tables: Tables) -> list[Block]:
 
     A note follows if a window could not be evaluated.
     """
-    frame, margins = METRICS["windows"](tables), METRICS["margins"](tables)
+    margins = METRICS["margins"](tables)
     blocks: list[Block] = []
-    for name, rows in frame.groupby("requirement", sort=False):
+    for name, rows in METRICS["windows"](tables).groupby("requirement", sort=False):
         compliant = set(margins[(margins.requirement == name) & (margins.verdict == "met")].case)
-        bad = rows[rows.verdict_changes & rows.case.isin(compliant)]
-        if bad.empty:
-            continue
-        each = [f"{row.case}: {with_unit(row.worst, row.unit)} {when(row)}" for row in bad.itertuples()]
-        texts, by = with_evidence(each, bad.by)
-        quantile = f"{percent(bad.probability.iloc[0])} quantile{by}"
-        worst = rows.iloc[0]
-        text = say(
-            "holds",
-            name=str(worst.requirement).capitalize(),
-            event=words(worst.event),
-            limit=with_unit(worst.limit, worst.unit),
-            before=f"{worst.t_s - worst.first_s:.3g}",
-            after=f"{worst.last_s - worst.t_s:.3g}",
-            met=len(compliant),
-            bad=len(bad),
-            stay=int((rows.case.isin(compliant) & (rows.worst < rows.limit)).sum()),
-            quantile=quantile,
-            cases=listed(texts, 2 * _FEW),
-        )
-        blocks.append(Text(text, "Warning:"))
+        rows = rows.assign(is_compliant=rows.case.isin(compliant))
+        exceeding = rows[rows.verdict_changes & rows.is_compliant]
+        if len(exceeding):
+            blocks.append(Text(_window_sentence(rows, exceeding, len(compliant)), "Warning:"))
     return blocks + _not_evaluated(tables)
+
+
+def _window_sentence(rows: pd.DataFrame, exceeding: pd.DataFrame, n_compliant: int) -> str:
+    """Return a sentence on designs that exceed a limit around its event.
+
+    rows : windows of all cases around the event of one requirement
+    exceeding : rows of designs that comply at the event and exceed the limit around it
+    n_compliant : number of designs that comply at the event
+    """
+    cases = [f"{row.case}: {with_unit(row.worst, row.unit)} {when(row)}" for row in exceeding.itertuples()]
+    texts, source = with_evidence(cases, exceeding.by)
+    window = rows.iloc[0]
+    return say(
+        "holds",
+        name=str(window.requirement).capitalize(),
+        event=words(window.event),
+        limit=with_unit(window.limit, window.unit),
+        before=f"{window.t_s - window.first_s:.3g}",
+        after=f"{window.last_s - window.t_s:.3g}",
+        met=n_compliant,
+        bad=len(exceeding),
+        stay=int((rows.is_compliant & (rows.worst < rows.limit)).sum()),
+        quantile=f"{percent(exceeding.probability.iloc[0])} quantile{source}",
+        cases=listed(texts, 2 * _FEW),
+    )
 
 
 def empty_stages(tables: Tables) -> list[Block]:
@@ -149,11 +168,11 @@ def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
 def _not_evaluated(tables: Tables) -> list[Block]:
     """Return the requirements for which the duration of the verdict is unknown, with the reason."""
     frame = METRICS["unevaluated"](tables)
-    alike: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
+    groups: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
     for (name, event, reason), rows in frame.groupby(["requirement", "event", "reason"], sort=False):
-        alike.setdefault((event, reason, tuple(rows.case)), []).append(name)
+        groups.setdefault((event, reason, tuple(rows.case)), []).append(name)
     parts = []
-    for (event, reason, cases), names in alike.items():
+    for (event, reason, cases), names in groups.items():
         scope = "" if len(cases) == len(tables.labels) else f" of {listed(cases, _FEW)}"
         parts.append(f"{listed(names, 2 * _FEW, ', ')}{scope}, around {words(event)}: {reason}")
     if not parts:
@@ -173,17 +192,18 @@ def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
     if some verdicts rest on runs; extrapolated errors are always marked (`MARKS`).
     """
     frame = METRICS["windows"](tables)
-    alone = bool((METRICS["margins"](tables).by == COVARIANCE).all())
+    is_by_covariance = bool((METRICS["margins"](tables).by == COVARIANCE).all())
     names = list(dict.fromkeys(frame.requirement))
+    if len(names) > _MOST_WINDOWS:
+        return {}
     cells = {}
-    for name in names if len(names) <= _MOST_WINDOWS else ():
+    for name in names:
         rows = frame[frame.requirement == name]
-        worst = rows.iloc[0]
+        window = rows.iloc[0]
+        start, end = window.first_s - window.t_s, window.last_s - window.t_s
         prefix = f"{name}, " if len(names) > 1 else ""
-        head = (
-            f"{prefix}worst from {worst.first_s - worst.t_s:+.3g} to {worst.last_s - worst.t_s:+.3g} s ({worst.unit})"
-        )
-        cells[head] = {row.case: f"{_worst_cell(row)}{mark(row.by, alone)}" for row in rows.itertuples()}
+        heading = f"{prefix}worst from {start:+.3g} to {end:+.3g} s ({window.unit})"
+        cells[heading] = {row.case: _worst_cell(row) + mark(row.by, is_by_covariance) for row in rows.itertuples()}
     return cells
 
 
@@ -194,4 +214,6 @@ def _worst_cell(row: Any) -> str:
 
 def mark(by: str, alone: bool) -> str:
     """Return the mark of a number without runs as evidence; no mark by linear covariance if all verdicts rest on it."""
-    return "" if by not in MARKS or (alone and by == COVARIANCE) else f" {MARKS[by]}"
+    if by not in MARKS or (alone and by == COVARIANCE):
+        return ""
+    return f" {MARKS[by]}"
