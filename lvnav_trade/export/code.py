@@ -114,99 +114,131 @@ def exported(prepared: Prepared, title: str) -> FilterProgram:
         program = Program(NAME)
         storage = Storage(prepared, program, depth)
         try:
-            made = _translated(program, storage, prepared)
+            names = _translate_entries(program, storage)
         except RingTooShort:
             continue
-        return _assembled(program, storage, made, title, prepared, depth)
+        return _filter_program(program, storage, names, title, prepared)
     raise InputError("the filter uses states more than one epoch old")
 
 
-def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[str]:
+def _translate_entries(program: Program, storage: Storage) -> list[str]:
     """Translate the functions of the C interface; return their names."""
-    s, nav = storage, Array("nav", (10,), DOUBLE, constant=True)
-    window, epoch = Scalar("window", INT), Scalar("epoch", INT)
-    steps: dict[str, dict[str, Value]] = {
-        "begin": {"work": s.work, "parts": s.parts, "options": s.options, "start": s.start, "nav": nav},
-        "propagate": {"work": s.work, "parts": s.parts, "case": s.case, "window": window},
-        "update": {"work": s.work, "parts": s.parts, "case": s.case, "epoch": epoch},
+    nav = Array("nav", (10,), DOUBLE, constant=True)
+    window = Scalar("window", INT)
+    epoch = Scalar("epoch", INT)
+    common: dict[str, Value] = {"work": storage.work, "parts": storage.parts}
+    arguments: dict[str, dict[str, Value]] = {
+        "begin": {**common, "options": storage.options, "start": storage.start, "nav": nav},
+        "propagate": {**common, "case": storage.case, "window": window},
+        "update": {**common, "case": storage.case, "epoch": epoch},
     }
     if isinstance(storage.parts.fields["open_loop"], RecordValue):
-        for name in ("correct_outputs", "restore_outputs"):
-            steps[name] = {"work": s.work, "parts": s.parts, "model": s.model}
-    return [
-        program.translated(getattr(entries, name), arguments, f"{NAME}_{name}").name
-        for name, arguments in steps.items()
-    ]
+        arguments["correct_outputs"] = {**common, "model": storage.model}
+        arguments["restore_outputs"] = {**common, "model": storage.model}
+    names = []
+    for entry, entry_arguments in arguments.items():
+        kernel = program.translated(getattr(entries, entry), entry_arguments, f"{NAME}_{entry}")
+        names.append(kernel.name)
+    return names
 
 
-def _assembled(
-    program: Program, storage: Storage, names: list[str], title: str, prepared: Prepared, depth: int
+def _filter_program(
+    program: Program, storage: Storage, names: list[str], title: str, prepared: Prepared
 ) -> FilterProgram:
+    """Return header and source of a filter whose entry functions (names) are translated."""
     code = program.text(names)
-    used = set(re.findall(r"self->(?:window\.|epoch\.)?(\w+)", code))
-    state = {name: array for name, array in storage.state.items() if name in used | {"nav", "P", "x"}}
-    inputs = {
-        struct: {name: content for name, content in fields.items() if f"self->{struct}.{name}" in code}
-        for struct, fields in storage.inputs.items()
-    }
+    used_fields = set(re.findall(r"self->(?:window\.|epoch\.)?(\w+)", code)) | {"nav", "P", "x"}
+    state = {name: array for name, array in storage.state.items() if name in used_fields}
+    inputs = {}
+    for struct, fields in storage.inputs.items():
+        inputs[struct] = {name: field for name, field in fields.items() if f"self->{struct}.{name}" in code}
     code = code.replace(_OPENED, f"{_OPENED}    memset(self, 0, sizeof *self);\n", 1)
-    helpers = [text for name, text in _HELPERS.items() if re.search(rf"\b{name}\(", code) or _needed(name, code)]
     prototypes = [_prototype(code, name) for name in names]
-    header = _header(title, prepared, state, inputs, prototypes, depth)
-    top = f'/* {title} */\n\n#include <math.h>\n#include <string.h>\n\n#include "{NAME}.h"'
-    source = "\n\n".join([top, *helpers, code])
-    return FilterProgram(header, source, inputs, state, depth, len(names) > 3, "int epoch)" in prototypes[2])
+    include = f'/* {title} */\n\n#include <math.h>\n#include <string.h>\n\n#include "{NAME}.h"'
+    return FilterProgram(
+        header=_header(title, prepared, state, inputs, prototypes, storage.depth),
+        source="\n\n".join([include, *_helper_functions(code), code]),
+        inputs=inputs,
+        state=state,
+        depth=storage.depth,
+        open_loop=len(names) > 3,
+        counts_epochs="int epoch)" in prototypes[2],
+    )
 
 
-def _needed(name: str, code: str) -> bool:
-    return name == "remainder_of" and "floor_divided(" in code
+def _helper_functions(code: str) -> list[str]:
+    """Return the C functions of integers that the code calls, directly or through another of them."""
+    names = {name for name in _HELPERS if re.search(rf"\b{name}\(", code)}
+    if "floor_divided" in names:
+        names.add("remainder_of")
+    return [text for name, text in _HELPERS.items() if name in names]
 
 
 def _prototype(code: str, name: str) -> str:
+    """Return the declaration of a function in the code, with the comment ahead of it."""
     match = re.search(rf"((?:/\*(?:[^*]|\*(?!/))*\*/\n)?)(void {name}\([^)]*(?:\)\[\d+\][^)]*)*\))\n", code)
     assert match is not None
     return f"{match.group(1)}{match.group(2)};"
 
 
 def _declaration(array: Array, name: str) -> str:
-    return f"{array.kind} {name}{''.join(f'[{size_of(size)}]' for size in array.sizes)};"
+    sizes = "".join(f"[{size_of(size)}]" for size in array.sizes)
+    return f"{array.kind} {name}{sizes};"
 
 
-def _documented(array: Array, name: str, text: str) -> str:
-    return f"    {_declaration(array, name)} /* {text} */" if text else f"    {_declaration(array, name)}"
+def _field_line(array: Array, name: str, comment: str) -> str:
+    """Return the declaration of a field of a struct with its comment."""
+    declaration = f"    {_declaration(array, name)}"
+    return f"{declaration} /* {comment} */" if comment else declaration
 
 
-def _struct(label: str, fields: dict[str, tuple[Array, Any, int]], what: str) -> list[str]:
+def _struct(label: str, fields: dict[str, tuple[Array, Any, int]], comment: str) -> list[str]:
+    """Return the lines of a struct of inputs; none without fields."""
     if not fields:
         return []
-    lines = [_documented(array, name, INPUTS.get(name, "")) for name, (array, _, _) in fields.items()]
-    return [f"/* {what} */", f"struct {NAME}_{label} {{", *lines, "};", ""]
+    lines = [f"/* {comment} */", f"struct {NAME}_{label} {{"]
+    for name, (array, _, _) in fields.items():
+        lines.append(_field_line(array, name, INPUTS.get(name, "")))
+    return [*lines, "};", ""]
 
 
 def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes: list[str], depth: int) -> str:
-    counted = [f"   {at:2d} {name}" for at, name in enumerate(state_names(prepared.layout))]
+    """Return the text of the header: states, structs, prototypes."""
     ring_note = "" if depth == 1 else f" Those of an epoch stand at its number modulo {depth}."
     lines = [
         f"/* {title}",
         "",
         "   States of P and x (SI; attitude, velocity and position in the inertial frame):",
-        *counted,
+        *(f"   {number:2d} {name}" for number, name in enumerate(state_names(prepared.layout))),
         "   */",
         f"#ifndef {NAME.upper()}_H",
         f"#define {NAME.upper()}_H",
         "",
+        *_struct("window", inputs["window"], "What a window differs by from others: set before propagate."),
+        *_struct("epoch", inputs["epoch"], f"What an epoch differs by from others: set before update.{ring_note}"),
+        *_filter_struct(state, inputs),
+        "",
+        *prototypes,
+        "",
+        "#endif",
     ]
-    lines += _struct("window", inputs["window"], "What a window differs by from others: set before propagate.")
-    lines += _struct("epoch", inputs["epoch"], f"What an epoch differs by from others: set before update.{ring_note}")
-    lines.append(f"struct {NAME} {{")
+    wrapped_lines: list[str] = []
+    for line in lines:
+        wrapped_lines += _wrapped(line)
+    return "\n".join(wrapped_lines) + "\n"
+
+
+def _filter_struct(state: Any, inputs: Any) -> list[str]:
+    """Return the lines of the struct of the filter: inputs, measurements, estimates, work arrays."""
+    lines = [f"struct {NAME} {{"]
     lines += [f"    struct {NAME}_{label} {label};" for label in inputs if inputs[label]]
     work_arrays = {name: "" for name in state if name not in MEASURED and name not in ESTIMATED}
-    for heading, group in (("measured", MEASURED), ("estimated", ESTIMATED), ("work", work_arrays)):
-        present = [name for name in group if name in state]
-        lines += [f"    /* {heading} */"] * bool(present)
-        lines += [_documented(state[name], name, group[name]) for name in present]
-    lines += ["};", "", *prototypes, "", "#endif"]
-    return "\n".join(line for text in lines for line in _wrapped(text)) + "\n"
+    for heading, comments in (("measured", MEASURED), ("estimated", ESTIMATED), ("work", work_arrays)):
+        names = [name for name in comments if name in state]
+        if names:
+            lines.append(f"    /* {heading} */")
+        lines += [_field_line(state[name], name, comments[name]) for name in names]
+    return [*lines, "};"]
 
 
 def _wrapped(line: str) -> list[str]:

@@ -46,8 +46,12 @@ class FilterCode(NamedTuple):
 
 def compiler_of_machine() -> str:
     """Return the C compiler of this machine: from the variable CC, or else cc, gcc or clang; empty if there is none."""
-    candidates = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
-    return next((found for found in map(shutil.which, candidates) if found), "")
+    chosen = os.environ.get("CC")
+    for name in [chosen] if chosen else ["cc", "gcc", "clang"]:
+        path = shutil.which(name)
+        if path:
+            return path
+    return ""
 
 
 def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[str], None]) -> FilterCode:
@@ -95,8 +99,9 @@ def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[s
     if not runs or not compiler:
         return FilterCode(files, None, compiler, True)
     progress("compiling and replaying")
-    replayed, agrees = _replayed(files, compiler, runs)
-    return FilterCode(files | {"replay.csv": replayed.to_csv(index=False)}, replayed, compiler, agrees)
+    differences, agrees = _replay(files, compiler, runs)
+    files["replay.csv"] = differences.to_csv(index=False)
+    return FilterCode(files, differences, compiler, agrees)
 
 
 def build_line(compiler: str = "cc") -> str:
@@ -110,8 +115,27 @@ _MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # Markdown characters, which are es
 def _readme(title: str, open_loop: bool, counts_epochs: bool, runs: int) -> str:
     """Return the README of the C code: how to call it and how to build it."""
     text = _CALLS.format(title=title, number=", epoch" if counts_epochs else "")
-    text += _OPEN if open_loop else ""
-    return text + (_REPLAY.format(command=f"{build_line()} && ./replay flight.bin run_*.bin") if runs else "")
+    if open_loop:
+        text += _OPEN
+    if runs:
+        text += _REPLAY.format(command=f"{build_line()} && ./replay flight.bin run_*.bin")
+    return text
+
+
+def _replay(files: dict[str, bytes | str], compiler: str, runs: int) -> tuple[pd.DataFrame, bool]:
+    """Compile the filter and replay its recorded runs; return the differences, and whether all are small enough."""
+    with tempfile.TemporaryDirectory(prefix="lvnav-trade-") as place:
+        for name, content in files.items():
+            data = content if isinstance(content, bytes) else content.encode()
+            Path(place, name).write_bytes(data)
+        build = _run([compiler, *FLAGS, "-o", "replay", "nav_filter.c", "replay.c", "-lm"], place)
+        if build.returncode:
+            raise InputError(f"{compiler}: could not compile the filter: {build.stderr.strip().splitlines()[:1]}")
+        recordings = [f"run_{run}.bin" for run in range(runs)]
+        replay = _run([str(Path(place, "replay")), "flight.bin", *recordings], place)
+    if replay.returncode not in (0, 1):
+        raise InputError(f"the replay of the filter ended with code {replay.returncode}: {replay.stderr.strip()[:200]}")
+    return pd.read_csv(io.StringIO(replay.stdout)), replay.returncode == 0
 
 
 _CALLS = """# A navigation filter in C99
@@ -142,20 +166,6 @@ replays the recorded runs. It prints by how much each estimate differs from that
 size, and `sigmas`: velocity and position in sigmas. The recordings are doubles in the byte order of the machine that
 wrote them, in the order in which `replay.c` reads them.
 """
-
-
-def _replayed(files: dict[str, bytes | str], compiler: str, runs: int) -> tuple[pd.DataFrame, bool]:
-    with tempfile.TemporaryDirectory(prefix="lvnav-trade-") as place:
-        for name, content in files.items():
-            data = content if isinstance(content, bytes) else content.encode()
-            Path(place, name).write_bytes(data)
-        built = _run([compiler, *FLAGS, "-o", "replay", "nav_filter.c", "replay.c", "-lm"], place)
-        if built.returncode:
-            raise InputError(f"{compiler}: could not compile the filter: {built.stderr.strip().splitlines()[:1]}")
-        replay = _run([str(Path(place, "replay")), "flight.bin", *(f"run_{run}.bin" for run in range(runs))], place)
-    if replay.returncode not in (0, 1):
-        raise InputError(f"the replay of the filter ended with code {replay.returncode}: {replay.stderr.strip()[:200]}")
-    return pd.read_csv(io.StringIO(replay.stdout)), replay.returncode == 0
 
 
 def _run(command: list[str], place: str) -> subprocess.CompletedProcess[str]:

@@ -23,24 +23,28 @@ _END = -1  # index of the estimates at the end of a run
 
 def flight_bytes(prepared: Prepared, made: FilterProgram) -> bytes:
     """Return the inputs of a filter in every window and epoch, equal in all runs, as bytes of doubles."""
-    values: list[Any] = [prepared.schedule.n_tick.size]
-    for w, epoch in enumerate(prepared.schedule.epoch):
-        values += [prepared.schedule.n_tick[w], epoch, _is_compared(prepared, w)]
-        values += [_of_window(prepared, w, value, axis) for _, value, axis in made.inputs["window"].values()]
+    schedule = prepared.schedule
+    values: list[Any] = [schedule.n_tick.size]
+    for w, epoch in enumerate(schedule.epoch):
+        values += [schedule.n_tick[w], epoch, _is_compared(prepared, w)]
+        for _, value, axis in made.inputs["window"].values():
+            values.append(_window_values(prepared, w, value, axis))
         if epoch >= 0:
-            values += [np.take(value, epoch, axis=axis) for _, value, axis in made.inputs["epoch"].values()]
+            for _, value, axis in made.inputs["epoch"].values():
+                values.append(np.take(value, epoch, axis=axis))
     return _bytes(values)
 
 
-def _of_window(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
+def _window_values(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
     """Return the values of a field in a window.
 
     A field by tick gives the number of the first tick, followed by the values of the ticks.
     """
     if axis != BY_TICK:
         return np.take(value, w, axis=axis)
-    first, count = prepared.schedule.first_tick[w], prepared.schedule.n_tick[w]
-    return np.concatenate([[float(first)], np.ravel(value[first : first + count])])
+    first = prepared.schedule.first_tick[w]
+    last = first + prepared.schedule.n_tick[w]
+    return np.concatenate([[float(first)], np.ravel(value[first:last])])
 
 
 def run_bytes(prepared: Prepared, made: FilterProgram, seed: int, run: int) -> bytes:
@@ -50,20 +54,24 @@ def run_bytes(prepared: Prepared, made: FilterProgram, seed: int, run: int) -> b
     compared, the estimates and the diagonal of the covariance after the epoch.
     """
     tape = taped(prepared, seed, run).tape
-    schedule, values = prepared.schedule, list[Any]([tape.start])
-    for w, (first, count, epoch) in enumerate(zip(schedule.first_tick, schedule.n_tick, schedule.epoch, strict=True)):
-        values.append(tape.increments[first : first + count])
+    schedule = prepared.schedule
+    values: list[Any] = [tape.start]
+    for w, epoch in enumerate(schedule.epoch):
+        first = schedule.first_tick[w]
+        last = first + schedule.n_tick[w]
+        values.append(tape.increments[first:last])
         if epoch >= 0:
             values += [getattr(tape, _MEASURED[name])[epoch] for name in _measured(made)]
         if _is_compared(prepared, w):
-            at = epoch if epoch >= 0 else _END
-            values += [getattr(tape.after, _COMPARED[name])[at] for name in _compared(made)]
-            values.append(np.diagonal(tape.after.P[at]))
+            index = epoch if epoch >= 0 else _END
+            values += [getattr(tape.after, _COMPARED[name])[index] for name in _compared(made)]
+            values.append(np.diagonal(tape.after.P[index]))
     return _bytes(values)
 
 
 def _bytes(values: list[Any]) -> bytes:
-    return np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in values]).tobytes()
+    flat_values = [np.ravel(np.asarray(value, dtype=float)) for value in values]
+    return np.concatenate(flat_values).tobytes()
 
 
 def _is_compared(prepared: Prepared, w: int) -> bool:
@@ -83,40 +91,46 @@ def _compared(made: FilterProgram) -> list[str]:
 
 def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
     """Return the C statements that read an array of the struct from a file of doubles."""
-    lines, text = list[str](), place
-    for axis in range(len(array.shape)):
+    lines: list[str] = []
+    text = place
+    for axis, size in enumerate(array.shape):
         if array.ring(axis) == ONLY:
             continue
         if array.ring(axis) > 1:
             text += f"[epoch % {depth}]"
             continue
         name = f"i{axis}"
-        lines.append(f"{_STEP * len(lines)}for (int {name} = 0; {name} < {size_of(array.shape[axis])}; {name}++)")
+        lines.append(f"{_STEP * len(lines)}for (int {name} = 0; {name} < {size_of(size)}; {name}++)")
         text += f"[{name}]"
-    return [*lines, f"{_STEP * len(lines)}{text} = {'(int)' if array.kind == INT else ''}next({file});"]
+    cast = "(int)" if array.kind == INT else ""
+    lines.append(f"{_STEP * len(lines)}{text} = {cast}next({file});")
+    return lines
 
 
 def _reading_ticks(array: Array, place: str) -> list[str]:
     """Return the C statements that read the values of a window's ticks, which follow the number of the first tick."""
-    head = "for (int k = 0, first = (int)next(flight); k < n_tick; k++)"
-    each = f"{_STEP}for (int i = 0; i < {size_of(array.shape[1])}; i++)"
-    return [head, each, f"{_STEP * 2}{place}[(first + k) % {array.ring(0)}][i] = next(flight);"]
+    return [
+        "for (int k = 0, first = (int)next(flight); k < n_tick; k++)",
+        f"{_STEP}for (int i = 0; i < {size_of(array.shape[1])}; i++)",
+        f"{_STEP * 2}{place}[(first + k) % {array.ring(0)}][i] = next(flight);",
+    ]
 
 
 def _read_into(
     fields: dict[str, Array], prefix: str, file: str, depth: int, level: int, ticks: Set[str] = frozenset()
 ) -> str:
-    """Return the C statements that read all fields of a struct, indented by `level`."""
-    lines = [
-        line
-        for name, array in fields.items()
-        if 0 not in array.shape
-        for line in (
-            _reading_ticks(array, f"{prefix}{name}")
-            if name in ticks
-            else _reading(array, f"{prefix}{name}", file, depth)
-        )
-    ]
+    """Return the C statements that read all fields of a struct, indented by `level`.
+
+    ticks : names of the fields with values by tick
+    """
+    lines = []
+    for name, array in fields.items():
+        if 0 in array.shape:
+            continue
+        if name in ticks:
+            lines += _reading_ticks(array, f"{prefix}{name}")
+        else:
+            lines += _reading(array, f"{prefix}{name}", file, depth)
     return "\n".join(f"{_STEP * level}{line}" for line in lines)
 
 
@@ -126,31 +140,42 @@ def replay_text(made: FilterProgram, n_state: int) -> str:
     For each run it prints the largest difference of every estimate, relative to the magnitude of its block, and that of
     velocity and position in sigmas. It returns 1 if a relative difference exceeds `LIMIT`.
     """
-    inputs = {
-        struct: {name: input_of[0] for name, input_of in fields.items()} for struct, fields in made.inputs.items()
-    }
+    windows = {name: array for name, (array, _, _) in made.inputs["window"].items()}
+    epochs = {name: array for name, (array, _, _) in made.inputs["epoch"].items()}
     ticks = {name for name, (_, _, axis) in made.inputs["window"].items() if axis == BY_TICK}
-    blocks = [("attitude", "self.nav", 0, 4), ("velocity", "self.nav", 4, 3), ("position", "self.nav", 7, 3)]
-    blocks += [
-        (name, f"(const double *)self.{name}", 0, int(np.prod([size_of(size) for size in made.state[name].sizes])))
-        for name in _compared(made)[1:]
-    ]
-    compared = [
-        f"            difference({text} + {first}, {count}, file, worst + {at}, {_SIGMAS.get(label, '-1')}, &sigmas);"
-        for at, (label, text, first, count) in enumerate(blocks)
-    ]
+    measured = {name: made.state[name] for name in _measured(made)}
+    blocks = _compared_blocks(made)
+    comparisons = []
+    for number, (label, text, first, count) in enumerate(blocks):
+        first_state = _SIGMAS.get(label, "-1")
+        comparisons.append(
+            f"            difference({text} + {first}, {count}, file, worst + {number}, {first_state}, &sigmas);"
+        )
     return _REPLAY.format(
         name=NAME,
         limit=LIMIT,
         n_state=n_state,
         n_block=len(blocks) + 1,
         labels=", ".join(f'"{label}"' for label, *_ in blocks),
-        window=_read_into(inputs["window"], "self.window.", "flight", made.depth, 2, ticks),
-        epoch=_read_into(inputs["epoch"], "self.epoch.", "flight", made.depth, 3),
-        measured=_read_into({name: made.state[name] for name in _measured(made)}, "self.", "file", made.depth, 3),
-        compared="\n".join(compared),
+        window=_read_into(windows, "self.window.", "flight", made.depth, 2, ticks),
+        epoch=_read_into(epochs, "self.epoch.", "flight", made.depth, 3),
+        measured=_read_into(measured, "self.", "file", made.depth, 3),
+        compared="\n".join(comparisons),
         epoch_argument=", epoch" if made.counts_epochs else "",
     )
+
+
+def _compared_blocks(made: FilterProgram) -> list[tuple[str, str, int, int]]:
+    """Return label, array in C, first element and number of elements of every block of estimates."""
+    blocks = [
+        ("attitude", "self.nav", 0, 4),
+        ("velocity", "self.nav", 4, 3),
+        ("position", "self.nav", 7, 3),
+    ]
+    for name in _compared(made)[1:]:
+        sizes = [size_of(size) for size in made.state[name].sizes]
+        blocks.append((name, f"(const double *)self.{name}", 0, int(np.prod(sizes))))
+    return blocks
 
 
 _STEP = " " * 4

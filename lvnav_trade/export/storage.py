@@ -46,7 +46,8 @@ ROWS = {
     "gains": {"gain": 0},
 }
 # Indexed by ticks of the IMU: the caller sets the values of a window before it is propagated.
-TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
+TICKS = {"vehicle": {"walk"}}
+BY_TICK = -1  # in place of a time axis
 # Outputs of a receiver, sensor or clock at an epoch: inputs in any case, even if they are constant on this flight.
 SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
 COUNTED = {
@@ -56,6 +57,10 @@ COUNTED = {
 }
 # True quantities of a flight, which are not part of its filter.
 _UNREAD = ("rate", "force")
+
+
+def _c_type(array: np.ndarray) -> str:
+    return DOUBLE if array.dtype.kind == "f" else INT
 
 
 class Storage:
@@ -72,9 +77,8 @@ class Storage:
         self.n_tick = int(prepared.schedule.n_tick.max(initial=0))
         work, parts = new_work(prepared, lanes=False)
         self.work = self._arrays("work", work, "")
-        self.parts = RecordValue(
-            "parts", {name: self._part(name, array_record) for name, array_record in parts._asdict().items()}
-        )
+        part_values = {name: self._part(name, record) for name, record in parts._asdict().items()}
+        self.parts = RecordValue("parts", part_values)
         self.model = self._record("model", prepared.model)
         self.schedule = self._record("schedule", prepared.schedule)
         self.signals = self._record("signals", prepared.signals, only=EPOCHS["signals"])
@@ -102,27 +106,35 @@ class Storage:
     # ---------------------------------------------------------------------------------- arrays of a run
 
     def _part(self, name: str, part: Any) -> Value:
+        """Return an optional state of the filter as a value; None for records of a simulation."""
         if part is None or name in ("tape", "held", "missed", "last"):
             return Constant(None)
         if name == "units":
             return RecordValue("units", {"redundant": Constant(None)})
         if isinstance(part, np.ndarray):
-            return self._stored(name, part)
+            return self._state_array(name, part)
         return self._arrays(name, part, f"{name}_")
 
     def _arrays(self, owner: str, record: Any, prefix: str) -> RecordValue:
-        arrays = {
-            name: self._stored(f"{prefix}{name}", array, name in COUNTED.get(owner, ()))
-            for name, array in record._asdict().items()
-            if isinstance(array, np.ndarray)
-        }
-        return RecordValue(owner, dict(arrays))
+        """Return the arrays of a record as fields of the struct."""
+        arrays: dict[str, Value] = {}
+        for name, array in record._asdict().items():
+            if isinstance(array, np.ndarray):
+                counts = name in COUNTED.get(owner, ())
+                arrays[name] = self._state_array(f"{prefix}{name}", array, counts)
+        return RecordValue(owner, arrays)
 
-    def _stored(self, name: str, array: np.ndarray, counts: bool = False) -> Array:
-        shape, rings = array.shape, (0,) * array.ndim
+    def _state_array(self, name: str, array: np.ndarray, counts: bool = False) -> Array:
+        """Return an array of a run as a field of the struct.
+
+        counts : whether its first axis counts epochs, of which the struct stores `depth`
+        """
+        shape = array.shape
+        rings = (0,) * array.ndim
         if counts:
-            shape, rings = (self.depth, *shape[1:]), (self.depth, *rings[1:])
-        self.state[name] = Array(f"self->{name}", shape, DOUBLE if array.dtype.kind == "f" else INT, rings=rings)
+            shape = (self.depth, *shape[1:])
+            rings = (self.depth, *rings[1:])
+        self.state[name] = Array(f"self->{name}", shape, _c_type(array), rings=rings)
         return self.state[name]
 
     # ------------------------------------------------------------------------------- settings, inputs
@@ -135,14 +147,19 @@ class Storage:
         return self._record(name, option) if hasattr(option, "_asdict") else Constant(option)
 
     def _record(self, owner: str, record: Any, only: Any = None) -> RecordValue:
-        fields = {
-            name: self._field(owner, name, value)
-            for name, value in record._asdict().items()
-            if (only is None or name in only) and not (owner == "vehicle" and name in _UNREAD)
-        }
+        """Return the fields of a record of settings.
+
+        only : names of the fields that the filter reads; all if None
+        """
+        fields = {}
+        for name, value in record._asdict().items():
+            is_truth = owner == "vehicle" and name in _UNREAD
+            if not is_truth and (only is None or name in only):
+                fields[name] = self._field(owner, name, value)
         return RecordValue(owner, fields)
 
     def _field(self, owner: str, name: str, value: Any) -> Value:
+        """Return a field of a record: a constant, a table, or an input if it varies between windows or epochs."""
         if hasattr(value, "_asdict"):
             return self._record(name, value)
         if not isinstance(value, np.ndarray):
@@ -151,10 +168,10 @@ class Storage:
         for struct, axes, depth in (("epoch", EPOCHS, self.depth), ("window", WINDOWS, ONLY)):
             if name in axes.get(owner, {}):
                 axis = axes[owner][name]
-                same = None if name in SAID else self._constant(label, value, axis)
-                return same or self._input(struct, label, value, axis, depth)
+                table = None if name in SAID else self._constant(label, value, axis)
+                return table or self._input(struct, label, value, axis, depth)
         if name in TICKS.get(owner, ()):
-            return self._constant(label, value, 0) or self._of_ticks(label, value)
+            return self._constant(label, value, 0) or self._tick_input(label, value)
         if name in ROWS.get(owner, {}):
             return self._constant(label, value, ROWS[owner][name]) or self._table(label, value)
         return self._table(label, value)
@@ -166,25 +183,30 @@ class Storage:
         """Return a table without its time axis if all entries along this axis are equal; otherwise None."""
         if not value.shape[axis]:
             return None
-        repeated = np.broadcast_to(np.take(value, [0], axis=axis), value.shape)
+        first = np.take(value, [0], axis=axis)
+        repeated = np.broadcast_to(first, value.shape)
         if not np.array_equal(value, repeated, equal_nan=value.dtype.kind == "f"):
             return None
-        rings = tuple(SAME if a == axis else 0 for a in range(value.ndim))
-        shape = tuple(1 if a == axis else size for a, size in enumerate(value.shape))
+        rings = [0] * value.ndim
+        shape = list(value.shape)
+        rings[axis] = SAME
+        shape[axis] = 1
         table = self._table(label, np.take(value, 0, axis=axis))
-        return table_of(table.text, table.value, rings, shape)
+        return table_of(table.text, table.value, tuple(rings), tuple(shape))
 
     def _input(self, struct: str, label: str, value: np.ndarray, axis: int, depth: int) -> Array:
-        rings = tuple(depth if a == axis else 0 for a in range(value.ndim))
-        shape = tuple(depth if a == axis else size for a, size in enumerate(value.shape))
-        number_type = DOUBLE if value.dtype.kind == "f" else INT
-        array = Array(f"self->{struct}.{label}", shape, number_type, rings=rings)
+        """Return an array that the caller sets, with `depth` places along its time axis."""
+        rings = [0] * value.ndim
+        shape = list(value.shape)
+        rings[axis] = shape[axis] = depth
+        array = Array(f"self->{struct}.{label}", tuple(shape), _c_type(value), rings=tuple(rings))
         self.inputs[struct][label] = (array, value, axis)
         return array
 
-    def _of_ticks(self, label: str, value: np.ndarray) -> Array:
+    def _tick_input(self, label: str, value: np.ndarray) -> Array:
+        """Return an array of the ticks of a window that the caller sets."""
         places = max(2, self.n_tick)  # with a single place, only the present tick could be read
-        rings = (places, *(0 for _ in value.shape[1:]))
+        rings = (places,) + (0,) * (value.ndim - 1)
         array = Array(f"self->window.{label}", (places, *value.shape[1:]), DOUBLE, rings=rings)
         self.inputs["window"][label] = (array, value, BY_TICK)
         return array

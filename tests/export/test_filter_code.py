@@ -37,7 +37,7 @@ def test_what_cannot_be_compiled_is_one_line(smoke, monkeypatch, tmp_path):
     monkeypatch.setenv("CC", str(broken))
     files = made.filter_code(*smoke, runs=0, progress=lambda _: None).files
     with pytest.raises(InputError, match="could not compile the filter"):
-        made._replayed(files, str(broken), 0)
+        made._replay(files, str(broken), 0)
 
 
 def test_a_negative_number_of_runs_is_refused(smoke):

@@ -5,14 +5,13 @@ from __future__ import annotations
 import ast
 import builtins
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from lvnav_trade.export.translation import operators
 from lvnav_trade.export.translation.values import (
-    DOUBLE,
-    INT,
     ONLY,
     SAME,
     Array,
@@ -116,12 +115,10 @@ class Expressions:
                 raise self.fail(node, f"{base.name} has no field of that name here")
             return base.fields[node.attr]
         if isinstance(base, Array) and node.attr == "shape":
-            return TupleValue(tuple(s if isinstance(s, Scalar) else Constant(s) for s in base.shape))
+            return TupleValue(tuple(map(self._size, base.shape)))
         if isinstance(base, Constant):
-            attribute = getattr(base.value, node.attr)
-            return self.program.known(
-                attribute, f"{getattr(base.value, '__name__', '').rpartition('.')[2]}_{node.attr}"
-            )
+            owner = getattr(base.value, "__name__", "").rpartition(".")[2]
+            return self.program.known(getattr(base.value, node.attr), f"{owner}_{node.attr}")
         raise self.fail(node, "no field is known")
 
     def _tuple(self, node: ast.Tuple) -> Value:
@@ -131,54 +128,57 @@ class Expressions:
         return TupleValue(items)
 
     def _binop(self, node: ast.BinOp) -> Value:
-        first, right = self.value(node.left), self.value(node.right)
-        return operators.binary(node.op, first, right)
+        left = self.value(node.left)
+        right = self.value(node.right)
+        return operators.binary(node.op, left, right)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         return operators.unary(node.op, self.value(node.operand))
 
     def _boolop(self, node: ast.BoolOp) -> Value:
-        any_of, parts = isinstance(node.op, ast.Or), list[Value]()
+        any_of = isinstance(node.op, ast.Or)
+        operands: list[Value] = []
         for item in node.values:
-            count = len(self.lines)
+            n_lines = len(self.lines)
             operand = self.value(item)
-            if len(self.lines) > count and parts:
+            if len(self.lines) > n_lines and operands:
                 raise self.fail(item, "needs statements of its own behind `and` or `or`")
-            parts.append(operand)
+            operands.append(operand)
             if isinstance(operand, Constant) and bool(operand.value) == any_of:
                 break  # the following operands are not evaluated
-        return operators.joined(parts, any_of)
+        return operators.joined(operands, any_of)
 
     def _compare(self, node: ast.Compare) -> Value:
-        parts, first = list[Value](), self.value(node.left)
+        comparisons: list[Value] = []
+        left = self.value(node.left)
         for comparator, item in zip(node.ops, node.comparators, strict=True):
             right = self.value(item)
-            parts.append(operators.compared(comparator, first, right))
-            first = right
-        return parts[0] if len(parts) == 1 else operators.joined(parts, any_of=False)
+            comparisons.append(operators.compared(comparator, left, right))
+            left = right
+        if len(comparisons) == 1:
+            return comparisons[0]
+        return operators.joined(comparisons, any_of=False)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         condition = self.value(node.test)
         if isinstance(condition, Constant):
             return self.value(node.body if condition.value else node.orelse)
-        count = len(self.lines)
-        first, second = self.value(node.body), self.value(node.orelse)
-        if len(self.lines) > count:
+        n_lines = len(self.lines)
+        first = self.value(node.body)
+        second = self.value(node.orelse)
+        if len(self.lines) > n_lines:
             raise self.fail(node, "needs statements of its own in one of two cases")
         if isinstance(first, Array) and isinstance(second, Array):
-            if (first.shape, first.kind, first.constant, first.rings) != (
-                second.shape,
-                second.kind,
-                second.constant,
-                second.rings,
-            ):
-                raise self.fail(node, "two arrays of different kinds")
             text = f"({as_scalar(condition).text} ? {first.text} : {second.text})"
-            return Array(text, first.shape, first.kind, first.constant, first.rings)
-        rows = [self.items(branch) for branch in (first, second)]
-        if rows[0] is not None and rows[1] is not None and len(rows[0]) == len(rows[1]):
-            return TupleValue(tuple(operators.chosen(condition, a, b) for a, b in zip(*rows, strict=True)))
-        return operators.chosen(condition, first, second)
+            if replace(first, text=text) != replace(second, text=text):
+                raise self.fail(node, "two arrays of different kinds")
+            return replace(first, text=text, value=None)
+        first_items = self.items(first)
+        second_items = self.items(second)
+        if first_items is None or second_items is None or len(first_items) != len(second_items):
+            return operators.chosen(condition, first, second)
+        items = [operators.chosen(condition, a, b) for a, b in zip(first_items, second_items, strict=True)]
+        return TupleValue(tuple(items))
 
     @staticmethod
     def items(found: Value) -> list[Value] | None:
@@ -186,7 +186,7 @@ class Expressions:
         if isinstance(found, TupleValue):
             return list(found.items)
         if isinstance(found, Constant) and isinstance(found.value, tuple):
-            return [Constant(one) for one in found.value]
+            return [Constant(item) for item in found.value]
         return None
 
     def _call(self, node: ast.Call) -> Value:
@@ -200,14 +200,13 @@ class Expressions:
         result = operators.called(function.value, arguments)
         return result if result is not None else self.program.call(self, node, function.value, arguments, keywords)
 
-    def _length(self, node: ast.Call, of: Value) -> Value:
-        if isinstance(of, Array):
-            size = of.shape[0]
-            return size if isinstance(size, Scalar) else Constant(size)
-        if isinstance(of, TupleValue):
-            return Constant(len(of.items))
-        if isinstance(of, Constant):
-            return Constant(len(of.value))
+    def _length(self, node: ast.Call, value: Value) -> Value:
+        if isinstance(value, Array):
+            return self._size(value.shape[0])
+        if isinstance(value, TupleValue):
+            return Constant(len(value.items))
+        if isinstance(value, Constant):
+            return Constant(len(value.value))
         raise self.fail(node, "has no length")
 
     # ------------------------------------------------------------------------------------------ indices
@@ -227,53 +226,73 @@ class Expressions:
             base = self.as_array(base, "of")
         if not isinstance(base, Array):
             raise self.fail(node, "is no array")
-        return self._at(base, node)
+        return self._element(base, node)
 
-    def _at(self, base: Array, node: ast.Subscript) -> Value:
+    def _element(self, base: Array, node: ast.Subscript) -> Value:
         """Return an element of an array, or the sub-array at an index or a slice."""
-        parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        text, indices = base.text, list[int]()
-        for axis, part in enumerate(parts):
-            if isinstance(part, ast.Slice):
-                return self._slice(base, text, axis, part, node)
-            index = self.value(part)
-            ring, length = base.ring(axis), base.shape[axis]
+        index_nodes = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        text = base.text
+        indices: list[Value] = []  # of the axes that C has
+        for axis, index_node in enumerate(index_nodes):
+            if isinstance(index_node, ast.Slice):
+                return self._slice(base, text, axis, index_node, node)
+            index = self.value(index_node)
+            ring = base.ring(axis)
             if ring in (ONLY, SAME):
-                self._present(part, ring)
+                self._check_present(index_node, ring)
                 continue
             if ring:
                 index = operators.binary(ast.Mod(), index, Constant(ring))
-            if isinstance(index, Constant):
-                at = int(index.value)
-                index = Constant(at + length if at < 0 and isinstance(length, int) else at)
-                indices.append(index.value)
+            index = self._from_start(index, base.shape[axis])
+            indices.append(index)
             text = f"{text}[{as_scalar(index).text}]"
-        remaining = base.shape[len(parts) :]
-        here = sum(base.ring(axis) not in (ONLY, SAME) for axis in range(len(parts)))
-        there = all(0 <= at < size for at, size in zip(indices, base.sizes, strict=False) if isinstance(size, int))
-        value = base.value[tuple(indices)] if base.value is not None and len(indices) == here and there else None
-        if remaining:
-            return Array(text, remaining, base.kind, base.constant, base.rings[len(parts) :], value)
+        value = self._known_element(base, indices)
+        n_axes = len(index_nodes)
+        if base.shape[n_axes:]:
+            return Array(text, base.shape[n_axes:], base.kind, base.constant, base.rings[n_axes:], value)
         if value is not None:
             return Constant(np.asarray(value).item())
-        return Scalar(text if here or not base.constant else f"*{text}", base.kind)
+        return Scalar(text if indices or not base.constant else f"*{text}", base.kind)
 
     @staticmethod
-    def _present(node: ast.expr, ring: int) -> None:
+    def _from_start(index: Value, length: int | Scalar) -> Value:
+        """Return an index of an axis; a known index from the end as an index from the start."""
+        if not isinstance(index, Constant):
+            return index
+        place = int(index.value)
+        if place < 0 and isinstance(length, int):
+            place += length
+        return Constant(place)
+
+    @staticmethod
+    def _known_element(base: Array, indices: list[Value]) -> Any:
+        """Return the content of a constant array at known indices; None if it or an index is not known."""
+        places = [index.value for index in indices if isinstance(index, Constant)]
+        if base.value is None or len(places) < len(indices):
+            return None
+        for place, size in zip(places, base.sizes, strict=False):
+            if isinstance(size, int) and not 0 <= place < size:
+                return None
+        return base.value[tuple(places)]
+
+    @staticmethod
+    def _check_present(node: ast.expr, ring: int) -> None:
         """Raise RingTooShort for an index other than the present one, if only the present one is stored."""
-        if ring == ONLY and not (isinstance(node, ast.Name) and node.id in ("epoch", "w", "window")):
+        is_present = isinstance(node, ast.Name) and node.id in ("epoch", "w", "window")
+        if ring == ONLY and not is_present:
             raise RingTooShort(ast.unparse(node))
 
-    def _slice(self, base: Array, text: str, axis: int, part: ast.Slice, node: ast.Subscript) -> Array:
-        if axis != len(base.shape) - 1 or part.step is not None:
+    def _slice(self, base: Array, text: str, axis: int, bounds: ast.Slice, node: ast.Subscript) -> Array:
+        if axis != len(base.shape) - 1 or bounds.step is not None:
             raise self.fail(node, "slices are of the last axis, without a step")
-        first = self.value(part.lower) if part.lower is not None else Constant(0)
-        last = self.value(part.upper) if part.upper is not None else None
-        end: Value = last if last is not None else self._size(base.shape[axis])
+        first = self.value(bounds.lower) if bounds.lower is not None else Constant(0)
+        end = self.value(bounds.upper) if bounds.upper is not None else self._size(base.shape[axis])
         size = operators.binary(ast.Sub(), end, first) if first != Constant(0) else end
-        begins = as_scalar(first)
-        text = text if begins.text == "0" else f"&{text}[{begins.text}]"
-        return Array(text, (size.value if isinstance(size, Constant) else as_scalar(size),), base.kind, base.constant)
+        start = as_scalar(first).text
+        if start != "0":
+            text = f"&{text}[{start}]"
+        length = size.value if isinstance(size, Constant) else as_scalar(size)
+        return Array(text, (length,), base.kind, base.constant)
 
     @staticmethod
     def _size(size: int | Scalar) -> Value:
@@ -281,12 +300,12 @@ class Expressions:
 
     def as_array(self, several: TupleValue, stem: str) -> Array:
         """Return a tuple of numbers as a local array."""
-        parts = [as_scalar(item) for item in several.items]
-        number_type = DOUBLE if any(number.kind == DOUBLE for number in parts) else INT
-        name = self.temporary(f"{number_type} {{}}[{len(parts)}]", stem)
-        for at, number in enumerate(parts):
-            self.write(f"{name}[{at}] = {number.text};")
-        return Array(name, (len(parts),), number_type)
+        numbers = [as_scalar(item) for item in several.items]
+        number_type = operators.common_type(numbers)
+        name = self.temporary(f"{number_type} {{}}[{len(numbers)}]", stem)
+        for k, number in enumerate(numbers):
+            self.write(f"{name}[{k}] = {number.text};")
+        return Array(name, (len(numbers),), number_type)
 
 
 def constant_array(name: str, content: Any) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -76,26 +76,36 @@ def binary(kind: ast.operator, a: Value, b: Value) -> Value:
     TranslationError
         The operator has no translation, or // or % has an operand that is not an integer.
     """
-    if isinstance(a, Constant) and isinstance(b, Constant) and not (isinstance(kind, ast.Div) and b.value == 0):
-        at_once = operator.pow if isinstance(kind, ast.Pow) else _BINARY[type(kind)][0]
-        return Constant(at_once(a.value, b.value))
+    if isinstance(a, Constant) and isinstance(b, Constant):
+        divides_by_zero = isinstance(kind, ast.Div) and b.value == 0
+        if not divides_by_zero:
+            evaluate = operator.pow if isinstance(kind, ast.Pow) else _BINARY[type(kind)][0]
+            return Constant(evaluate(a.value, b.value))
     if isinstance(kind, ast.Pow):
         return _power(as_scalar(a), b)
     if type(kind) not in _BINARY:
         raise TranslationError(f"the operator {type(kind).__name__} is not translated")
-    _, sign, level = _BINARY[type(kind)]
-    first, right = as_scalar(a), as_scalar(b)
-    number_type = DOUBLE if DOUBLE in (first.kind, right.kind) else INT
+    left = as_scalar(a)
+    right = as_scalar(b)
+    number_type = common_type([left, right])
     if isinstance(kind, ast.FloorDiv | ast.Mod):
         if number_type != INT:
             raise TranslationError("// and % of numbers that are no integers")
         name = "floor_divided" if isinstance(kind, ast.FloorDiv) else "remainder_of"  # C rounds towards zero
-        return Scalar(f"{name}({first.text}, {right.text})", INT)
+        return Scalar(f"{name}({left.text}, {right.text})", INT)
     if isinstance(kind, ast.Div) and number_type == INT:
-        return Scalar(f"(double){held(first, UNARY)} / {held(right, UNARY)}", DOUBLE, PRODUCT)
+        return Scalar(f"(double){held(left, UNARY)} / {held(right, UNARY)}", DOUBLE, PRODUCT)
+    _, sign, level = _BINARY[type(kind)]
     # Brackets as the precedence requires; comparisons next to & and | get brackets, because compilers warn otherwise
     limit = UNARY if level in (BIT_AND, BIT_OR) else level
-    return Scalar(f"{held(first, limit)} {sign} {held(right, min(limit, level - 1))}", number_type, level)
+    left_text = held(left, limit)
+    right_text = held(right, min(limit, level - 1))
+    return Scalar(f"{left_text} {sign} {right_text}", number_type, level)
+
+
+def common_type(numbers: Iterable[Scalar]) -> str:
+    """Return the C type of a result of several numbers: double if one of them is a double."""
+    return DOUBLE if any(number.kind == DOUBLE for number in numbers) else INT
 
 
 def _power(base: Scalar, exponent: Value) -> Scalar:
@@ -119,16 +129,18 @@ def unary(kind: ast.unaryop, a: Value) -> Value:
 def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
     """Return the result of a comparison; `is` is evaluated at once, because None is always known."""
     if isinstance(kind, ast.Is | ast.IsNot):
-        if not (isinstance(b, Constant) and b.value is None):
+        if b != Constant(None):
             raise TranslationError("is: with None only")
-        same = isinstance(a, Constant) and a.value is None
-        return Constant(same == isinstance(kind, ast.Is))
+        is_none = isinstance(a, Constant) and a.value is None
+        return Constant(is_none == isinstance(kind, ast.Is))
     if isinstance(kind, ast.In | ast.NotIn):
         return _among(kind, a, b)
+    evaluate, sign, level = _COMPARED[type(kind)]
     if isinstance(a, Constant) and isinstance(b, Constant):
-        return Constant(bool(_COMPARED[type(kind)][0](a.value, b.value)))
-    _, sign, level = _COMPARED[type(kind)]
-    return Scalar(f"{held(as_scalar(a), SUM)} {sign} {held(as_scalar(b), SUM)}", INT, level)
+        return Constant(bool(evaluate(a.value, b.value)))
+    left = held(as_scalar(a), SUM)
+    right = held(as_scalar(b), SUM)
+    return Scalar(f"{left} {sign} {right}", INT, level)
 
 
 def _among(kind: ast.cmpop, a: Value, b: Value) -> Value:
@@ -137,7 +149,8 @@ def _among(kind: ast.cmpop, a: Value, b: Value) -> Value:
         raise TranslationError("in: a tuple of known numbers only")
     if isinstance(a, Constant):
         return Constant((a.value in b.value) == isinstance(kind, ast.In))
-    condition: Value = joined([compared(ast.Eq(), a, Constant(item)) for item in b.value], any_of=True)
+    comparisons = [compared(ast.Eq(), a, Constant(item)) for item in b.value]
+    condition = joined(comparisons, any_of=True)
     return condition if isinstance(kind, ast.In) else unary(ast.Not(), condition)
 
 
@@ -164,10 +177,10 @@ def chosen(condition: Value, a: Value, b: Value) -> Value:
     """Return the first or the second of two numbers, by a condition."""
     if isinstance(condition, Constant):
         return a if condition.value else b
-    first, second = as_scalar(a), as_scalar(b)
-    number_type = DOUBLE if DOUBLE in (first.kind, second.kind) else INT
-    tests = held(as_scalar(condition), OR)
-    return Scalar(f"{tests} ? {held(first, OR)} : {held(second, OR)}", number_type, CHOICE)
+    first = as_scalar(a)
+    second = as_scalar(b)
+    test = held(as_scalar(condition), OR)
+    return Scalar(f"{test} ? {held(first, OR)} : {held(second, OR)}", common_type([first, second]), CHOICE)
 
 
 def called(function: Any, arguments: list[Value]) -> Value | None:
@@ -182,13 +195,16 @@ def called(function: Any, arguments: list[Value]) -> Value | None:
         return _as_int(arguments[0])
     if function not in FUNCTIONS:
         return None
-    name, at_once = FUNCTIONS[function]
-    if all(isinstance(argument, Constant) for argument in arguments):
-        return Constant(at_once(*(argument.value for argument in arguments if isinstance(argument, Constant))))
-    parts = [as_scalar(argument) for argument in arguments]
-    if name in ("fmin", "fmax") and all(number.kind == INT for number in parts):
-        return Scalar(f"{'smaller' if name == 'fmin' else 'larger'}({', '.join(p.text for p in parts)})", INT)
-    return Scalar(f"{name}({', '.join(number.text for number in parts)})", DOUBLE)
+    name, evaluate = FUNCTIONS[function]
+    known = [argument.value for argument in arguments if isinstance(argument, Constant)]
+    if len(known) == len(arguments):
+        return Constant(evaluate(*known))
+    numbers = [as_scalar(argument) for argument in arguments]
+    number_type = DOUBLE
+    if name in ("fmin", "fmax") and common_type(numbers) == INT:
+        number_type = INT
+        name = "smaller" if name == "fmin" else "larger"
+    return Scalar(f"{name}({', '.join(number.text for number in numbers)})", number_type)
 
 
 def _as_int(value: Value) -> Value:

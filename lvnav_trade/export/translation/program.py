@@ -13,6 +13,7 @@ import re
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Mapping
+from itertools import groupby
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -102,23 +103,24 @@ class Program:
         self, body: Body | Any, node: ast.Call, function: Any, arguments: list[Value], named: Mapping[str, Value]
     ) -> Value:
         """Return the result of a kernel called from the body of another."""
-        made = self.translated(function, bound(function, arguments, named))
-        if made.constant is not None:
-            return made.constant
-        if not made.acts:
-            return Constant(None)
         bound_arguments = bound(function, arguments, named)
-        texts = ["self"] if re.search(r"\bself\b", made.text) else []
-        for name in made.parameters:
+        kernel = self.translated(function, bound_arguments)
+        if kernel.constant is not None:
+            return kernel.constant
+        if not kernel.acts:
+            return Constant(None)
+        texts = ["self"] if _uses_self(kernel.text) else []
+        for name in kernel.parameters:
             texts.append(_passed(bound_arguments, name))
-        text = f"{made.name}({', '.join(texts)})"
-        if made.returns == "void":
+        text = f"{kernel.name}({', '.join(texts)})"
+        if kernel.returns == "void":
             return Scalar(text, "void")
-        if len(made.kinds) == 1 and not made.returns.startswith("struct"):
-            return Scalar(text, made.kinds[0])
-        name = body.temporary(f"{made.returns} {{}}", "of")
+        if len(kernel.kinds) == 1 and not kernel.returns.startswith("struct"):
+            return Scalar(text, kernel.kinds[0])
+        name = body.temporary(f"{kernel.returns} {{}}", "of")
         body.write(f"{name} = {text};")
-        return TupleValue(tuple(Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(made.kinds)))
+        numbers = [Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(kernel.kinds)]
+        return TupleValue(tuple(numbers))
 
     def translated(self, function: Any, given: dict[str, Value], name: str | None = None) -> TranslatedKernel:
         """Return a kernel for named arguments; it is translated at the first call with arguments of these types.
@@ -134,26 +136,49 @@ class Program:
         return self.functions[key]
 
     def _translate(self, python: Callable[..., Any], given: dict[str, Value], name: str | None) -> TranslatedKernel:
+        """Translate a kernel for arguments of given types.
+
+        name : name of an entry function; None for a new name after the kernel
+        """
         tree = ast.parse(textwrap.dedent(source_of(python))).body[0]
         assert isinstance(tree, ast.FunctionDef)
-        names, declared = _parameters(given)
+        names, declarations = _parameters(given)
         first = self._pass(python, tree, dict(names), None)
         body = self._pass(python, tree, dict(names), first)
         kinds, returns = self._returns(first.returned)
-        constant = body.returned[0] if len(body.lines) == 1 and len(body.returned) == 1 else None
+        constant = None
+        if len(body.lines) == 1 and len(body.returned) == 1 and isinstance(body.returned[0], Constant):
+            constant = body.returned[0]
         body.lines = self._live(body)
         text = "\n".join(body.lines)
-        used_locals = {local: text_of for local, text_of in declared.items() if _names(_c_name(text_of), text)}
-        if name is None:
-            stem = f"{python.__module__.rpartition('.')[2]}_{python.__name__.strip('_')}"
-            self._names[stem] += 1
-            name = stem if self._names[stem] == 1 else f"{stem}_{self._names[stem]}"
-        head = ([f"struct {self.state} *self"] if re.search(r"\bself\b", text) else []) + list(used_locals.values())
-        signature = f"{returns} {name}({', '.join(head) or 'void'})"
+        parameters = {
+            parameter: declaration
+            for parameter, declaration in declarations.items()
+            if _names(_c_name(declaration), text)
+        }
+        name = name or self._new_name(python)
+        signature_parts = list(parameters.values())
+        if _uses_self(text):
+            signature_parts.insert(0, f"struct {self.state} *self")
+        signature = f"{returns} {name}({', '.join(signature_parts) or 'void'})"
         lines = [*_comment(python), *textwrap.wrap(signature, _WIDTH, subsequent_indent="    "), "{"]
-        lines += [f"    {local};" for local in _grouped(body.locals.values(), text)] + body.lines + ["}"]
-        value = constant if isinstance(constant, Constant) else None
-        return TranslatedKernel(name, used_locals, "\n".join(lines), returns, kinds, value, bool(body.lines))
+        lines += [f"    {local};" for local in _grouped(body.locals.values(), text)]
+        lines += [*body.lines, "}"]
+        return TranslatedKernel(
+            name=name,
+            parameters=parameters,
+            text="\n".join(lines),
+            returns=returns,
+            kinds=kinds,
+            constant=constant,
+            acts=bool(body.lines),
+        )
+
+    def _new_name(self, python: Callable[..., Any]) -> str:
+        """Return a new name for a C function: module and name of the kernel, with a number from the second on."""
+        stem = f"{python.__module__.rpartition('.')[2]}_{python.__name__.strip('_')}"
+        self._names[stem] += 1
+        return stem if self._names[stem] == 1 else f"{stem}_{self._names[stem]}"
 
     def _pass(self, python: Any, tree: ast.FunctionDef, names: dict[str, Value], earlier: Body | None) -> Body:
         body = Body(self, python, names, tree, earlier)
@@ -167,26 +192,34 @@ class Program:
         return body
 
     def _live(self, body: Body) -> list[str]:
-        """Return the lines of a body without assignments to local variables that are never read; calls remain."""
-        function_names = {function.name for function in self.functions.values()}
-        lines, dead = body.lines, True
-        while dead:
-            dead = False
+        """Return the lines of a body without assignments to local variables that are never read; calls remain.
+
+        An assignment may be the only reader of another variable, so this repeats until nothing changes.
+        """
+        lines = body.lines
+        previous: list[str] = []
+        while lines != previous:
+            previous = lines
             for name in map(_c_name, body.locals.values()):
-                sets = re.compile(rf"^(\s*){name} = (.*);$")
-                if any(_names(name, line) and not sets.match(line) for line in lines):
-                    continue
-                live_lines = list[str]()
-                for line in lines:
-                    assignment = sets.match(line)
-                    if assignment is None:
-                        live_lines.append(line)
-                        continue
-                    dead = True
-                    if function_names & set(re.findall(r"(\w+)\(", assignment.group(2))):
-                        live_lines.append(f"{assignment.group(1)}{assignment.group(2)};")
-                lines = live_lines
+                lines = self._without_assignments(lines, name)
         return lines
+
+    def _without_assignments(self, lines: list[str], name: str) -> list[str]:
+        """Return lines without the assignments to a variable if no line reads it; of calls the call remains."""
+        assignment = re.compile(rf"^(\s*){name} = (.*);$")
+        if any(_names(name, line) and not assignment.match(line) for line in lines):
+            return lines
+        function_names = {function.name for function in self.functions.values()}
+        live_lines = []
+        for line in lines:
+            match = assignment.match(line)
+            if match is None:
+                live_lines.append(line)
+                continue
+            indent, expression = match.groups()
+            if function_names & set(re.findall(r"(\w+)\(", expression)):
+                live_lines.append(f"{indent}{expression};")
+        return live_lines
 
     # ------------------------------------------------------------------------------------------ returns
 
@@ -196,43 +229,56 @@ class Program:
         rows = [row for row in rows if row != (Constant(None),)]
         if not rows:
             return (), "void"
-        columns = [{as_scalar(item).kind for item in column} for column in zip(*rows, strict=True)]
-        kinds = tuple(DOUBLE if DOUBLE in column else INT for column in columns)
+        kinds = []
+        for column in zip(*rows, strict=True):
+            number_types = {as_scalar(item).kind for item in column}
+            kinds.append(DOUBLE if DOUBLE in number_types else INT)
         if len(kinds) == 1 and not any(isinstance(value, TupleValue) for value in returned):
-            return kinds, kinds[0]
-        label = "_".join(f"{number_type[0]}{len(run)}" for number_type, run in _runs(kinds))
-        self.tuples[f"numbers_{label}"] = kinds
-        return kinds, f"struct numbers_{label}"
+            return tuple(kinds), kinds[0]
+        label = "_".join(f"{number_type[0]}{len(list(run))}" for number_type, run in groupby(kinds))
+        self.tuples[f"numbers_{label}"] = tuple(kinds)
+        return tuple(kinds), f"struct numbers_{label}"
 
     def return_line(self, found: Value, returned: list[Value]) -> str:
         """Return the statement that returns a value from a function with the given return values."""
         if found == Constant(None):
             return "return;"
+        if not isinstance(found, TupleValue):
+            return f"return {as_scalar(found).text};"
         _, returns = self._returns(returned)
-        if isinstance(found, TupleValue):
-            return f"return ({returns}){{{', '.join(as_scalar(item).text for item in found.items)}}};"
-        return f"return {as_scalar(found).text};"
+        items = ", ".join(as_scalar(item).text for item in found.items)
+        return f"return ({returns}){{{items}}};"
 
     # --------------------------------------------------------------------------------------------- text
 
     def text(self, entries: list[str]) -> str:
         """Return the C code of everything that the named functions need: types, tables, functions."""
+        required = self._required(entries)
+        functions = []
+        for function in self.functions.values():
+            if function.name in entries:
+                functions.append(function.text)
+            elif function.name in required:
+                functions.append(_static(function.text))
+        code = "\n\n\n".join(functions)
+        words = set(re.findall(r"\w+", code))
+        types = [_struct(name, kinds) for name, kinds in self.tuples.items() if name in words]
+        tables = [_table(name, array) for name, array in self.tables.items() if name in words]
+        sections = ["\n".join(types), "\n\n".join(tables), code]
+        return "\n\n".join(section for section in sections if section) + "\n"
+
+    def _required(self, entries: list[str]) -> set[str]:
+        """Return the names of functions and of all that they call, directly or through others."""
         by_name = {function.name: function for function in self.functions.values()}
-        pending, found = list(entries), set[str]()
+        pending = list(entries)
+        required: set[str] = set()
         while pending:
             name = pending.pop()
-            if name not in found:
-                found.add(name)
-                pending += [callee for callee in re.findall(r"\b(\w+)\(", by_name[name].text) if callee in by_name]
-        functions = [function for function in self.functions.values() if function.name in found]
-        code = "\n\n\n".join(
-            function.text if function.name in entries else _static(function.text, function.returns)
-            for function in functions
-        )
-        used = set(re.findall(r"\w+", code))
-        types = [_struct(name, kinds) for name, kinds in self.tuples.items() if name in used]
-        tables = [_table(name, array) for name, array in self.tables.items() if name in used]
-        return "\n\n".join(section for section in ("\n".join(types), "\n\n".join(tables), code) if section) + "\n"
+            if name not in required:
+                required.add(name)
+                callees = re.findall(r"\b(\w+)\(", by_name[name].text)
+                pending += [callee for callee in callees if callee in by_name]
+        return required
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
@@ -244,10 +290,15 @@ def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> 
     python = getattr(function, "py_func", function)
     binding = inspect.signature(python).bind(*arguments, **named)
     binding.apply_defaults()
-    return {
-        name: value if isinstance(value, Constant | Scalar | Array | TupleValue | RecordValue) else Constant(value)
-        for name, value in binding.arguments.items()
-    }
+    values = {}
+    for name, value in binding.arguments.items():
+        is_value = isinstance(value, Constant | Scalar | Array | TupleValue | RecordValue)
+        values[name] = value if is_value else Constant(value)
+    return values
+
+
+def _uses_self(text: str) -> bool:
+    return re.search(r"\bself\b", text) is not None
 
 
 def _signature(value: Value) -> Any:
@@ -266,28 +317,30 @@ def _signature(value: Value) -> Any:
 
 def _parameters(given: dict[str, Value]) -> tuple[dict[str, Value], dict[str, str]]:
     """Return the values of a kernel's names, and the C parameters for them."""
-    names, declared = dict[str, Value](), dict[str, str]()
+    names: dict[str, Value] = {}
+    declarations: dict[str, str] = {}
     for name, value in given.items():
         label = _safe(name)
         if isinstance(value, Scalar) or (isinstance(value, Constant) and isinstance(value.value, float)):
             number_type = value.kind if isinstance(value, Scalar) else DOUBLE
-            names[name], declared[name] = Scalar(label, number_type), f"{number_type} {label}"
+            names[name] = Scalar(label, number_type)
+            declarations[name] = f"{number_type} {label}"
         elif isinstance(value, Array):
             shape = tuple(Scalar(f"n_{label}", INT) if isinstance(size, Scalar) else size for size in value.shape)
             names[name] = Array(label, shape, value.kind, value.constant, value.rings)
-            declared[name] = value.declared(label)
+            declarations[name] = value.declared(label)
             if any(isinstance(size, Scalar) for size in shape):
-                declared[f"{name}.n"] = f"int n_{label}"
+                declarations[f"{name}.n"] = f"int n_{label}"
         elif isinstance(value, TupleValue):
             items = []
-            for at, item in enumerate(value.items):
-                number = as_scalar(item)
-                items.append(Scalar(f"{label}_{at}", number.kind))
-                declared[f"{name}.{at}"] = f"{number.kind} {label}_{at}"
+            for k, item in enumerate(value.items):
+                number = Scalar(f"{label}_{k}", as_scalar(item).kind)
+                items.append(number)
+                declarations[f"{name}.{k}"] = f"{number.kind} {number.text}"
             names[name] = TupleValue(tuple(items))
         else:
             names[name] = value
-    return names, declared
+    return names, declarations
 
 
 def _passed(given: dict[str, Value], parameter: str) -> str:
@@ -295,7 +348,10 @@ def _passed(given: dict[str, Value], parameter: str) -> str:
     name, _, field = parameter.partition(".")
     value = given[name]
     if isinstance(value, Array):
-        return value.text if field == "" else next(as_scalar(s).text for s in value.shape if isinstance(s, Scalar))
+        if not field:
+            return value.text
+        unknown_sizes = [size for size in value.shape if isinstance(size, Scalar)]
+        return unknown_sizes[0].text
     if isinstance(value, TupleValue):
         return as_scalar(value.items[int(field)]).text
     return literal(value.value).text if isinstance(value, Constant) else as_scalar(value).text
@@ -319,56 +375,43 @@ def _c_name(declaration: str) -> str:
 
 def _comment(python: Any) -> list[str]:
     """Return the first paragraph of a kernel's docstring as a C comment."""
-    words = inspect.cleandoc(python.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("*/", "* /")
-    if not words:
+    paragraph = inspect.cleandoc(python.__doc__ or "").split("\n\n")[0]
+    text = paragraph.replace("\n", " ").replace("*/", "* /")
+    if not text:
         return []
-    lines = textwrap.wrap(words, _WIDTH - 6)
+    lines = textwrap.wrap(text, _WIDTH - 6)
     lines = [f"/* {lines[0]}", *(f"   {line}" for line in lines[1:])]
     return [*lines[:-1], f"{lines[-1]} */"]
 
 
 def _grouped(declarations: Any, text: str) -> list[str]:
     """Return the declarations of local variables that the text uses; numbers of one type share a line."""
-    simple: dict[str, list[str]] = {}
-    further = list[str]()
+    numbers: dict[str, list[str]] = {}
+    arrays: list[str] = []
     for declaration in declarations:
         if not _names(_c_name(declaration), text):
             continue
         number_type, _, name = declaration.partition(" ")
         if name.isidentifier():
-            simple.setdefault(number_type, []).append(name)
+            numbers.setdefault(number_type, []).append(name)
         else:
-            further.append(declaration)
-    found = list[str]()
-    for number_type, names in simple.items():
-        found += textwrap.wrap(f"{number_type} {', '.join(names)}", _WIDTH - 4, subsequent_indent="        ")
-    joined = list[str]()
-    for line in found:  # a wrapped declaration counts as one line
-        if line.startswith("        ") and joined:
-            joined[-1] += f"\n    {line}"
-        else:
-            joined.append(line)
-    return joined + further
+            arrays.append(declaration)
+    lines = []
+    for number_type, names in numbers.items():
+        wrapped = textwrap.wrap(f"{number_type} {', '.join(names)}", _WIDTH - 4, subsequent_indent="        ")
+        lines.append("\n    ".join(wrapped))  # a wrapped declaration counts as one line
+    return lines + arrays
 
 
-def _runs(kinds: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    groups: list[tuple[str, list[str]]] = []
-    for number_type in kinds:
-        if groups and groups[-1][0] == number_type:
-            groups[-1][1].append(number_type)
-        else:
-            groups.append((number_type, [number_type]))
-    return groups
-
-
-def _static(text: str, returns: str) -> str:
+def _static(text: str) -> str:
     """Return a function as static, because no other file calls it."""
-    at = text.index("*/") + 3 if text.startswith("/*") else 0
-    return f"{text[:at]}static {text[at:]}"
+    start = text.index("*/") + 3 if text.startswith("/*") else 0  # after its comment
+    return f"{text[:start]}static {text[start:]}"
 
 
 def _struct(name: str, kinds: tuple[str, ...]) -> str:
-    return f"struct {name} {{ {' '.join(f'{number_type} v{i};' for i, number_type in enumerate(kinds))} }};"
+    fields = [f"{number_type} v{i};" for i, number_type in enumerate(kinds)]
+    return f"struct {name} {{ {' '.join(fields)} }};"
 
 
 def _table(name: str, array: Array) -> str:
@@ -381,4 +424,7 @@ def _content(content: np.ndarray) -> str:
     if content.ndim == 1:
         row = ", ".join(literal(value).text for value in content) or "0"
         return "{" + "\n    ".join(textwrap.wrap(row, _WIDTH - 4)) + "}"
-    return "{\n" + ",\n".join(_content(part) for part in content) + "\n}" if len(content) else "{{0}}"
+    if not len(content):
+        return "{{0}}"
+    rows = [_content(row) for row in content]
+    return "{\n" + ",\n".join(rows) + "\n}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 from lvnav_trade.export.translation import operators
@@ -44,9 +45,8 @@ class Body(Expressions):
     ) -> None:
         super().__init__(program, function, names)
         self.parameters = dict(names)
-        self.written = Counter(
-            one.id for one in ast.walk(tree) if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)
-        )
+        name_nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+        self.written = Counter(node.id for node in name_nodes if isinstance(node.ctx, ast.Store))
         self.assigned: Counter[str] = Counter()
         self.kinds: dict[str, set[str]] = {}
         self.returned: list[Value] = []
@@ -85,9 +85,10 @@ class Body(Expressions):
     def _return_statement(self, node: ast.Return) -> bool:
         returned: Value = self.value(node.value) if node.value is not None else Constant(None)
         if isinstance(returned, Constant) and isinstance(returned.value, tuple):
-            returned = TupleValue(tuple(Constant(item) for item in returned.value))
+            returned = TupleValue(tuple(map(Constant, returned.value)))
         self.returned.append(returned)
-        self.write(self.program.return_line(returned, self.earlier.returned if self.earlier else self.returned))
+        all_returned = self.earlier.returned if self.earlier else self.returned
+        self.write(self.program.return_line(returned, all_returned))
         return True
 
     def _if_statement(self, node: ast.If) -> bool:
@@ -107,15 +108,15 @@ class Body(Expressions):
 
     def _otherwise(self, nodes: list[ast.stmt]) -> bool:
         """Translate an else branch; return whether the statements after it are unreachable."""
-        before = len(self.lines)
+        start = len(self.lines)
         self.write("} else {")
         ends = self._inner(nodes)
-        inner = self.lines[before + 1 :]
+        inner = self.lines[start + 1 :]
         if not inner:
             self.lines.pop()
         elif inner[0].lstrip().startswith("if (") and _is_one(inner):
             head = f"{'    ' * self.indent}}} else {inner[0].lstrip()}"
-            self.lines[before:] = [head, *(line[4:] for line in inner[1:-1])]
+            self.lines[start:] = [head, *(line[4:] for line in inner[1:-1])]
         return ends
 
     def _inner(self, nodes: list[ast.stmt]) -> bool:
@@ -142,18 +143,22 @@ class Body(Expressions):
         name = node.target.id
         if isinstance(node.iter, ast.Call) and isinstance(node.iter.func, ast.Name) and node.iter.func.id == "range":
             bounds = [self.value(bound) for bound in node.iter.args]
-            first, last, step = (Constant(0), *bounds, Constant(1)) if len(bounds) == 1 else (*bounds, Constant(1))[:3]
+            if len(bounds) == 1:
+                bounds.insert(0, Constant(0))
+            first, last = bounds[:2]
+            step = bounds[2] if len(bounds) > 2 else Constant(1)
             self._count(node, name, first, last, step)
-        else:
-            over = self.value(node.iter)
-            if not (isinstance(over, Constant) and isinstance(over.value, tuple)):
-                raise self.fail(node, "loops run over a range, or over known numbers")
-            for item in over.value:
-                self.names[name] = Constant(item)
-                self.block(node.body)
+            return False
+        values = self.value(node.iter)
+        if not (isinstance(values, Constant) and isinstance(values.value, tuple)):
+            raise self.fail(node, "loops run over a range, or over known numbers")
+        for item in values.value:
+            self.names[name] = Constant(item)
+            self.block(node.body)
         return False
 
     def _count(self, node: ast.For, name: str, first: Value, last: Value, step: Value) -> None:
+        """Translate a loop over a range; without passes or with a single pass there is no loop in C."""
         if not isinstance(step, Constant):
             raise self.fail(node, "a step that is not known")
         if isinstance(first, Constant) and isinstance(last, Constant):
@@ -166,12 +171,14 @@ class Body(Expressions):
                 return
         label = self._label(name)
         self.names[name] = Scalar(label, INT)
-        begin, end = as_scalar(first).text, held(as_scalar(last), SUM)
-        moves = f"{label}++" if step.value == 1 else f"{label}--" if step.value == -1 else f"{label} += {step.value}"
-        mark = len(self.lines)
-        self.write(f"for (int {label} = {begin}; {label} {'<' if step.value > 0 else '>'} {end}; {moves}) {{")
+        begin = as_scalar(first).text
+        end = held(as_scalar(last), SUM)
+        increment = {1: f"{label}++", -1: f"{label}--"}.get(step.value, f"{label} += {step.value}")
+        comparison = "<" if step.value > 0 else ">"
+        start = len(self.lines)
+        self.write(f"for (int {label} = {begin}; {label} {comparison} {end}; {increment}) {{")
         self._inner(node.body)
-        if len(self.lines) == mark + 1:
+        if len(self.lines) == start + 1:
             self.lines.pop()  # the loop is empty
         else:
             self.write("}")
@@ -179,40 +186,43 @@ class Body(Expressions):
     # -------------------------------------------------------------------------------------- assignments
 
     def _assign_statement(self, node: ast.Assign) -> bool:
-        assigned = self.value(node.value)
+        value = self.value(node.value)
         if len(node.targets) > 1:
-            assigned = self._kept(assigned)
+            value = self._copied(value)
         for target in node.targets:
             if isinstance(target, ast.Tuple):
-                self._unpack(node, target, assigned)
+                self._unpack(node, target, value)
             else:
-                self.store(target, assigned)
+                self.store(target, value)
         return False
 
     def _augassign_statement(self, node: ast.AugAssign) -> bool:
         assert isinstance(node.target, ast.Name | ast.Subscript)
         reading = ast.copy_location(_loaded(node.target), node.target)
-        self.store(node.target, operators.binary(node.op, self.value(reading), self.value(node.value)))
+        left = self.value(reading)
+        right = self.value(node.value)
+        self.store(node.target, operators.binary(node.op, left, right))
         return False
 
-    def _unpack(self, node: ast.Assign, target: ast.Tuple, found: Value) -> None:
-        items = self._items(found, len(target.elts))
+    def _unpack(self, node: ast.Assign, target: ast.Tuple, value: Value) -> None:
+        items = self._items(value, len(target.elts))
         if items is None:
             raise self.fail(node, "cannot be taken apart")
-        if not _apart(target, node.value):
-            items = [self._kept(item) for item in items]
+        if not _is_independent(target, node.value):
+            items = [self._copied(item) for item in items]
         for element, item in zip(target.elts, items, strict=True):
             self.store(element, item)
 
-    def _items(self, found: Value, count: int) -> list[Value] | None:
-        items = self.items(found)
+    def _items(self, value: Value, count: int) -> list[Value] | None:
+        """Return the numbers of a tuple or of an array with `count` elements; None for any other value."""
+        items = self.items(value)
         if items is not None and len(items) == count:
             return items
-        if isinstance(found, Array) and found.shape[0] == count and len(found.shape) == 1:
-            return [Scalar(f"{found.text}[{i}]", found.kind) for i in range(count)]
+        if isinstance(value, Array) and value.shape[0] == count and len(value.shape) == 1:
+            return [Scalar(f"{value.text}[{i}]", value.kind) for i in range(count)]
         return None
 
-    def _kept(self, item: Value) -> Value:
+    def _copied(self, item: Value) -> Value:
         """Copy a number to a temporary if another target of the same statement may change it first."""
         if not isinstance(item, Scalar):
             return item
@@ -228,7 +238,7 @@ class Body(Expressions):
         if not isinstance(target, ast.Subscript):
             raise self.fail(target, "is no place to store to")
         place = self.value(target)
-        if isinstance(place, Constant) or not isinstance(place, Scalar):
+        if not isinstance(place, Scalar):
             raise self.fail(target, "is no element that can be written")
         self.write(f"{place.text} = {as_scalar(found).text};")
 
@@ -237,55 +247,59 @@ class Body(Expressions):
             return f"{name}_now"
         return f"{name}_" if name in RESERVED else name
 
-    def _bind(self, name: str, found: Value) -> None:
+    def _bind(self, name: str, value: Value) -> None:
+        """Give a name a value: known values stay values, numbers that vary become a local variable."""
         self.assigned[name] += 1
-        times = self.written[name] if self.earlier is None else self.earlier.assigned[name]
-        fixed = times == 1 and name not in self.parameters
-        if isinstance(found, Constant):  # not a number that can change: None, a name, a function
-            fixed = fixed or not isinstance(found.value, int | float)
-        if isinstance(found, RecordValue) or (isinstance(found, Constant) and fixed):
-            self.names[name] = found
-        elif isinstance(found, TupleValue):
-            self._bind_tuple(name, found)
-        elif isinstance(found, Array):
-            self._bind_array(name, found)
+        n_assignments = self.written[name] if self.earlier is None else self.earlier.assigned[name]
+        is_fixed = n_assignments == 1 and name not in self.parameters
+        if isinstance(value, Constant) and not isinstance(value.value, int | float):
+            is_fixed = True  # not a number that can change: None, a name, a function
+        if isinstance(value, RecordValue) or (isinstance(value, Constant) and is_fixed):
+            self.names[name] = value
+        elif isinstance(value, TupleValue):
+            self._bind_tuple(name, value)
+        elif isinstance(value, Array):
+            self._bind_array(name, value)
         else:
-            self._bind_number(name, as_scalar(found))
+            self._bind_number(name, as_scalar(value))
 
-    def _bind_tuple(self, name: str, found: TupleValue) -> None:
-        if all(isinstance(item, Scalar | Constant) for item in found.items):
-            parts = [as_scalar(item) for item in found.items]
-            number_type = DOUBLE if any(number.kind == DOUBLE for number in parts) else INT
-            label = self._label(name)
-            self.locals[name] = f"{number_type} {label}[{len(parts)}]"
-            for at, number in enumerate(parts):
-                self.write(f"{label}[{at}] = {number.text};")
-            self.names[name] = Array(label, (len(parts),), number_type)
-        else:
-            self.names[name] = found
+    def _bind_tuple(self, name: str, value: TupleValue) -> None:
+        if not all(isinstance(item, Scalar | Constant) for item in value.items):
+            self.names[name] = value
+            return
+        numbers = [as_scalar(item) for item in value.items]
+        number_type = operators.common_type(numbers)
+        label = self._label(name)
+        self.locals[name] = f"{number_type} {label}[{len(numbers)}]"
+        for k, number in enumerate(numbers):
+            self.write(f"{label}[{k}] = {number.text};")
+        self.names[name] = Array(label, (len(numbers),), number_type)
 
-    def _bind_array(self, name: str, found: Array) -> None:
-        if found.text.replace("->", "").replace("_", "").isalnum() and self.assigned[name] == 1:
-            self.names[name] = found  # a whole array keeps its own name
+    def _bind_array(self, name: str, array: Array) -> None:
+        is_whole = array.text.replace("->", "").replace("_", "").isalnum()
+        if is_whole and self.assigned[name] == 1:
+            self.names[name] = array  # a whole array keeps its own name
             return
         label = self._label(name)
-        declared = found.declared(label)
-        if self.locals.get(name, declared) != declared:
+        declaration = array.declared(label)
+        if self.locals.get(name, declaration) != declaration:
             raise TranslationError(f"{self.function.__name__}: {name} stands for arrays of different kinds")
-        self.locals[name] = declared
-        self.write(f"{label} = {found.text};")
-        value = found.value if self.earlier is not None and self.earlier.assigned[name] == 1 else None
-        self.names[name] = Array(label, found.shape, found.kind, found.constant, found.rings, value)
+        self.locals[name] = declaration
+        self.write(f"{label} = {array.text};")
+        is_assigned_once = self.earlier is not None and self.earlier.assigned[name] == 1
+        self.names[name] = replace(array, text=label, value=array.value if is_assigned_once else None)
 
-    def _bind_number(self, name: str, found: Scalar) -> None:
-        self.kinds.setdefault(name, set()).add(found.kind)
-        kinds = self.earlier.kinds.get(name, {found.kind}) if self.earlier is not None else self.kinds[name]
-        number_type, label = (DOUBLE if DOUBLE in kinds else INT), self._label(name)
+    def _bind_number(self, name: str, number: Scalar) -> None:
+        self.kinds.setdefault(name, set()).add(number.kind)
+        # The first pass knows the types of all assignments to the name
+        kinds = self.kinds[name] if self.earlier is None else self.earlier.kinds.get(name, {number.kind})
+        number_type = DOUBLE if DOUBLE in kinds else INT
+        label = self._label(name)
         self.names[name] = Scalar(label, number_type)
-        if self.earlier is not None and name not in self.earlier.read and "(" not in found.text:
+        if self.earlier is not None and name not in self.earlier.read and "(" not in number.text:
             return  # it is never read
         self.locals[name] = f"{number_type} {label}"
-        self.write(f"{label} = {found.text};")
+        self.write(f"{label} = {number.text};")
 
     def begin(self) -> None:
         """Declare local variables for parameters that the kernel assigns to."""
@@ -297,30 +311,38 @@ class Body(Expressions):
 
 def _is_one(lines: list[str]) -> bool:
     """Return whether lines form one C statement with braces; only its own `else` is at its level."""
-    depth = len(lines[0]) - len(lines[0].lstrip())
-    level = [line for line in lines[1:] if len(line) - len(line.lstrip()) == depth]
-    return all(line.lstrip().startswith("}") for line in level) and lines[-1].strip() == "}"
+    if lines[-1].strip() != "}":
+        return False
+    depth = _indentation(lines[0])
+    same_level = [line.lstrip() for line in lines[1:] if _indentation(line) == depth]
+    return all(line.startswith("}") for line in same_level)
+
+
+def _indentation(line: str) -> int:
+    return len(line) - len(line.lstrip())
 
 
 def _leaves(nodes: list[ast.stmt]) -> bool:
     """Return whether statements contain continue or break."""
-    return any(isinstance(one, ast.Continue | ast.Break) for node in nodes for one in ast.walk(node))
+    inner_nodes = [inner for node in nodes for inner in ast.walk(node)]
+    return any(isinstance(inner, ast.Continue | ast.Break) for inner in inner_nodes)
+
+
+def _is_independent(target: ast.Tuple, source: ast.expr) -> bool:
+    """Return whether no value of an assignment reads another of its targets."""
+    if not isinstance(source, ast.Tuple):
+        return True  # the results of a call are complete before the first of them is stored
+    written = {_base(element) for element in target.elts}
+    for node in ast.walk(source):
+        if isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in written:
+            return False
+    return True
 
 
 def _loaded(node: ast.Name | ast.Subscript) -> ast.expr:
     if isinstance(node, ast.Name):
         return ast.Name(node.id, ast.Load())
     return ast.Subscript(node.value, node.slice, ast.Load())
-
-
-def _apart(target: ast.Tuple, source: ast.expr) -> bool:
-    """Return whether no value of an assignment reads another of its targets."""
-    if not isinstance(source, ast.Tuple):
-        return True  # the results of a call are complete before the first of them is stored
-    written = {_base(element) for element in target.elts}
-    return not any(
-        isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in written for node in ast.walk(source)
-    )
 
 
 def _base(node: ast.expr) -> str:

@@ -71,8 +71,10 @@ class Array:
 
     def declared(self, name: str) -> str:
         """Return the declaration of a pointer of this type."""
-        rest = "".join(f"[{size_of(size)}]" for size in self.sizes[1:])
-        return f"{'const ' if self.constant else ''}{self.kind} {f'(*{name}){rest}' if rest else f'*{name}'}"
+        inner_sizes = "".join(f"[{size_of(size)}]" for size in self.sizes[1:])
+        pointer = f"(*{name}){inner_sizes}" if inner_sizes else f"*{name}"
+        qualifier = "const " if self.constant else ""
+        return f"{qualifier}{self.kind} {pointer}"
 
 
 @dataclass(frozen=True)
@@ -117,12 +119,11 @@ def literal(value: Any) -> Scalar:
         raise TranslationError(f"{value!r} is no number")
     if math.isnan(value):
         return Scalar("NAN", DOUBLE)
-    negative = math.copysign(1.0, value) < 0.0
-    return (
-        Scalar("-INFINITY" if value < 0 else "INFINITY", DOUBLE, UNARY if negative else ATOM)
-        if math.isinf(value)
-        else Scalar(repr(value), DOUBLE, UNARY if negative else ATOM)
-    )
+    is_negative = math.copysign(1.0, value) < 0.0  # also minus zero
+    text = repr(value)
+    if math.isinf(value):
+        text = "-INFINITY" if is_negative else "INFINITY"
+    return Scalar(text, DOUBLE, UNARY if is_negative else ATOM)
 
 
 def as_scalar(value: Value) -> Scalar:

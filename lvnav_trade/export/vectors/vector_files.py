@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -75,29 +75,39 @@ def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> Re
         raise InputError(f"format {kind!r}: should be csv or parquet")
     prepared = prepare(case.scenario)
     tables = vectors_of(prepared, campaign.seed, run)
-    columns = pd.DataFrame(
-        [
-            (table, name, *described)
-            for table, described_table in tables.items()
-            for name, described in described_table.columns.items()
-        ],
-        columns=["table", "column", "unit", "meaning"],
-    )
-    files: dict[str, bytes | str] = {f"{name}.{kind}": _written(table.frame, kind) for name, table in tables.items()}
+    columns = _column_table(tables)
+    title = f"Case {case.label} ({case.id}) of the campaign {campaign.name}, seed {campaign.seed}, run {run}."
+    title = _MARKUP.sub(r"\\\g<0>", " ".join(title.split()))
+    files: dict[str, bytes | str] = {
+        f"{name}.{kind}": _table_content(table.frame, kind) for name, table in tables.items()
+    }
     files["columns.csv"] = columns.to_csv(index=False)
     files["case.yaml"] = dump(case.scenario.model_dump(mode="json", exclude_none=True))
-    words = f"Case {case.label} ({case.id}) of the campaign {campaign.name}, seed {campaign.seed}, run {run}."
-    files["README.md"] = _readme(_MARKUP.sub(r"\\\g<0>", " ".join(words.split())), tables, kind, prepared)
-    return ReferenceVectors({name: table.frame for name, table in tables.items()}, columns, files, run)
+    files["README.md"] = _readme(title, tables, kind, prepared)
+    return ReferenceVectors(
+        tables={name: table.frame for name, table in tables.items()},
+        columns=columns,
+        files=files,
+        run=run,
+    )
 
 
-def _written(frame: pd.DataFrame, kind: str) -> bytes | str:
+def _column_table(tables: Mapping[str, VectorTable]) -> pd.DataFrame:
+    """Return table, name, unit and meaning of every column."""
+    rows = []
+    for table_name, table in tables.items():
+        for name, (unit, meaning) in table.columns.items():
+            rows.append((table_name, name, unit, meaning))
+    return pd.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
+
+
+def _table_content(frame: pd.DataFrame, kind: str) -> bytes | str:
     """Return a table as a file; CSV has enough digits to restore the same double."""
     if kind == "csv":
         return str(frame.to_csv(index=False))
-    out = io.BytesIO()
-    frame.to_parquet(out, index=False)
-    return out.getvalue()
+    buffer = io.BytesIO()
+    frame.to_parquet(buffer, index=False)
+    return buffer.getvalue()
 
 
 def _readme(title: str, tables: Mapping[str, VectorTable], kind: str, prepared: Prepared) -> str:
@@ -106,8 +116,8 @@ def _readme(title: str, tables: Mapping[str, VectorTable], kind: str, prepared: 
     filter_card = prepared.scenario.filter
     notes = [_OPEN if filter_card.feedback == "open" else _CLOSED]
     if prepared.model.uneven is not None:
-        gyro, accel = (", ".join(f"{value:.17g}" for value in axes) for axes in prepared.model.uneven)
-        notes.append(_UNEVEN.format(gyro=gyro, accel=accel))
+        gyro, accel = prepared.model.uneven
+        notes.append(_UNEVEN.format(gyro=_axis_values(gyro), accel=_axis_values(accel)))
     if filter_card.gains is not None:
         notes.append(_GAINS)
     if "reported_covariance" in tables:
@@ -115,6 +125,10 @@ def _readme(title: str, tables: Mapping[str, VectorTable], kind: str, prepared: 
     if prepared.options.late is not None:
         notes.append(_LATE)
     return _README.format(title=title, tables="\n".join(rows), notes="\n".join(notes))
+
+
+def _axis_values(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.17g}" for value in values)
 
 
 _README = """# Reference vectors of a navigation filter

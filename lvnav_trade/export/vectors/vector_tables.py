@@ -85,7 +85,7 @@ def _table(about: str, columns: Mapping[str, tuple[str, str]], values: Iterable[
     return VectorTable(about, pd.DataFrame(dict(zip(columns, values, strict=True))), dict(columns))
 
 
-def _of_rows(about: str, columns: Mapping[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> VectorTable:
+def _row_table(about: str, columns: Mapping[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> VectorTable:
     """Return a table from rows."""
     return VectorTable(about, pd.DataFrame(list(rows), columns=list(columns)), dict(columns))
 
@@ -126,13 +126,18 @@ def _windows(prepared: Prepared) -> VectorTable:
 
 
 def _epochs(prepared: Prepared, recorded: TapedRun) -> VectorTable:
-    options, t = prepared.options, prepared.t_epoch
+    options = prepared.options
     columns: dict[str, tuple[str, str]] = {
         **_EPOCH,
         "n_accepted": ("", "scalar measurements that the filter accepts"),
         "n_rejected": ("", "scalar measurements that its gate rejects"),
     }
-    values = [np.arange(t.size), t, recorded.accepted.astype(int), recorded.rejected.astype(int)]
+    values = [
+        np.arange(prepared.t_epoch.size),
+        prepared.t_epoch,
+        recorded.accepted.astype(int),
+        recorded.rejected.astype(int),
+    ]
     if options.late is not None:
         columns["delay_s"] = ("s", "delay of the receiver that the filter compensates")
         values.append(options.late.delay)
@@ -140,6 +145,35 @@ def _epochs(prepared: Prepared, recorded: TapedRun) -> VectorTable:
         columns["good"] = ("", "whether the receiver's sample passes the checks at the input")
         values.append(options.rules.good)
     return _table("Epochs at which measurements are processed", columns, values)
+
+
+def _receiver_scalars(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
+    """Yield the scalar measurements of the receiver at an epoch."""
+    model, signals, tape = prepared.model, prepared.signals, recorded.tape
+    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
+    for row in range(_python(n_measured)(model, signals, epoch)):
+        channel = _python(channel_of)(model, signals, epoch, row)
+        if not _python(is_present)(prepared.options.delayed, model, epoch, channel):
+            continue
+        if not model.tight:
+            yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
+        elif not _python(is_reference)(model, signals, epoch, row):
+            slot, observable = divmod(row, model.n_kind)
+            yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
+
+
+def _sensor_scalars(prepared: Prepared, epoch: int) -> Iterator[_Scalar]:
+    """Yield the scalar measurements of the other sensors at an epoch."""
+    sensors = prepared.sensors
+    if sensors is None:
+        return
+    first_row = prepared.n_row - prepared.channels.n_channel
+    for k, device in enumerate(prepared.devices):
+        if not (sensors.on[k, epoch] and prepared.model.measured[sensors.channel[k]]):
+            continue
+        for i in range(sensors.scalars[k]):
+            channel = sensors.channel[k] + i
+            yield _Scalar(first_row + channel, channel, math.nan, device.card.unit)
 
 
 class _Scalar(NamedTuple):
@@ -162,33 +196,6 @@ def _python(kernel: Any) -> Any:
     return getattr(kernel, "py_func", kernel)
 
 
-def _of_receiver(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
-    model, signals, tape = prepared.model, prepared.signals, recorded.tape
-    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
-    for row in range(_python(n_measured)(model, signals, epoch)):
-        channel = _python(channel_of)(model, signals, epoch, row)
-        present = _python(is_present)(prepared.options.delayed, model, epoch, channel)
-        if not present or (model.tight and _python(is_reference)(model, signals, epoch, row)):
-            continue
-        if model.tight:
-            slot, observable = divmod(row, model.n_kind)
-            yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
-        else:
-            yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
-
-
-def _of_sensors(prepared: Prepared, epoch: int) -> Iterator[_Scalar]:
-    sensors = prepared.sensors
-    if sensors is None:
-        return
-    for k, device in enumerate(prepared.devices):
-        if sensors.on[k, epoch] and prepared.model.measured[sensors.channel[k]]:
-            for i in range(sensors.scalars[k]):
-                channel = sensors.channel[k] + i
-                row = prepared.n_row - prepared.channels.n_channel + channel
-                yield _Scalar(row, channel, math.nan, device.card.unit)
-
-
 def _measurements(prepared: Prepared, recorded: TapedRun) -> VectorTable:
     columns = {
         **_EPOCH,
@@ -203,58 +210,99 @@ def _measurements(prepared: Prepared, recorded: TapedRun) -> VectorTable:
         "variance_si": ("square of it", "noise variance in the filter model"),
         "innovation_ratio": ("1", "expected innovation over its standard deviation; empty: not processed"),
     }
-    return _of_rows("Scalar measurements", columns, _measured_rows(prepared, recorded))
+    return _row_table("Scalar measurements", columns, _measurement_rows(prepared, recorded))
 
 
-def _measured_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[Any, ...]]:
+def _measurement_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of the table of measurements; none if the filter is not aided."""
     channels, signals, names = prepared.channels, prepared.signals, prepared.channel_names
-    reports = _reports(prepared)
+    has_reports = _reports(prepared)
+    if not prepared.model.aided:
+        return
     for epoch, t in enumerate(prepared.t_epoch):
-        of_epoch = [*_of_receiver(prepared, recorded, epoch), *_of_sensors(prepared, epoch)]
-        for row, channel, value, unit in of_epoch if prepared.model.aided else ():
-            is_satellite = channels.tight and channel < channels.n_receiver
-            satellite = channels.satellites[channel // prepared.model.n_kind] if is_satellite else ""
+        scalars = [*_receiver_scalars(prepared, recorded, epoch), *_sensor_scalars(prepared, epoch)]
+        for row, channel, value, unit in scalars:
+            is_of_receiver = channel < channels.n_receiver
+            satellite = ""
+            if channels.tight and is_of_receiver:
+                satellite = channels.satellites[channel // prepared.model.n_kind]
             variance = signals.variance[epoch, channel]
-            if reports and channel < channels.n_receiver:
+            if has_reports and is_of_receiver:
                 variance = recorded.tape.covariance[epoch, row, row] * signals.scale[epoch, channel] ** 2
-            innovation = recorded.innovation[epoch, channel]
-            yield epoch, t, row, names[channel], satellite, value, unit, variance, innovation
+            yield (
+                epoch,
+                t,
+                row,
+                names[channel],
+                satellite,
+                value,
+                unit,
+                variance,
+                recorded.innovation[epoch, channel],
+            )
 
 
 def _antennas(prepared: Prepared) -> VectorTable:
     columns = {"antenna": ("", "number of the antenna, from 0")}
     columns |= _axes("lever", "m", "phase centre relative to the IMU in the filter model, body axes")
     rows = [(number, *lever) for number, lever in enumerate(prepared.model.lever_arms)]
-    return _of_rows("Antennas of the receiver", columns, rows)
+    return _row_table("Antennas of the receiver", columns, rows)
 
 
 def _satellites(prepared: Prepared) -> VectorTable:
     columns = {**_EPOCH, "satellite": ("", "its name"), "antenna": ("", "antenna that receives it, from 0")}
     columns |= _axes("position", "m", "position at transmission that the filter uses, frame i at reception")
     columns |= _axes("velocity", "m/s", "derivative of that position by the time of reception, frame i")
-    signals, rows = prepared.signals, list[tuple[Any, ...]]()
-    for epoch, t in enumerate(prepared.t_epoch if prepared.channels.tight else ()):
-        for s in signals.used[epoch, : signals.n_used[epoch]]:
-            place, velocity = signals.satellite[epoch, s], signals.satellite_velocity[epoch, s]
-            rows.append((epoch, t, prepared.sky.names[s], signals.antenna[epoch, s], *place, *velocity))
-    return _of_rows("Satellites in use", columns, rows)
+    rows = _satellite_rows(prepared) if prepared.channels.tight else ()
+    return _row_table("Satellites in use", columns, rows)
+
+
+def _satellite_rows(prepared: Prepared) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of the table of satellites."""
+    signals = prepared.signals
+    for epoch, t in enumerate(prepared.t_epoch):
+        for satellite in signals.used[epoch, : signals.n_used[epoch]]:
+            yield (
+                epoch,
+                t,
+                prepared.sky.names[satellite],
+                signals.antenna[epoch, satellite],
+                *signals.satellite[epoch, satellite],
+                *signals.satellite_velocity[epoch, satellite],
+            )
 
 
 def _sensors(prepared: Prepared, observed: Floats) -> VectorTable:
-    sensors, rows, n_known = prepared.sensors, list[tuple[Any, ...]](), 0
+    sensors = prepared.sensors
+    n_known = 0
     if sensors is not None:
-        n_known = int(np.flatnonzero(np.any(sensors.known != 0.0, axis=(0, 1))).max(initial=-1)) + 1
-        for k, device in enumerate(prepared.devices):
-            for epoch in np.flatnonzero(sensors.on[k]):
-                constants = (sensors.theta[k, epoch], *sensors.known[k, epoch, :n_known])
-                rows.append((epoch, prepared.t_epoch[epoch], device.name, *observed[epoch, k], *constants))
+        is_set = np.any(sensors.known != 0.0, axis=(0, 1))
+        n_known = int(np.flatnonzero(is_set).max(initial=-1)) + 1
     columns: dict[str, tuple[str, str]] = {**_EPOCH, "sensor": ("", "its name")}
-    output = "output: scalars in the order of the channels; an attitude as quaternion, an azimuth as cosine and sine"
-    columns |= {f"output_{i}_si": ("SI", output) for i in range(observed.shape[2])}
+    meaning = "output: scalars in the order of the channels; an attitude as quaternion, an azimuth as cosine and sine"
+    columns |= {f"output_{i}_si": ("SI", meaning) for i in range(observed.shape[2])}
     columns["earth_angle_rad"] = ("rad", "Earth rotation angle that the filter uses")
-    about = "quantity that the filter's model of the sensor is given, in the order of the model"
-    columns |= {f"known_{i}_si": ("SI", about) for i in range(n_known)}
-    return _of_rows("Outputs of the other sensors, and what the filter's models of them are given", columns, rows)
+    meaning = "quantity that the filter's model of the sensor is given, in the order of the model"
+    columns |= {f"known_{i}_si": ("SI", meaning) for i in range(n_known)}
+    about = "Outputs of the other sensors, and what the filter's models of them are given"
+    return _row_table(about, columns, _sensor_rows(prepared, observed, n_known))
+
+
+def _sensor_rows(prepared: Prepared, observed: Floats, n_known: int) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of the table of sensors, with the first `n_known` known quantities of each."""
+    sensors = prepared.sensors
+    if sensors is None:
+        return
+    for k, device in enumerate(prepared.devices):
+        for epoch in np.flatnonzero(sensors.on[k]):
+            yield (
+                epoch,
+                prepared.t_epoch[epoch],
+                device.name,
+                *observed[epoch, k],
+                sensors.theta[k, epoch],
+                *sensors.known[k, epoch, :n_known],
+            )
 
 
 def _reports(prepared: Prepared) -> bool:
@@ -263,12 +311,15 @@ def _reports(prepared: Prepared) -> bool:
 
 
 def _reported_covariance(prepared: Prepared, covariance: Floats) -> VectorTable:
-    columns, rows = dict(_EPOCH), list[tuple[Any, ...]]()
-    lower = [(i, j) for i in range(6) for j in range(i + 1)]
-    columns |= {f"c_{i}_{j}_si": ("SI", "position (0 to 2), velocity (3 to 5), frame i") for i, j in lower}
+    columns = dict(_EPOCH)
+    row, column = np.tril_indices(6)  # lower triangle, row by row
+    for i, j in zip(row, column, strict=True):
+        columns[f"c_{i}_{j}_si"] = ("SI", "position (0 to 2), velocity (3 to 5), frame i")
+    rows = []
     if _reports(prepared):
-        rows = [(epoch, t, *(covariance[epoch, i, j] for i, j in lower)) for epoch, t in enumerate(prepared.t_epoch)]
-    return _of_rows("Covariance that the receiver reports with its solution", columns, rows)
+        for epoch, t in enumerate(prepared.t_epoch):
+            rows.append((epoch, t, *covariance[epoch][row, column]))
+    return _row_table("Covariance that the receiver reports with its solution", columns, rows)
 
 
 # -------------------------------------------------------------------------------------------------- model
@@ -289,22 +340,22 @@ def _states(prepared: Prepared) -> VectorTable:
         "initial_sigma_si": ("as in the column unit", "standard deviation at the start"),
         "estimated": ("", "whether it is corrected; otherwise it is considered"),
     }
-    names, units = state_names(layout), [output.unit for output in state_outputs(layout, "inertial")]
-    sigma, number = np.sqrt(np.diagonal(prepared.start.P)), np.arange(layout.n_state)
-    delayed = (number >= layout.delayed) & (number < layout.delayed + layout.n_delayed)
+    names = state_names(layout)
+    number = np.arange(layout.n_state)
+    is_delayed = (number >= layout.delayed) & (number < layout.delayed + layout.n_delayed)
     values = [
         number,
         names,
         [column_of_state(name) for name in names],
-        units,
-        sigma,
-        (number < layout.n_estimated) | delayed,
+        [output.unit for output in state_outputs(layout, "inertial")],
+        np.sqrt(np.diagonal(prepared.start.P)),
+        (number < layout.n_estimated) | is_delayed,
     ]
     return _table("Error states, truth minus estimate", columns, values)
 
 
 def _model(prepared: Prepared) -> VectorTable:
-    model, names = prepared.model, state_names(prepared.layout)
+    model = prepared.model
     columns = {
         "length": ("", "index of the window's length"),
         "length_s": ("s", "length of the window"),
@@ -312,12 +363,11 @@ def _model(prepared: Prepared) -> VectorTable:
         "decay_ratio": ("1", "decay factor over the window"),
         "noise_si": ("square of the state's unit", "variance of process noise added over the window"),
     }
-    rows = (
-        (k, seconds, name, model.decay[k, i], model.noise[k, i])
-        for k, seconds in enumerate(model.seconds)
-        for i, name in enumerate(names)
-    )
-    return _of_rows("Process noise and decay by length of a window", columns, rows)
+    rows = []
+    for k, seconds in enumerate(model.seconds):
+        for i, name in enumerate(state_names(prepared.layout)):
+            rows.append((k, seconds, name, model.decay[k, i], model.noise[k, i]))
+    return _row_table("Process noise and decay by length of a window", columns, rows)
 
 
 # ------------------------------------------------------------------------------------------------ outputs
@@ -325,26 +375,24 @@ def _model(prepared: Prepared) -> VectorTable:
 
 def _estimate_columns(prepared: Prepared) -> dict[str, tuple[str, str]]:
     layout = prepared.layout
-    names, units = state_names(layout), [output.unit for output in state_outputs(layout, "inertial")]
+    names = state_names(layout)
+    units = [output.unit for output in state_outputs(layout, "inertial")]
     columns = {**_STAGE, **_EPOCH}
-    columns |= {
-        f"quaternion_{part}": ("1", "rotation from body axes to frame i, scalar first") for part in ("w", *_XYZ)
-    }
-    columns |= _axes("velocity", "m/s", "inertial velocity, frame i") | _axes("position", "m", "position, frame i")
-    estimated = [block.offset + i for block in layout.parameters for i in range(3)]
-    estimated += [layout.clock, layout.clock + 1] if layout.clock >= 0 else []
-    estimated += [int(offset) for offset in prepared.model.extra_offset]
-    for state in estimated:
+    for axis in ("w", *_XYZ):
+        columns[f"quaternion_{axis}"] = ("1", "rotation from body axes to frame i, scalar first")
+    columns |= _axes("velocity", "m/s", "inertial velocity, frame i")
+    columns |= _axes("position", "m", "position, frame i")
+    states = [block.offset + i for block in layout.parameters for i in range(3)]
+    if layout.clock >= 0:
+        states += [layout.clock, layout.clock + 1]
+    states += map(int, prepared.model.extra_offset)
+    for state in states:
         name = f"{column_of_state(names[state])}_{unit_suffix(units[state])}"
         columns[name] = (units[state], f"estimate of {names[state]}")
     if _is_open(prepared):
-        columns |= {
-            f"error_{column_of_state(name)}_{unit_suffix(unit)}": (
-                unit,
-                f"estimated error of {name}, truth minus estimate",
-            )
-            for name, unit in zip(names, units, strict=True)
-        }
+        for state_name, unit in zip(names, units, strict=True):
+            name = f"error_{column_of_state(state_name)}_{unit_suffix(unit)}"
+            columns[name] = (unit, f"estimated error of {state_name}, truth minus estimate")
     return columns
 
 
@@ -353,41 +401,51 @@ def _is_open(prepared: Prepared) -> bool:
     return prepared.scenario.filter.feedback == "open"
 
 
-def _estimate_row(prepared: Prepared, found: Estimates, at: int) -> list[float]:
-    n_par, n_extra = len(prepared.layout.parameters), prepared.model.extra_offset.size
-    row = [*found.nav[at], *found.par[at, :n_par].ravel()]
-    row += [*found.clock[at]] if prepared.layout.clock >= 0 else []
-    return [*row, *found.extra[at, :n_extra], *(found.x[at] if _is_open(prepared) else ())]
+def _estimate_row(prepared: Prepared, estimates: Estimates, index: int) -> list[float]:
+    """Return the estimates at an index of a record, in the order of the columns."""
+    n_parameter = len(prepared.layout.parameters)
+    row = [*estimates.nav[index], *estimates.par[index, :n_parameter].ravel()]
+    if prepared.layout.clock >= 0:
+        row += [*estimates.clock[index]]
+    row += [*estimates.extra[index, : prepared.model.extra_offset.size]]
+    if _is_open(prepared):
+        row += [*estimates.x[index]]
+    return row
 
 
 def _stages(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[str, int, float, Estimates, int]]:
     """Yield stage, epoch, time (s), and the record with the index of its estimates."""
-    tape, schedule, unit = recorded.tape, prepared.schedule, prepared.unit
+    tape = recorded.tape
     for epoch, t in enumerate(prepared.t_epoch):
         yield BEFORE, epoch, t, tape.before, epoch
         yield AFTER, epoch, t, tape.after, epoch
+    schedule = prepared.schedule
     n_tick = int(schedule.first_tick[-1] + schedule.n_tick[-1])
-    yield END, NO_EPOCH, unit.start + unit.dt * n_tick, tape.after, -1
+    t_end = prepared.unit.start + prepared.unit.dt * n_tick
+    yield END, NO_EPOCH, t_end, tape.after, -1
 
 
 def _estimates(prepared: Prepared, recorded: TapedRun) -> VectorTable:
     columns = _estimate_columns(prepared)
     start = [START, NO_EPOCH, prepared.unit.start, *recorded.tape.start]
-    rows = [(*start, *[0.0] * (len(columns) - len(start)))]
-    rows += [
-        (stage, epoch, t, *_estimate_row(prepared, found, at))
-        for stage, epoch, t, found, at in _stages(prepared, recorded)
-    ]
-    return _of_rows("Expected estimates", columns, rows)
+    zeros = [0.0] * (len(columns) - len(start))
+    rows: list[tuple[Any, ...]] = [(*start, *zeros)]
+    for stage, epoch, t, estimates, index in _stages(prepared, recorded):
+        rows.append((stage, epoch, t, *_estimate_row(prepared, estimates, index)))
+    return _row_table("Expected estimates", columns, rows)
 
 
 def _covariance(prepared: Prepared, recorded: TapedRun) -> VectorTable:
     names = state_names(prepared.layout)
     columns = {**_STAGE, **_EPOCH, "state": ("", "name of the state of the row")}
-    columns |= {column_of_state(name): ("product of both units", f"covariance with {name}") for name in names}
-    blocks = [(START, NO_EPOCH, prepared.unit.start, prepared.start.P)]
-    blocks += [(stage, epoch, t, found.P[at]) for stage, epoch, t, found, at in _stages(prepared, recorded)]
-    keys = [pd.DataFrame({"stage": s, "epoch": k, "t_s": t, "state": names}) for s, k, t, _ in blocks]
-    numbers = pd.DataFrame(np.concatenate([P for *_, P in blocks]), columns=list(columns)[4:])
+    state_columns = [column_of_state(name) for name in names]
+    for column, name in zip(state_columns, names, strict=True):
+        columns[column] = ("product of both units", f"covariance with {name}")
+    keys = [pd.DataFrame({"stage": START, "epoch": NO_EPOCH, "t_s": prepared.unit.start, "state": names})]
+    covariances = [prepared.start.P]
+    for stage, epoch, t, estimates, index in _stages(prepared, recorded):
+        keys.append(pd.DataFrame({"stage": stage, "epoch": epoch, "t_s": t, "state": names}))
+        covariances.append(estimates.P[index])
+    numbers = pd.DataFrame(np.concatenate(covariances), columns=state_columns)
     frame = pd.concat([pd.concat(keys, ignore_index=True), numbers], axis=1)
     return VectorTable("Expected covariance of the error states, a row per state", frame, columns)

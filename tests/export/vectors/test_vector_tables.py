@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.export.vectors import vector_tables as made
-from lvnav_trade.export.vectors.vector_files import _written
+from lvnav_trade.export.vectors.vector_files import _table_content
 from lvnav_trade.simulation import montecarlo
 from lvnav_trade.simulation.montecarlo import TapedRun
 from lvnav_trade.simulation.run_arrays import new_work
@@ -27,7 +27,7 @@ def found():
 
 @pytest.fixture(scope="module")
 def stored(found):
-    return tables_of({f"{name}.csv": _written(table.frame, "csv") for name, table in found.items()})
+    return tables_of({f"{name}.csv": _table_content(table.frame, "csv") for name, table in found.items()})
 
 
 def _sigma(P):

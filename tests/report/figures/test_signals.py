@@ -6,7 +6,7 @@ import numpy as np
 
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.raster import drawn
-from lvnav_trade.report.figures.signals import _from_changes, _from_rows, layers_of
+from lvnav_trade.report.figures.signals import _channel_intervals, _tracking_intervals, layers_of
 from lvnav_trade.results.evaluation import METRICS
 
 CASE = "aaaaaaaaaaaa"
@@ -69,7 +69,7 @@ def test_a_flight_without_an_injection_ends_with_its_last_event(good):
 
 def test_bars_are_stretches_between_transitions(good):
     changes = good.transitions[good.transitions.case == CASE]
-    bars = _from_changes(changes, 99.0)
+    bars = _channel_intervals(changes, 99.0)
     first = bars[bars.satellite == "G01"]
     assert list(zip(first.state, first.t_s, first.t_end_s.round(6), strict=True)) == [
         ("track", 1.0, 60.0), ("lost", 60.0, 74.1), ("search", 74.1, 74.5), ("acquire", 74.5, 75.0),
@@ -78,7 +78,7 @@ def test_bars_are_stretches_between_transitions(good):
 
 
 def test_without_channels_bars_are_the_stretches_with_a_measurement(good):
-    bars = _from_rows(good.satellites[good.satellites.case == CASE])
+    bars = _tracking_intervals(good.satellites[good.satellites.case == CASE])
     last = bars[bars.satellite == "G08"]
     np.testing.assert_allclose(last[["t_s", "t_end_s"]], [[1.0, 60.0], [82.0, 99.0]])
     assert set(bars.state) == {"track"}
