@@ -170,6 +170,13 @@ wrote them, in the order in which `replay.c` reads them.
 
 def _run(command: list[str], place: str) -> subprocess.CompletedProcess[str]:
     try:
-        return subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=_SLOWEST, check=False)
+        return subprocess.run(
+            command,
+            cwd=place,
+            capture_output=True,
+            text=True,
+            timeout=_SLOWEST,
+            check=False,
+        )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise InputError(f"{command[0]}: {error}") from error

@@ -195,10 +195,22 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
         top = rows.iloc[0]
         mean = mean_at(tables, case, event, quantity)
         if mean**2 > float((rows.sigma**2).sum()):
-            sentence = say("largest_mean", case=label, mean=mean, unit=top.unit, there=place)
+            sentence = say(
+                "largest_mean",
+                case=label,
+                mean=mean,
+                unit=top.unit,
+                there=place,
+            )
         else:
             share = f"{100 * top.share_ratio:.0f}"
-            sentence = say("largest_source", case=label, source=top.source, share=share, there=place)
+            sentence = say(
+                "largest_source",
+                case=label,
+                source=top.source,
+                share=share,
+                there=place,
+            )
         sentences.append(sentence)
     if not sentences:
         return []

@@ -106,12 +106,13 @@ def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
     if chosen == set(tables.labels.values()):
         return "all" if len(chosen) > 1 else "the one case"
     levels = {tables.labels[case]: case_levels for case, case_levels in tables.levels.items()}
+    labels = [label for label in levels if label in chosen]
     for axis in next(iter(levels.values()), {}):
-        axis_levels = list(dict.fromkeys(levels[label].get(axis, "") for label in levels if label in chosen))
-        with_levels = {label for label in levels if levels[label].get(axis) in axis_levels}
-        if len(axis_levels) <= _FEW and with_levels == chosen:
-            return f"{axis}={' or '.join(axis_levels)}"
-    return among([label for label in levels if label in chosen], _FEW, "; ")
+        chosen_levels = list(dict.fromkeys(levels[label].get(axis, "") for label in labels))
+        with_levels = {label for label in levels if levels[label].get(axis) in chosen_levels}
+        if len(chosen_levels) <= _FEW and with_levels == chosen:
+            return f"{axis}={' or '.join(chosen_levels)}"
+    return among(labels, _FEW, "; ")
 
 
 @of("configuration")

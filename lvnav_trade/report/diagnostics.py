@@ -67,8 +67,9 @@ def _event_table(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -
     events = separate_events(tables, case)
     end = events.t_s[events.event == final_event(tables, case)].max()
     names = list(events.event[events.t_s <= end])
-    share = rows.pivot_table(index="source", columns="event", values="share_ratio", sort=False)[names]
-    sigma = rows.pivot_table(index="source", columns="event", values="sigma", sort=False)[names]
+    by_source = {"index": "source", "columns": "event", "sort": False}
+    sigma = rows.pivot_table(values="sigma", **by_source)[names]
+    share = rows.pivot_table(values="share_ratio", **by_source)[names]
     share = share.sort_values(names[-1], ascending=False, kind="stable")
     variance = sigma.loc[share.index] ** 2
     is_large = share.max(axis=1) >= _LEAST_SHARE

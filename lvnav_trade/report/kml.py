@@ -183,13 +183,15 @@ def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float)
     north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
     eigenvalues = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     half_axes = SIGMAS * np.sqrt(eigenvalues)[::-1]
+    half_axes_text = ", ".join(f"{half_axis:.3g}" for half_axis in half_axes)
     description = (
         f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "
-        f"{', '.join(f'{half_axis:.3g}' for half_axis in half_axes)} m; drawn {magnify:g} times as large"
+        f"{half_axes_text} m; drawn {magnify:g} times as large"
     )
     row = _nearest_row(flight, time)
-    outline_ne = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)  # north, east
-    outline_e = outline_ne @ rotation_e_n(row.latitude_rad, row.longitude_rad)[:2]
-    r_e = ecef_from_geodetic(row.latitude_rad, row.longitude_rad, row.altitude_m) + outline_e
+    position = (row.latitude_rad, row.longitude_rad)
+    outline_n = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)  # north, east
+    outline_e = outline_n @ rotation_e_n(*position)[:2]
+    r_e = ecef_from_geodetic(*position, row.altitude_m) + outline_e
     latitude, longitude, height = geodetic_from_ecef(r_e)
     return f"3 sigma at {time:.6g} s", description, _coordinates(longitude, latitude, height)

@@ -167,17 +167,20 @@ def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
 
 def _not_evaluated(tables: Tables) -> list[Block]:
     """Return the requirements for which the duration of the verdict is unknown, with the reason."""
-    frame = METRICS["unevaluated"](tables)
-    groups: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
-    for (name, event, reason), rows in frame.groupby(["requirement", "event", "reason"], sort=False):
-        groups.setdefault((event, reason, tuple(rows.case)), []).append(name)
-    parts = []
-    for (event, reason, cases), names in groups.items():
-        scope = "" if len(cases) == len(tables.labels) else f" of {listed(cases, _FEW)}"
-        parts.append(f"{listed(names, 2 * _FEW, ', ')}{scope}, around {words(event)}: {reason}")
-    if not parts:
+    # Requirements of the same event, reason and cases share a text
+    names_of: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
+    keys = ["requirement", "event", "reason"]
+    for (name, event, reason), rows in METRICS["unevaluated"](tables).groupby(keys, sort=False):
+        names_of.setdefault((event, reason, tuple(rows.case)), []).append(name)
+    texts = []
+    for (event, reason, cases), names in names_of.items():
+        text = listed(names, 2 * _FEW, ", ")
+        if len(cases) != len(tables.labels):
+            text += f" of {listed(cases, _FEW)}"
+        texts.append(f"{text}, around {words(event)}: {reason}")
+    if not texts:
         return []
-    return [Text(f"The duration of the verdict is unknown for {listed(parts, 2 * _FEW)}.", "Note:")]
+    return [Text(f"The duration of the verdict is unknown for {listed(texts, 2 * _FEW)}.", "Note:")]
 
 
 def when(row: Any, event: str = "the event") -> str:

@@ -46,7 +46,13 @@ def data_of(figure: Figure) -> str:
         "legend": [_mark(mark, {}) for mark in figure.legend()],
     }
     document["arrays"] = [base64.b64encode(content).decode() for content in arrays]
-    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, default=float, allow_nan=False)
+    text = json.dumps(
+        document,
+        separators=(",", ":"),
+        ensure_ascii=False,
+        default=float,
+        allow_nan=False,
+    )
     for letter in "<>&\u2028\u2029":  # the JSON is within a script element
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return text

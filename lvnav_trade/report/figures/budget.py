@@ -31,7 +31,8 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     exceeds it. The lower panel has the same layers as shares of the true variance.
     """
     rows = pick(tables.budget, case=case, event="", quantity=quantity, axis="3d")
-    share = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0
+    share = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False)
+    share *= 100.0
     order = _source_order(tables)
     layers = _layers(share, order)
     colours = _colours(list(layers), order)
@@ -172,7 +173,12 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
             yticks=named_ticks(list(shares.index), 0.5),
             grid=False,
         )
-    start.set(xticks=[(0.5, "start")], xlim=(0.0, 1.0), xlabel="drawn", ylabel="error source")
+    start.set(
+        xticks=[(0.5, "start")],
+        xlim=(0.0, 1.0),
+        xlabel="drawn",
+        ylabel="error source",
+    )
     totals_text = [f"{total:.1f} %" for total in totals]
     ax.text(1.01, row_edges[:-1] + 0.5, totals_text, x_part=True, ha="left")
     ax.set(xlim=(float(edges[1]), float(edges[-1])))
@@ -191,7 +197,8 @@ def _source_shares(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
     total = total.sort_values(ascending=False, kind="stable") * 100.0
     names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
     smaller = [name for name in total.index if name not in names]
-    shares = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False) * 100.0
+    shares = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False)
+    shares *= 100.0
     if smaller:
         shares.loc[REST] = shares.loc[smaller].sum()
         total[REST] = total[smaller].sum()

@@ -54,8 +54,22 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
         if covariance_applies:
             formal = rows.lincov_formal_si * factor
             true_rms = lincov_rms(rows) * factor
-            ax.plot(rows.t_s, formal, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
-            ax.plot(rows.t_s, true_rms, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
+            ax.plot(
+                rows.t_s,
+                formal,
+                color="black",
+                ls=":",
+                lw=1.1,
+                label="LinCov, filter's own",
+            )
+            ax.plot(
+                rows.t_s,
+                true_rms,
+                color=PALETTE[1],
+                ls="--",
+                lw=1.1,
+                label="LinCov, true error",
+            )
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]) * factor)
         mark_decisions(ax, tables, case)
@@ -100,7 +114,14 @@ def worst_run(tables: Tables, case: str, run: str) -> Figure:
         rms = history.rms_si * factor
         ax.plot(trace.t_s, trace.error_si * factor, color=PALETTE[1], label=f"run {run}")
         ax.plot(trace.t_s, bound, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
-        ax.plot(history.t_s, rms, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
+        ax.plot(
+            history.t_s,
+            rms,
+            color=PALETTE[0],
+            ls="--",
+            lw=1.0,
+            label="RMS of all runs",
+        )
         ax.set(ylabel=f"{quantity},\n3D ({unit})")
         scale_up(ax, "y", pd.concat([trace.error_si, history.rms_si]) * factor)
     over_time(grid[:, 0], tables, case)
@@ -377,7 +398,14 @@ def _draw_consistency(ax: Panel, rows: pd.DataFrame, column: str) -> None:
             label="95 % of a matched filter",
         )
         ax.plot(rows.t_s, rows[column], color=PALETTE[0], lw=1.0, label="Monte Carlo")
-    ax.plot(rows.t_s, rows.expected_ratio, color=PALETTE[1], ls="--", lw=1.1, label="LinCov expectation")
+    ax.plot(
+        rows.t_s,
+        rows.expected_ratio,
+        color=PALETTE[1],
+        ls="--",
+        lw=1.1,
+        label="LinCov expectation",
+    )
     scale_up(ax, "y", pd.concat([rows[column], rows.expected_ratio]), from_zero=False)
 
 
@@ -402,7 +430,15 @@ def logic(tables: Tables, case: str) -> Figure:
                 **_LOOKS[mode],
             )
     if ratios.empty:
-        ax.text(0.5, 0.5, "the filter has no mode logic", x_part=True, y_part=True, ha="center", color=GREY)
+        ax.text(
+            0.5,
+            0.5,
+            "the filter has no mode logic",
+            x_part=True,
+            y_part=True,
+            ha="center",
+            color=GREY,
+        )
     history = pick(tables.history, case=case)
     ax.set(
         xlim=(history.t_s.min(), history.t_s.max()),

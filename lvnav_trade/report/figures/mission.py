@@ -80,7 +80,15 @@ def orbit(tables: Tables, case: str) -> Figure:
     for ax, plane in zip(grid.ravel()[:3], _PLANES, strict=True):
         if len(run_errors["node_error"]):
             abscissas, ordinates = _plane_errors(run_errors, plane)
-            ax.plot(abscissas, ordinates, ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
+            ax.plot(
+                abscissas,
+                ordinates,
+                ls="none",
+                marker=".",
+                ms=2.5,
+                color=PALETTE[0],
+                label="runs",
+            )
         _draw_expected_errors(ax, state, law, plane)
         across, up = plane
         ax.set(
@@ -109,7 +117,15 @@ def _draw_expected_errors(
     if any(mission_errors.applies(state, component.metric, law.true) for component in plane):
         draws = mission_errors.draws(law.mean, law.true, _DRAW_COUNT)
         abscissas, ordinates = _plane_errors(mission_errors.orbit_errors(state, draws), plane)
-        ax.plot(abscissas, ordinates, ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
+        ax.plot(
+            abscissas,
+            ordinates,
+            ls="none",
+            marker="x",
+            ms=2.5,
+            color=PALETTE[1],
+            label="draws of LinCov",
+        )
         ax.set(title="no first-order sigma: circular to within 3 sigma")
         return
     gradients = [mission_errors.jacobian(state, component.metric)[component.column] for component in plane]
@@ -171,7 +187,14 @@ def _draw_map(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     longitude += _whole_turns(track[0] - longitude[0])
     is_event = rows.event != ""
     ax.plot(longitude, rows.latitude_deg, color=PALETTE[0], label="point of impact")
-    ax.plot(longitude[is_event], rows.latitude_deg[is_event], ls="none", marker="o", ms=3, color=PALETTE[0])
+    ax.plot(
+        longitude[is_event],
+        rows.latitude_deg[is_event],
+        ls="none",
+        marker="o",
+        ms=3,
+        color=PALETTE[0],
+    )
 
     width_deg = max(float(np.ptp(longitude)), float(np.ptp(rows.latitude_deg)), 0.1)
     factor = _magnification(float(rows.major_3sigma_km.max()), width_deg)
@@ -228,7 +251,14 @@ def _draw_sigmas(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> No
         true_sigma = rows[f"{name}_sigma_km"]
         formal_sigma = rows[f"{name}_filter_sigma_km"]
         ax.plot(rows.t_s, 3.0 * true_sigma, color=colour, label=f"{name}-range, LinCov")
-        ax.plot(rows.t_s, 3.0 * formal_sigma, color=colour, ls=":", lw=1.0, label=f"{name}-range, filter's own")
+        ax.plot(
+            rows.t_s,
+            3.0 * formal_sigma,
+            color=colour,
+            ls=":",
+            lw=1.0,
+            label=f"{name}-range, filter's own",
+        )
         if len(with_runs):
             ax.plot(
                 with_runs.t_s,
@@ -251,7 +281,15 @@ def _draw_last_point(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -
     row = events.iloc[-1] if len(events) else rows.iloc[-1]
     if row.event and row.runs > 1:
         errors_km = run_impacts(tables, case)[row.event] * 1e-3  # down-range, cross-range
-        ax.plot(errors_km[:, 1], errors_km[:, 0], ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
+        ax.plot(
+            errors_km[:, 1],
+            errors_km[:, 0],
+            ls="none",
+            marker=".",
+            ms=2.5,
+            color=PALETTE[0],
+            label="runs",
+        )
     covariance = row.correlation * row.down_sigma_km * row.cross_sigma_km
     P = np.array([[row.cross_sigma_km**2, covariance], [covariance, row.down_sigma_km**2]])
     outline = outline_of(P)
@@ -313,7 +351,15 @@ def _draw_run_errors(ax: Panel, across: Injections, up: Injections, factors: lis
     for name, field, colour, marker in _INJECTION_ERRORS:
         abscissas = getattr(across, field)[across.injected] * factors[0]
         ordinates = getattr(up, field)[up.injected] * factors[1]
-        ax.plot(abscissas, ordinates, ls="none", marker=marker, ms=2.5, color=colour, label=name)
+        ax.plot(
+            abscissas,
+            ordinates,
+            ls="none",
+            marker=marker,
+            ms=2.5,
+            color=colour,
+            label=name,
+        )
 
 
 def _draw_expected_injection(

@@ -360,7 +360,14 @@ def _mark_events(axes: Any, panel: Panel, columns: int, has_numbers: bool) -> No
                 alpha=0.18 if panel.filled else 0.25,
             )
         else:
-            axes.axvline(start, color=GREY, alpha=0.7, lw=2.4, ls=(0, (1.2, 0.8)), zorder=1.4)
+            axes.axvline(
+                start,
+                color=GREY,
+                alpha=0.7,
+                lw=2.4,
+                ls=(0, (1.2, 0.8)),
+                zorder=1.4,
+            )
     visible_times = dict.fromkeys(t for _, t in panel.events.points if low <= t <= high)
     for t in visible_times:
         axes.axvline(t, color=GREY, lw=0.7, zorder=1.5)

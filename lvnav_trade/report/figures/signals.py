@@ -46,7 +46,13 @@ def satellites(tables: Tables, case: str) -> Figure:
     ax = grid[0, 0]
     ax.step(counts.t_s, counts.above_count, color=GREY, ls="--", label="above the local horizontal")
     ax.step(counts.t_s, counts.tracked_count, color=PALETTE[0], label="tracked")
-    ax.axhline(4, color=PALETTE[1], lw=0.8, ls=":", label="four: a receiver's own solution")
+    ax.axhline(
+        4,
+        color=PALETTE[1],
+        lw=0.8,
+        ls=":",
+        label="four: a receiver's own solution",
+    )
     largest = counts[["above_count", "tracked_count"]].to_numpy().max()
     top = int(max(5, largest + 1))
     if top <= 6:
@@ -92,7 +98,13 @@ def _draw_carrier(ax: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
         (case.track_above_db_hz, "kept above", ":"),
     ):
         if not np.isnan(threshold):
-            ax.axhline(threshold, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {threshold:g} dB-Hz")
+            ax.axhline(
+                threshold,
+                color=PALETTE[1],
+                lw=1.0,
+                ls=dashes,
+                label=f"{name} {threshold:g} dB-Hz",
+            )
     ax.set(ylabel="C/N0 (dB-Hz)")
 
 

@@ -34,7 +34,14 @@ def effects(tables: Tables, requirement: str) -> Figure:
     shares.barh(heights, frame.first_order, 0.6, color=PALETTE[0])
     shares.set(yticks=ticks, xlabel="part of the variance (-)", xlim=(0.0, None))
     correlations.hlines(heights, frame.low, frame.high, color=PALETTE[0], lw=2.0)
-    correlations.plot(frame.rank_correlation, heights, ls="none", marker="o", ms=4, color=PALETTE[0])
+    correlations.plot(
+        frame.rank_correlation,
+        heights,
+        ls="none",
+        marker="o",
+        ms=4,
+        color=PALETTE[0],
+    )
     correlations.axvline(0.0, color=GREY, lw=1.0)
     correlations.set(yticks=ticks, xlabel="rank correlation (-)", xlim=(-1.0, 1.0))
     return figure
@@ -80,12 +87,21 @@ def _draw_swing(ax: Panel, tables: Tables, rows: pd.DataFrame, height: int, fact
     factor : from SI to the unit of the figure
     """
     error = rows.error_si.to_numpy() * factor
+    low = rows.low_si * factor
     high = rows.high_si * factor
     heights = [height] * len(rows)
-    ax.boxes(error[0], error[-1], height - 0.3, height + 0.3, color=PALETTE[0], alpha=0.35)
-    ax.hlines(heights, rows.low_si * factor, high, color=PALETTE[0], lw=2.0)
+    ax.boxes(
+        error[0],
+        error[-1],
+        height - 0.3,
+        height + 0.3,
+        color=PALETTE[0],
+        alpha=0.35,
+    )
+    ax.hlines(heights, low, high, color=PALETTE[0], lw=2.0)
     ax.plot(error, heights, ls="none", marker="o", ms=4, color=PALETTE[0])
-    first_level, last_level = (value_of(tables, row) for row in rows.iloc[[0, -1]].itertuples())
+    ends = rows.iloc[[0, -1]].itertuples()
+    first_level, last_level = (value_of(tables, row) for row in ends)
     right_end = np.nanmax([*error, *high])
     ax.text(right_end, height, f"  {first_level} … {last_level}", ha="left")
 
@@ -132,7 +148,14 @@ def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
     groups = scanned.groupby(["case", "tuning", "requirement"], sort=False)
     for number, (names, rows) in enumerate(groups):
         ax.plot(rows.value, rows.ratio, label=_label_without_base(names), **line_of(number))
-    ax.plot(answers.answer, np.ones(len(answers)), ls="none", marker="o", color="black", ms=4)
+    ax.plot(
+        answers.answer,
+        np.ones(len(answers)),
+        ls="none",
+        marker="o",
+        color="black",
+        ms=4,
+    )
     ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
     scale_up(ax, "x", scanned.value, from_zero=False)
     scale_up(ax, "y", scanned.ratio)

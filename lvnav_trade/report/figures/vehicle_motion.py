@@ -54,7 +54,14 @@ def trajectory(tables: Tables, case: str) -> Figure:
     times = rows.t_s.to_numpy()
     event_rows = [int(np.argmin(np.abs(times - t))) for t in flight_events(tables, case).t_s]
     track.plot(longitude, latitude, color=PALETTE[0])
-    track.plot(longitude[event_rows], latitude[event_rows], ls="none", marker="o", ms=3, color=GREY)
+    track.plot(
+        longitude[event_rows],
+        latitude[event_rows],
+        ls="none",
+        marker="o",
+        ms=3,
+        color=GREY,
+    )
     track.set(
         xlabel="longitude (deg east)",
         ylabel="geodetic latitude (deg north)",
@@ -241,7 +248,14 @@ def allan(tables: Tables, case: str) -> Figure:
         ax.plot(sensor_rows.tau_s, sensor_rows.card, color=PALETTE[0], label="card")
         for name, label, dashes in _CONTRIBUTIONS:
             if (sensor_rows[name] > 0.0).any():
-                ax.plot(sensor_rows.tau_s, sensor_rows[name], color=GREY, lw=0.8, ls=dashes, label=label)
+                ax.plot(
+                    sensor_rows.tau_s,
+                    sensor_rows[name],
+                    color=GREY,
+                    lw=0.8,
+                    ls=dashes,
+                    label=label,
+                )
         ax.plot(
             sensor_rows.tau_s,
             sensor_rows.simulated,
@@ -269,7 +283,12 @@ def allan_of_log(curves: pd.DataFrame) -> Figure:
     for ax, sensor in zip(grid.ravel(), sensors, strict=False):
         sensor_rows = curves[curves.sensor == sensor]
         unit, factor = _GYRO_UNIT if sensor.startswith("gyro") else _ACCELEROMETER_UNIT
-        ax.set(xscale="log", yscale="log", xlabel="averaging time (s)", ylabel=f"{sensor} ({unit})")
+        ax.set(
+            xscale="log",
+            yscale="log",
+            xlabel="averaging time (s)",
+            ylabel=f"{sensor} ({unit})",
+        )
         ax.fill_between(
             sensor_rows.tau_s,
             factor * sensor_rows.low_si,
@@ -305,7 +324,15 @@ def outages_of_log(outages: pd.DataFrame) -> Figure:
                 colour = PALETTE[number % len(PALETTE)]
                 error = rows[f"{quantity}_error_{unit}"]
                 bound = rows[f"{quantity}_3sigma_{unit}"]
-                ax.plot(rows.end_s, error, ls="none", marker="o", ms=3, color=colour, label=str(case))
+                ax.plot(
+                    rows.end_s,
+                    error,
+                    ls="none",
+                    marker="o",
+                    ms=3,
+                    color=colour,
+                    label=str(case),
+                )
                 ax.plot(rows.end_s, bound, ls="--", lw=0.9, color=colour)
             ax.set(ylabel=f"{quantity} error ({unit.replace('_per_', '/')})", margin=0.04)
     for upper, lower, length in zip(*grid, lengths, strict=True):
