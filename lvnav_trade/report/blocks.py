@@ -1,29 +1,23 @@
 """Building blocks of a report: paragraphs, tables, figures of cases; format of names and numbers."""
 
-import hashlib
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.escape import note, texts
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.browser import data_of
 from lvnav_trade.report.figures.figure import Figure, Panel, alt_text
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.mission.orbit import LEAST
-from lvnav_trade.results.requirements.margins import key_cases
-from lvnav_trade.results.statistics.select import NAVIGATION
 from lvnav_trade.results.tables.read import Tables
 
 _HALF_SHEET = 78  # characters of a table, with a space per column, across half a page
 _HALF_ROWS = 40  # largest number of rows of such a table, which is not split between pages
-MOST_CASES = 8
-"""Largest number of cases with figures of their own; of more cases, the key cases and the best have figures."""
 
 
 class Text(NamedTuple):
@@ -273,7 +267,7 @@ def same_once(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with column `case` in which cases with equal rows are combined under a common name."""
     groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
     rows = list(frame.drop(columns="case").astype(str).itertuples(index=False, name=None))
-    for case, places in _places(frame.case).items():
+    for case, places in row_numbers(frame.case).items():
         content = tuple(rows[k] for k in places)
         groups.setdefault(content, []).append(case)
     if len(groups) == frame.case.nunique():
@@ -333,85 +327,9 @@ def stated(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) 
     return table(same_once(frame) if alike else frame, caption.format(**content))
 
 
-def chosen_cases(tables: Tables) -> dict[str, str]:
-    """Return the cases with figures of their own, label by digest, in the order of the plan."""
-    if len(tables.labels) <= MOST_CASES:
-        return tables.labels
-    order = [*key_cases(tables), *METRICS["ranking"](tables).case]
-    selection = list(dict.fromkeys(order))[:MOST_CASES]
-    return {case: label for case, label in tables.labels.items() if label in selection}
-
-
-def deciding(tables: Tables) -> tuple[list[str], list[str]]:
-    """Return the cases (digests) and the quantities that decide the requirements; they are shown in the open sections.
-
-    Without requirements: the best case, and all quantities.
-    """
-    required = []
-    for requirement in tables.campaign.get("requirements") or ():
-        quantity, _ = split_metric(str(requirement["metric"]))
-        required.append(quantity.removeprefix("normalised_"))
-    available = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    quantities = [quantity for quantity in available if quantity in required]
-    labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
-    digests = {label: case for case, label in tables.labels.items()}
-    return [digests[label] for label in labels], quantities or available
-
-
-def left_out(tables: Tables) -> list[Block]:
-    """Return a note on the cases without figures; empty if every case has figures."""
-    n_more = len(tables.labels) - len(chosen_cases(tables))
-    if n_more <= 0:
-        return []
-    text = f"The decisive cases and the best ones are shown, {MOST_CASES} in all; {n_more} more are in the tables."
-    return [Text(text)]
-
-
-def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
-    """Return one case of each group of cases that have equal rows in a table.
-
-    Parameters
-    ----------
-    tables : Tables
-        Tables of the results.
-    name : str
-        Name of the table.
-    columns : sequence of str
-        Columns that are compared.
-    cases : iterable of str
-        Digests of the cases.
-    """
-    frame = getattr(tables, name)
-    values = [_numbers(frame[column]) for column in columns]
-    places = _places(frame.case)
-    first: dict[bytes, str] = {}
-    for case in cases:
-        case_places = places.get(case, np.empty(0, dtype=int))
-        content = b"".join(column[case_places].tobytes() for column in values)
-        first.setdefault(hashlib.sha256(content).digest(), case)
-    return list(first.values())
-
-
-def _places(cases: pd.Series) -> dict[str, Any]:
+def row_numbers(cases: pd.Series) -> dict[str, Any]:
     """Return the row numbers (n_row,) of each case, in order of first occurrence."""
     return {str(case): places for case, places in cases.groupby(cases, sort=False).indices.items()}
-
-
-def _numbers(column: pd.Series) -> Any:
-    """Return a column (n_row,) as numbers; equal texts become equal numbers."""
-    if pd.api.types.is_numeric_dtype(column):
-        return column.to_numpy()
-    numbers, _ = pd.factorize(column)
-    return numbers
-
-
-def few(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:
-    """Return at most as many cases as are drawn, and a note on the others."""
-    n_more = len(group) - MOST_CASES
-    remark: list[Block] = []
-    if n_more > 0:
-        remark.append(Text(f"{n_more} more cases that differ here are in the tables."))
-    return group[:MOST_CASES], remark
 
 
 def named(tables: Tables, case: str, cases: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ import pandas as pd
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report import assumptions as assumed
 from lvnav_trade.report import assumptions as configured
-from lvnav_trade.report import diagnostics, evidence, flight, space
+from lvnav_trade.report import diagnostics, evidence, flight, satellites, space
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import flight as injection
 from lvnav_trade.report import models as registered
@@ -28,11 +28,11 @@ from lvnav_trade.report.blocks import (
     SourceScaling,
     Table,
     Text,
-    chosen_cases,
 )
 from lvnav_trade.report.document import Head, head, stated_requirements, title_of
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.figures.style import share_scales
+from lvnav_trade.report.selection import chosen_cases
 from lvnav_trade.report.summary import SIGNS, summary
 from lvnav_trade.results.evaluation import CSV, METRICS
 from lvnav_trade.results.statistics.display_units import named
@@ -58,11 +58,11 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "envelopes": ("Errors", evidence.envelopes),
     "consistency": ("Consistency", evidence.consistency),
     "agreement": ("Monte Carlo against linear covariance", _agreement),
-    "satellites": ("Satellites", evidence.satellites),
-    "tracking": ("Tracking", evidence.tracking),
+    "satellites": ("Satellites", satellites.satellites),
+    "tracking": ("Tracking", satellites.tracking),
     "logic": ("Mode logic of the filter", evidence.logic),
     "integrity": ("Fault detection", diagnostics.integrity),
-    "delays": ("Delays and latency", evidence.delays),
+    "delays": ("Delays and latency", satellites.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
     "exclusions": ("Excluded IMUs", flight.exclusions),

@@ -13,12 +13,8 @@ from lvnav_trade.report.blocks import (
     SourceScaling,
     Table,
     Text,
-    chosen_cases,
-    deciding,
-    few,
     figure,
     figures,
-    left_out,
     number,
     of,
     stated,
@@ -27,6 +23,7 @@ from lvnav_trade.report.blocks import (
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.evidence import NAVIGATION, separate_events
 from lvnav_trade.report.figures.integrity import is_a_grid
+from lvnav_trade.report.selection import chosen_cases, deciding, few, left_out
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.integrity import IN_PART, ISOLATED, WRONG
 from lvnav_trade.results.statistics.gaussian import gaussian

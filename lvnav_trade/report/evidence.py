@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,10 @@ import pandas as pd
 from lvnav_trade.report.blocks import (
     Block,
     Details,
-    Picture,
     Table,
     Text,
-    chosen_cases,
-    deciding,
-    distinct,
-    few,
     figure,
     figures,
-    left_out,
-    named,
     number,
     of,
     percent,
@@ -31,15 +24,14 @@ from lvnav_trade.report.blocks import (
     words,
 )
 from lvnav_trade.report.escape import note
-from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.signals import LAYERS, layers_of
+from lvnav_trade.report.selection import chosen_cases, deciding, distinct, few, left_out
 from lvnav_trade.report.validity import filter_verdict
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import by_case
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.results.requirements.requirements import in_words
-from lvnav_trade.results.statistics.select import final_event, flight_events, history_of, pick, pick_columns
+from lvnav_trade.results.statistics.select import final_event, flight_events, history_of
 from lvnav_trade.results.tables.read import Tables
 
 _FACT_UNITS = (
@@ -56,8 +48,6 @@ _FACT_UNITS = (
 """End of a fact's name, the SI unit in it, display unit, factor from the one to the other."""
 _FEW = 3  # up to this number of cases, the table of errors has every event
 NAVIGATION = ("position", "velocity", "attitude")
-_CURRENT = 1e-6  # s, largest age of data that count as current
-_DELAYS = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]  # columns of the table `satellites`
 _ORIGIN = (  # entries of the manifest with the origin of the results
     "campaign",
     "seed",
@@ -318,131 +308,6 @@ def reproduce(tables: Tables) -> list[Block]:
         Table(("item", "value"), rows, (False, False), "Origin of these results."),
         stated("cases", tables.cases),
     ]
-
-
-def satellites(tables: Tables) -> list[Block]:
-    """Return the satellites in view with their C/N0, and the sky plot, once for each distinct geometry."""
-    columns = ["t_s", "satellite", "tracked", "state", "cn0_db_hz", "antenna_number"]
-    group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
-    for index, case in enumerate(group, 1):
-        rows = pick(tables.satellites, case=case)
-        label = named(tables, case, group)
-        signal = " and their C/N0" if rows.cn0_db_hz.notna().any() else ""
-        blocks += [
-            Picture(
-                f"satellites-{index}",
-                PLOTS["satellites"](tables, case),
-                note("satellites", "figures", signal=signal) + label,
-            ),
-            Picture(
-                f"sky-{index}",
-                PLOTS["sky"](tables, case),
-                note("sky", "figures") + label,
-            ),
-            *_signal_table(rows, label),
-        ]
-    return blocks
-
-
-def _signal_table(rows: pd.DataFrame, label: str) -> list[Block]:
-    """Return the ranges of elevation, C/N0 and noise of each tracked satellite; empty without a link budget.
-
-    rows : rows of the table `satellites` for one case
-    """
-    tracked = rows[rows.tracked & rows.cn0_db_hz.notna()]
-    if tracked.empty:
-        return []
-    tracked = tracked.assign(elevation_deg=np.degrees(tracked.elevation_rad))
-    groups = tracked.groupby("satellite")
-    frame = pd.DataFrame(
-        {
-            "tracked from (s)": groups.t_s.min().map("{:.0f}".format),
-            "to (s)": groups.t_s.max().map("{:.0f}".format),
-            "elevation (deg)": _range(groups.elevation_deg, 0),
-            "antennas": groups.antenna_number.unique().map(_sorted_text),
-            "C/N0 (dB-Hz)": _range(groups.cn0_db_hz, 1),
-            "range noise (m)": _range(groups.range_sigma_m, 2),
-            "rate noise (m/s)": _range(groups.rate_sigma_m_per_s, 3),
-        }
-    )
-    caption = f"Smallest and largest values for each satellite while it is tracked; noise is one sigma.{label}"
-    return [table(frame.rename_axis("satellite").reset_index(), caption)]
-
-
-def _sorted_text(values: Iterable[Any]) -> str:
-    return ", ".join(map(str, sorted(values)))
-
-
-def _range(groups: Any, digits: int) -> pd.Series:
-    """Return the smallest and the largest value of each group as text; one number if they are equal."""
-    to_text = f"{{:.{digits}f}}".format
-    low = groups.min().map(to_text)
-    high = groups.max().map(to_text)
-    return low.where(low == high, low + " to " + high)
-
-
-def tracking(tables: Tables) -> list[Block]:
-    """Return channel states of every satellite, fixes, losses of lock by reason, and recovery after every fault.
-
-    The result is empty if no receiver models channels and no fault affects satellites.
-    """
-    changes = METRICS["transitions"](tables)
-    if changes.empty and not (METRICS["recovery"](tables).lost_count > 0).any():
-        return []
-    blocks: list[Block] = []
-    for name in ("tracking", "losses", "recovery"):
-        frame = METRICS[name](tables)
-        if len(frame):
-            blocks.append(stated(name, frame, alike=True))
-    columns = ["t_s", "satellite", "tracked", "state"]
-    group, remark = few(distinct(tables, "satellites", columns, tables.labels))
-    blocks += [*remark, *figures(tables, "timeline", group)]
-    if len(changes):
-        blocks.append(Text(note("searches")))
-    return blocks
-
-
-def delays(tables: Tables) -> list[Block]:
-    """Return atmospheric delays, the residual delays after correction, and the latency; empty if there are none."""
-    delayed = [case for case in tables.labels if _layers(tables, case)]
-    group, blocks = few(distinct(tables, "satellites", ["t_s", "satellite", *_DELAYS], delayed))
-    if group:
-        blocks.append(_delay_table(tables))
-    blocks += figures(tables, "delays", group)
-    with_latency = set(tables.satellites.case[tables.satellites.latency_s > _CURRENT])
-    late = [case for case in tables.labels if case in with_latency]
-    group, remark = few(distinct(tables, "satellites", ["t_s", "latency_s"], late))
-    return [*blocks, *remark, *figures(tables, "latency", group)]
-
-
-def _layers(tables: Tables, case: str) -> list[str]:
-    """Return the atmospheric layers with a delay or a correction in a case."""
-    columns = pick_columns(tables.satellites, _DELAYS, case=case)
-    return layers_of(pd.DataFrame(dict(zip(_DELAYS, columns, strict=True))))
-
-
-def _delay_table(tables: Tables) -> Block:
-    """Return the table of true and residual delays by case and layer."""
-    rows = []
-    for case, label in tables.labels.items():
-        tracked = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
-        for layer in _layers(tables, case):
-            true = tracked[f"{layer}_m"]
-            residual = tracked[f"{layer}_left_m"]
-            worst = tracked.loc[residual.abs().idxmax()]
-            rows.append(
-                (
-                    label,
-                    layer,
-                    f"{number(round(true.min(), 6))} to {number(true.max())}",
-                    float((true**2).mean() ** 0.5),
-                    float((residual**2).mean() ** 0.5),
-                    float(residual.mean()),
-                    residual[worst.name],
-                    f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg",
-                )
-            )
-    return stated("delays", pd.DataFrame(rows), alike=True)
 
 
 @of("stops")

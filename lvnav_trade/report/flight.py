@@ -2,20 +2,9 @@
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import (
-    Block,
-    Text,
-    chosen_cases,
-    few,
-    figure,
-    figures,
-    left_out,
-    number,
-    of,
-    stated,
-    words,
-)
+from lvnav_trade.report.blocks import Block, Text, figure, figures, number, of, stated, words
 from lvnav_trade.report.escape import note
+from lvnav_trade.report.selection import chosen_cases, few, left_out
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
 

@@ -19,6 +19,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lvnav_trade.export.translation.c_text import (
+    WIDTH,
+    comment_lines,
+    declaration_lines,
+    declared_name,
+    refers_to,
+    static_text,
+    struct_line,
+    table_text,
+    uses_self,
+)
 from lvnav_trade.export.translation.expressions import constant_array
 from lvnav_trade.export.translation.statements import RESERVED, Body
 from lvnav_trade.export.translation.values import (
@@ -34,11 +45,8 @@ from lvnav_trade.export.translation.values import (
     as_scalar,
     known_number,
     literal,
-    size_of,
 )
 from lvnav_trade.kernels.choice import source_of
-
-_WIDTH = 118
 
 
 class TranslatedKernel(NamedTuple):
@@ -109,7 +117,7 @@ class Program:
             return kernel.constant
         if not kernel.acts:
             return Constant(None)
-        texts = ["self"] if _uses_self(kernel.text) else []
+        texts = ["self"] if uses_self(kernel.text) else []
         for name in kernel.parameters:
             texts.append(_passed(bound_arguments, name))
         text = f"{kernel.name}({', '.join(texts)})"
@@ -154,15 +162,15 @@ class Program:
         parameters = {
             parameter: declaration
             for parameter, declaration in declarations.items()
-            if _names(_c_name(declaration), text)
+            if refers_to(declared_name(declaration), text)
         }
         name = name or self._new_name(python)
         signature_parts = list(parameters.values())
-        if _uses_self(text):
+        if uses_self(text):
             signature_parts.insert(0, f"struct {self.state} *self")
         signature = f"{returns} {name}({', '.join(signature_parts) or 'void'})"
-        lines = [*_comment(python), *textwrap.wrap(signature, _WIDTH, subsequent_indent="    "), "{"]
-        lines += [f"    {local};" for local in _grouped(body.locals.values(), text)]
+        lines = [*comment_lines(python), *textwrap.wrap(signature, WIDTH, subsequent_indent="    "), "{"]
+        lines += [f"    {local};" for local in declaration_lines(body.locals.values(), text)]
         lines += [*body.lines, "}"]
         return TranslatedKernel(
             name=name,
@@ -200,14 +208,14 @@ class Program:
         previous: list[str] = []
         while lines != previous:
             previous = lines
-            for name in map(_c_name, body.locals.values()):
+            for name in map(declared_name, body.locals.values()):
                 lines = self._without_assignments(lines, name)
         return lines
 
     def _without_assignments(self, lines: list[str], name: str) -> list[str]:
         """Return lines without the assignments to a variable if no line reads it; of calls the call remains."""
         assignment = re.compile(rf"^(\s*){name} = (.*);$")
-        if any(_names(name, line) and not assignment.match(line) for line in lines):
+        if any(refers_to(name, line) and not assignment.match(line) for line in lines):
             return lines
         function_names = {function.name for function in self.functions.values()}
         live_lines = []
@@ -259,11 +267,11 @@ class Program:
             if function.name in entries:
                 functions.append(function.text)
             elif function.name in required:
-                functions.append(_static(function.text))
+                functions.append(static_text(function.text))
         code = "\n\n\n".join(functions)
         words = set(re.findall(r"\w+", code))
-        types = [_struct(name, kinds) for name, kinds in self.tuples.items() if name in words]
-        tables = [_table(name, array) for name, array in self.tables.items() if name in words]
+        types = [struct_line(name, kinds) for name, kinds in self.tuples.items() if name in words]
+        tables = [table_text(name, array) for name, array in self.tables.items() if name in words]
         sections = ["\n".join(types), "\n\n".join(tables), code]
         return "\n\n".join(section for section in sections if section) + "\n"
 
@@ -295,10 +303,6 @@ def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> 
         is_value = isinstance(value, Constant | Scalar | Array | TupleValue | RecordValue)
         values[name] = value if is_value else Constant(value)
     return values
-
-
-def _uses_self(text: str) -> bool:
-    return re.search(r"\bself\b", text) is not None
 
 
 def _signature(value: Value) -> Any:
@@ -359,72 +363,3 @@ def _passed(given: dict[str, Value], parameter: str) -> str:
 
 def _safe(name: str) -> str:
     return f"{name}_" if name in RESERVED else name
-
-
-def _names(name: str, text: str) -> bool:
-    """Return whether a text refers to a local variable or parameter; fields of structs do not count."""
-    return re.search(rf"(?<![.>\w]){name}\b", text) is not None
-
-
-def _c_name(declaration: str) -> str:
-    """Return the name in a declaration."""
-    match = re.search(r"(\w+)\)?(\[\d+\])*$", declaration)
-    assert match is not None
-    return match.group(1)
-
-
-def _comment(python: Any) -> list[str]:
-    """Return the first paragraph of a kernel's docstring as a C comment."""
-    paragraph = inspect.cleandoc(python.__doc__ or "").split("\n\n")[0]
-    text = paragraph.replace("\n", " ").replace("*/", "* /")
-    if not text:
-        return []
-    lines = textwrap.wrap(text, _WIDTH - 6)
-    lines = [f"/* {lines[0]}", *(f"   {line}" for line in lines[1:])]
-    return [*lines[:-1], f"{lines[-1]} */"]
-
-
-def _grouped(declarations: Any, text: str) -> list[str]:
-    """Return the declarations of local variables that the text uses; numbers of one type share a line."""
-    numbers: dict[str, list[str]] = {}
-    arrays: list[str] = []
-    for declaration in declarations:
-        if not _names(_c_name(declaration), text):
-            continue
-        number_type, _, name = declaration.partition(" ")
-        if name.isidentifier():
-            numbers.setdefault(number_type, []).append(name)
-        else:
-            arrays.append(declaration)
-    lines = []
-    for number_type, names in numbers.items():
-        wrapped = textwrap.wrap(f"{number_type} {', '.join(names)}", _WIDTH - 4, subsequent_indent="        ")
-        lines.append("\n    ".join(wrapped))  # a wrapped declaration counts as one line
-    return lines + arrays
-
-
-def _static(text: str) -> str:
-    """Return a function as static, because no other file calls it."""
-    start = text.index("*/") + 3 if text.startswith("/*") else 0  # after its comment
-    return f"{text[:start]}static {text[start:]}"
-
-
-def _struct(name: str, kinds: tuple[str, ...]) -> str:
-    fields = [f"{number_type} v{i};" for i, number_type in enumerate(kinds)]
-    return f"struct {name} {{ {' '.join(fields)} }};"
-
-
-def _table(name: str, array: Array) -> str:
-    sizes = "".join(f"[{size_of(size)}]" for size in array.sizes)
-    return f"static const {array.kind} {name}{sizes} = {_content(array.value)};"
-
-
-def _content(content: np.ndarray) -> str:
-    """Return the content of a table as a C initialiser."""
-    if content.ndim == 1:
-        row = ", ".join(literal(value).text for value in content) or "0"
-        return "{" + "\n    ".join(textwrap.wrap(row, _WIDTH - 4)) + "}"
-    if not len(content):
-        return "{{0}}"
-    rows = [_content(row) for row in content]
-    return "{\n" + ",\n".join(rows) + "\n}"

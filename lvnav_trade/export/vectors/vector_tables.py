@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -11,13 +10,10 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.export.scope import refuse_redundant_imus
-from lvnav_trade.filter.ekf import channel_of, n_measured
-from lvnav_trade.filter.policies.epoch_differences import is_present
-from lvnav_trade.filter.policies.reference_satellite import is_reference
+from lvnav_trade.export.vectors.scalars import measurement_rows, reports_covariance
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.state_layout import state_names, state_outputs
 from lvnav_trade.results.tables.dictionary import unit_suffix
-from lvnav_trade.sensors.receiver_observables import LABELS
 from lvnav_trade.simulation.montecarlo import TapedRun, taped
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.tape import Estimates
@@ -147,55 +143,6 @@ def _epochs(prepared: Prepared, recorded: TapedRun) -> VectorTable:
     return _table("Epochs at which measurements are processed", columns, values)
 
 
-def _receiver_scalars(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
-    """Yield the scalar measurements of the receiver at an epoch."""
-    model, signals, tape = prepared.model, prepared.signals, recorded.tape
-    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
-    for row in range(_python(n_measured)(model, signals, epoch)):
-        channel = _python(channel_of)(model, signals, epoch, row)
-        if not _python(is_present)(prepared.options.delayed, model, epoch, channel):
-            continue
-        if not model.tight:
-            yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
-        elif not _python(is_reference)(model, signals, epoch, row):
-            slot, observable = divmod(row, model.n_kind)
-            yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
-
-
-def _sensor_scalars(prepared: Prepared, epoch: int) -> Iterator[_Scalar]:
-    """Yield the scalar measurements of the other sensors at an epoch."""
-    sensors = prepared.sensors
-    if sensors is None:
-        return
-    first_row = prepared.n_row - prepared.channels.n_channel
-    for k, device in enumerate(prepared.devices):
-        if not (sensors.on[k, epoch] and prepared.model.measured[sensors.channel[k]]):
-            continue
-        for i in range(sensors.scalars[k]):
-            channel = sensors.channel[k] + i
-            yield _Scalar(first_row + channel, channel, math.nan, device.card.unit)
-
-
-class _Scalar(NamedTuple):
-    """A scalar measurement.
-
-    row : Position among the measurements of the epoch.
-    channel : Channel.
-    value : Measured value (SI).
-    unit : SI unit.
-    """
-
-    row: int
-    channel: int
-    value: float
-    unit: str
-
-
-def _python(kernel: Any) -> Any:
-    """Return the Python function of a kernel; for a few calls compilation is not worthwhile."""
-    return getattr(kernel, "py_func", kernel)
-
-
 def _measurements(prepared: Prepared, recorded: TapedRun) -> VectorTable:
     columns = {
         **_EPOCH,
@@ -210,36 +157,7 @@ def _measurements(prepared: Prepared, recorded: TapedRun) -> VectorTable:
         "variance_si": ("square of it", "noise variance in the filter model"),
         "innovation_ratio": ("1", "expected innovation over its standard deviation; empty: not processed"),
     }
-    return _row_table("Scalar measurements", columns, _measurement_rows(prepared, recorded))
-
-
-def _measurement_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of the table of measurements; none if the filter is not aided."""
-    channels, signals, names = prepared.channels, prepared.signals, prepared.channel_names
-    has_reports = _reports(prepared)
-    if not prepared.model.aided:
-        return
-    for epoch, t in enumerate(prepared.t_epoch):
-        scalars = [*_receiver_scalars(prepared, recorded, epoch), *_sensor_scalars(prepared, epoch)]
-        for row, channel, value, unit in scalars:
-            is_of_receiver = channel < channels.n_receiver
-            satellite = ""
-            if channels.tight and is_of_receiver:
-                satellite = channels.satellites[channel // prepared.model.n_kind]
-            variance = signals.variance[epoch, channel]
-            if has_reports and is_of_receiver:
-                variance = recorded.tape.covariance[epoch, row, row] * signals.scale[epoch, channel] ** 2
-            yield (
-                epoch,
-                t,
-                row,
-                names[channel],
-                satellite,
-                value,
-                unit,
-                variance,
-                recorded.innovation[epoch, channel],
-            )
+    return _row_table("Scalar measurements", columns, measurement_rows(prepared, recorded))
 
 
 def _antennas(prepared: Prepared) -> VectorTable:
@@ -305,18 +223,13 @@ def _sensor_rows(prepared: Prepared, observed: Floats, n_known: int) -> Iterator
             )
 
 
-def _reports(prepared: Prepared) -> bool:
-    """Return whether the receiver reports the covariance of its solution and the filter uses it."""
-    return bool(prepared.model.has_covariance) and prepared.options.solver is not None
-
-
 def _reported_covariance(prepared: Prepared, covariance: Floats) -> VectorTable:
     columns = dict(_EPOCH)
     row, column = np.tril_indices(6)  # lower triangle, row by row
     for i, j in zip(row, column, strict=True):
         columns[f"c_{i}_{j}_si"] = ("SI", "position (0 to 2), velocity (3 to 5), frame i")
     rows = []
-    if _reports(prepared):
+    if reports_covariance(prepared):
         for epoch, t in enumerate(prepared.t_epoch):
             rows.append((epoch, t, *covariance[epoch][row, column]))
     return _row_table("Covariance that the receiver reports with its solution", columns, rows)

@@ -54,22 +54,8 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
         if covariance_applies:
             formal = rows.lincov_formal_si * factor
             true_rms = lincov_rms(rows) * factor
-            ax.plot(
-                rows.t_s,
-                formal,
-                color="black",
-                ls=":",
-                lw=1.1,
-                label="LinCov, filter's own",
-            )
-            ax.plot(
-                rows.t_s,
-                true_rms,
-                color=PALETTE[1],
-                ls="--",
-                lw=1.1,
-                label="LinCov, true error",
-            )
+            ax.plot(rows.t_s, formal, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
+            ax.plot(rows.t_s, true_rms, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]) * factor)
         mark_decisions(ax, tables, case)
@@ -88,12 +74,7 @@ def _draw_run_errors(ax: Panel, rows: pd.DataFrame, factor: float) -> None:
         return
     low, high = rms_interval(rows.rms_si, rows.run_count * rows.dof_ratio)
     ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2)
-    ax.plot(
-        rows.t_s,
-        rows.rms_si * factor,
-        color=PALETTE[0],
-        label=f"Monte Carlo RMS, {n_runs} runs (95 % band)",
-    )
+    ax.plot(rows.t_s, rows.rms_si * factor, color=PALETTE[0], label=f"Monte Carlo RMS, {n_runs} runs (95 % band)")
     ax.plot(rows.t_s, rows.filter_sigma_si * factor, color=PALETTE[2], lw=1.0, label="filter's own sigma")
 
 
@@ -114,14 +95,7 @@ def worst_run(tables: Tables, case: str, run: str) -> Figure:
         rms = history.rms_si * factor
         ax.plot(trace.t_s, trace.error_si * factor, color=PALETTE[1], label=f"run {run}")
         ax.plot(trace.t_s, bound, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
-        ax.plot(
-            history.t_s,
-            rms,
-            color=PALETTE[0],
-            ls="--",
-            lw=1.0,
-            label="RMS of all runs",
-        )
+        ax.plot(history.t_s, rms, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
         ax.set(ylabel=f"{quantity},\n3D ({unit})")
         scale_up(ax, "y", pd.concat([trace.error_si, history.rms_si]) * factor)
     over_time(grid[:, 0], tables, case)
@@ -232,14 +206,8 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
             _draw_case(ax, number, ratio, expected, rows.t_s, tables.labels[case])
             all_ratios += [*ratio, *expected]
         formal_ratio = rows.lincov_formal_si / rows.expected_si
-        ax.plot(
-            rows.t_s,
-            formal_ratio,
-            color=line_of(number)["color"],
-            ls=":",
-            lw=1.2,
-            label=_OWN if number == 0 else None,
-        )
+        legend_entry = _OWN if number == 0 else None
+        ax.plot(rows.t_s, formal_ratio, color=line_of(number)["color"], ls=":", lw=1.2, label=legend_entry)
         all_ratios += [*formal_ratio]
     ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
     is_large = max(all_ratios, default=0.0) > 1.5
@@ -398,14 +366,7 @@ def _draw_consistency(ax: Panel, rows: pd.DataFrame, column: str) -> None:
             label="95 % of a matched filter",
         )
         ax.plot(rows.t_s, rows[column], color=PALETTE[0], lw=1.0, label="Monte Carlo")
-    ax.plot(
-        rows.t_s,
-        rows.expected_ratio,
-        color=PALETTE[1],
-        ls="--",
-        lw=1.1,
-        label="LinCov expectation",
-    )
+    ax.plot(rows.t_s, rows.expected_ratio, color=PALETTE[1], ls="--", lw=1.1, label="LinCov expectation")
     scale_up(ax, "y", pd.concat([rows[column], rows.expected_ratio]), from_zero=False)
 
 
@@ -430,20 +391,8 @@ def logic(tables: Tables, case: str) -> Figure:
                 **_LOOKS[mode],
             )
     if ratios.empty:
-        ax.text(
-            0.5,
-            0.5,
-            "the filter has no mode logic",
-            x_part=True,
-            y_part=True,
-            ha="center",
-            color=GREY,
-        )
+        ax.text(0.5, 0.5, "the filter has no mode logic", x_part=True, y_part=True, ha="center", color=GREY)
     history = pick(tables.history, case=case)
-    ax.set(
-        xlim=(history.t_s.min(), history.t_s.max()),
-        ylim=(0.0, 100.0),
-        ylabel="runs (%)",
-    )
+    ax.set(xlim=(history.t_s.min(), history.t_s.max()), ylim=(0.0, 100.0), ylabel="runs (%)")
     over_time([ax], tables, case, margin=0.0)
     return figure

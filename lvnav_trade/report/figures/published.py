@@ -236,10 +236,8 @@ def locus(
     _rings(ax, study_points, level_unit)
     quantity = varied or axis.replace("_", " ")
     metric = name_of(stated).replace("_", " ")
-    ax.set(
-        xlabel=f"{quantity} ({level_unit})" if level_unit else quantity,
-        ylabel=f"{metric}\n({unit})".replace(", ", ",\n"),
-    )
+    ax.set(xlabel=f"{quantity} ({level_unit})" if level_unit else quantity)
+    ax.set(ylabel=f"{metric}\n({unit})".replace(", ", ",\n"))
     return figure
 
 

@@ -264,13 +264,9 @@ def _line(_: Drawing, axes: Any, mark: Mark) -> None:
 
 
 def _band(_: Drawing, axes: Any, mark: Mark) -> None:
-    axes.fill_between(
-        mark.data["x"],
-        mark.data["low"],
-        mark.data["high"],
-        step="post" if mark.style.get("step") else None,
-        **_area(mark),
-    )
+    x, low, high = mark.data["x"], mark.data["low"], mark.data["high"]
+    step = "post" if mark.style.get("step") else None
+    axes.fill_between(x, low, high, step=step, **_area(mark))
 
 
 def _area(mark: Mark) -> dict[str, Any]:
@@ -323,22 +319,12 @@ def _text(_: Drawing, axes: Any, mark: Mark) -> None:
 
 def _cells(figure: Drawing, axes: Any, mark: Mark) -> None:
     axes.tick_params(axis="y", length=0)
-    cells = axes.pcolormesh(
-        mark.data["x"],
-        mark.data["y"],
-        np.ma.masked_invalid(mark.data["values"]),
-        norm=LogNorm(*mark.data["scale"]),
-        cmap=mark.style["cmap"],
-    )
+    values = np.ma.masked_invalid(mark.data["values"])
+    norm = LogNorm(*mark.data["scale"])
+    cells = axes.pcolormesh(mark.data["x"], mark.data["y"], values, norm=norm, cmap=mark.style["cmap"])
     if mark.label:
-        figure.colorbar(
-            cells,
-            ax=axes,
-            pad=0.09,
-            fraction=0.035,
-            label=mark.label,
-            format=FuncFormatter(lambda value, _: f"{value:g}"),
-        )
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        figure.colorbar(cells, ax=axes, pad=0.09, fraction=0.035, label=mark.label, format=plain)
 
 
 _DRAW = {"line": _line, "band": _band, "boxes": _boxes, "limit": _limit, "text": _text, "cells": _cells}
@@ -360,14 +346,7 @@ def _mark_events(axes: Any, panel: Panel, columns: int, has_numbers: bool) -> No
                 alpha=0.18 if panel.filled else 0.25,
             )
         else:
-            axes.axvline(
-                start,
-                color=GREY,
-                alpha=0.7,
-                lw=2.4,
-                ls=(0, (1.2, 0.8)),
-                zorder=1.4,
-            )
+            axes.axvline(start, color=GREY, alpha=0.7, lw=2.4, ls=(0, (1.2, 0.8)), zorder=1.4)
     visible_times = dict.fromkeys(t for _, t in panel.events.points if low <= t <= high)
     for t in visible_times:
         axes.axvline(t, color=GREY, lw=0.7, zorder=1.5)

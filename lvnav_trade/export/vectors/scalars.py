@@ -1,0 +1,97 @@
+"""Scalar measurements of reference vectors, in the order of processing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from lvnav_trade.filter.ekf import channel_of, n_measured
+from lvnav_trade.filter.policies.epoch_differences import is_present
+from lvnav_trade.filter.policies.reference_satellite import is_reference
+from lvnav_trade.sensors.receiver_observables import LABELS
+from lvnav_trade.simulation.montecarlo import TapedRun
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+
+def _receiver_scalars(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
+    """Yield the scalar measurements of the receiver at an epoch."""
+    model, signals, tape = prepared.model, prepared.signals, recorded.tape
+    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
+    for row in range(_python(n_measured)(model, signals, epoch)):
+        channel = _python(channel_of)(model, signals, epoch, row)
+        if not _python(is_present)(prepared.options.delayed, model, epoch, channel):
+            continue
+        if not model.tight:
+            yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
+        elif not _python(is_reference)(model, signals, epoch, row):
+            slot, observable = divmod(row, model.n_kind)
+            yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
+
+
+def _sensor_scalars(prepared: Prepared, epoch: int) -> Iterator[_Scalar]:
+    """Yield the scalar measurements of the other sensors at an epoch."""
+    sensors = prepared.sensors
+    if sensors is None:
+        return
+    first_row = prepared.n_row - prepared.channels.n_channel
+    for k, device in enumerate(prepared.devices):
+        if not (sensors.on[k, epoch] and prepared.model.measured[sensors.channel[k]]):
+            continue
+        for i in range(sensors.scalars[k]):
+            channel = sensors.channel[k] + i
+            yield _Scalar(first_row + channel, channel, math.nan, device.card.unit)
+
+
+class _Scalar(NamedTuple):
+    """A scalar measurement.
+
+    row : Position among the measurements of the epoch.
+    channel : Channel.
+    value : Measured value (SI).
+    unit : SI unit.
+    """
+
+    row: int
+    channel: int
+    value: float
+    unit: str
+
+
+def _python(kernel: Any) -> Any:
+    """Return the Python function of a kernel; for a few calls compilation is not worthwhile."""
+    return getattr(kernel, "py_func", kernel)
+
+
+def measurement_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of the table of measurements; none if the filter is not aided."""
+    channels, signals, names = prepared.channels, prepared.signals, prepared.channel_names
+    has_reports = reports_covariance(prepared)
+    if not prepared.model.aided:
+        return
+    for epoch, t in enumerate(prepared.t_epoch):
+        scalars = [*_receiver_scalars(prepared, recorded, epoch), *_sensor_scalars(prepared, epoch)]
+        for row, channel, value, unit in scalars:
+            is_of_receiver = channel < channels.n_receiver
+            satellite = ""
+            if channels.tight and is_of_receiver:
+                satellite = channels.satellites[channel // prepared.model.n_kind]
+            variance = signals.variance[epoch, channel]
+            if has_reports and is_of_receiver:
+                variance = recorded.tape.covariance[epoch, row, row] * signals.scale[epoch, channel] ** 2
+            yield (
+                epoch,
+                t,
+                row,
+                names[channel],
+                satellite,
+                value,
+                unit,
+                variance,
+                recorded.innovation[epoch, channel],
+            )
+
+
+def reports_covariance(prepared: Prepared) -> bool:
+    """Return whether the receiver reports the covariance of its solution and the filter uses it."""
+    return bool(prepared.model.has_covariance) and prepared.options.solver is not None

@@ -1,0 +1,100 @@
+"""Tables of a campaign of a study: requirements, mode logic, coverage, paired cases, integrity."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import pandas as pd
+
+from lvnav_trade.report.blocks import Block, Text, of, stated
+from lvnav_trade.report.diagnostics import error_bound, rates, worth
+from lvnav_trade.report.escape import note
+from lvnav_trade.report.evidence import logic_tables
+from lvnav_trade.results.evaluation.coverage import coverage
+from lvnav_trade.results.evaluation.rms import paired_levels
+from lvnav_trade.results.requirements.requirements import in_words
+from lvnav_trade.results.tables.read import Tables
+
+_MANY = 12  # cases; with more, the table of coverage has the last event only
+
+
+def study_tables(tables: Tables, names: Sequence[str], axis: str) -> list[Block]:
+    """Return the tables named in `names`, in a fixed order.
+
+    names : requirements, logic, coverage, paired, error_bound, integrity, tested_errors
+    axis : axis whose levels are compared in the table `paired`
+    """
+    builders: dict[str, Callable[[Tables], list[Block]]] = {
+        "requirements": _requirements,
+        "logic": logic_tables,
+        "coverage": _coverage,
+        "paired": partial(_paired, axis=axis),
+        "error_bound": error_bound,
+        "integrity": rates,
+        "tested_errors": worth,
+    }
+    blocks = []
+    for name, build_table in builders.items():
+        if name in names:
+            blocks += build_table(tables)
+    return blocks
+
+
+@of("requirements")
+def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    probability = frame.probability.iloc[0]
+    confidence = frame.confidence.iloc[0]
+    n_met = int((frame.verdict == "met").sum())
+    text = (
+        f"{n_met} of {len(frame)} cells pass: at least {100 * probability:g} % of flights "
+        f"within the limit, at a confidence of {100 * confidence:g} %."
+    )
+    verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
+    rows = in_words(frame).assign(
+        verdict=frame.verdict.map(verdicts),
+        beyond=frame.failures.astype(str) + " of " + frame.runs.astype(str),
+    )
+    return [Text(text), stated("study_requirements", rows)]
+
+
+def _coverage(tables: Tables) -> list[Block]:
+    frame = coverage(tables)
+    if frame.empty:
+        return []
+    events = _spaced_events(frame)
+    if len(tables.labels) > _MANY:
+        events = events[:1]
+    frame = frame[frame.event.isin(events)]
+    ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
+    return [Text(note("coverage")), stated("coverage", frame.assign(**{name: 100.0 * frame[name] for name in ratios}))]
+
+
+def _spaced_events(frame: pd.DataFrame) -> list[str]:
+    """Return events at least an eighth of the flight apart, starting from injection (or from the last event)."""
+    times = frame.drop_duplicates("event").set_index("event").t_s
+    times = times.sort_values(ascending=False, kind="stable")
+    last = "injection" if "injection" in times.index else str(times.index[0])
+    least_distance = (times.max() - times.min()) / 8.0
+    selected = [last]
+    for name, t in times.items():
+        if all(abs(t - times[event]) >= least_distance for event in selected):
+            selected.append(str(name))
+    return selected
+
+
+def _paired(tables: Tables, axis: str) -> list[Block]:
+    frame = paired_levels(tables, axis)
+    if frame.empty:
+        return []
+    rows = frame[frame.event.isin(_shown_events(frame))]
+    return [Text(note("paired")), stated("paired", rows, axis=axis)]
+
+
+def _shown_events(frame: pd.DataFrame) -> list[str]:
+    """Return the events at which paired differences are shown: first, last, and each change by a factor of two."""
+    worst = frame.groupby("event", sort=False).difference_ratio.max()
+    selection, level = [worst.index[0]], float(worst.iloc[0])
+    for name, value in worst.items():
+        if value > 2.0 * level or value < 0.5 * level:
+            selection.append(name)
+            level = float(value)
+    return [str(name) for name in dict.fromkeys([*selection, worst.index[-1]])]
