@@ -188,12 +188,14 @@ def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]
     events : times (s) of the events by name
     ends : times (s) of ``start`` and ``end``
     """
-    known = {"start": ends[0], "end": ends[1], **events}
+    times = {"start": ends[0], "end": ends[1], **events}
     match = _INSTANT.match(text)
-    if match is None or match["event"] not in known:
+    if match is None or match["event"] not in times:
         return float("nan")
     offset = parse(match["offset"].strip(), "s") if match["offset"] else 0.0
-    return float(known[match["event"]]) + (-offset if match["sign"] == "-" else offset)
+    if match["sign"] == "-":
+        offset = -offset
+    return float(times[match["event"]]) + offset
 
 
 def phase_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> tuple[float, float]:

@@ -25,39 +25,39 @@ def law_in(tables: Tables, case: str) -> InjectionLaw | None:
 
 @once
 def _law_in(tables: Tables, case: str) -> list[InjectionLaw | None]:
-    return [_read(tables, case)]
+    return [_read_injection_law(tables, case)]
 
 
-def _read(tables: Tables, case: str) -> InjectionLaw | None:
+def _read_injection_law(tables: Tables, case: str) -> InjectionLaw | None:
     numbers = pick(tables.injection_expected, case=case)
     if numbers.empty:
         return None
-    if str(numbers.reason.iloc[0]):
-        return InjectionLaw(str(numbers.reason.iloc[0]))
-    reference, target, mean, second_order, knowledge, execution = (
-        numbers[f"{name}_si"].to_numpy(dtype=float)
-        for name in ("reference", "target", "mean", "second_order", "knowledge", "execution")
-    )
+    reason = str(numbers.reason.iloc[0])
+    if reason:
+        return InjectionLaw(reason)
     rows = pick(tables.injection_covariances, case=case)
     sources = list(dict.fromkeys(rows.source))
+    source_index = {name: k for k, name in enumerate(sources)}
+    quantity_index = {name: k for k, name in enumerate(INJECTION)}
+    source = rows.source.map(source_index).to_numpy(dtype=int)
+    i = rows.quantity.map(quantity_index).to_numpy(dtype=int)
+    j = rows.other_quantity.map(quantity_index).to_numpy(dtype=int)
     covariance = np.zeros((len(sources), _N, _N))
-    source = rows.source.map({name: k for k, name in enumerate(sources)}).to_numpy(dtype=int)
-    place = {name: k for k, name in enumerate(INJECTION)}
-    i, j = (rows[name].map(place).to_numpy(dtype=int) for name in ("quantity", "other_quantity"))
     covariance[source, i, j] = covariance[source, j, i] = rows.covariance_si2.to_numpy(dtype=float)
-    of_sources = np.zeros((2, len(sources), len(ORBIT)))
-    of_sources[:, 0] = np.square([knowledge[: len(ORBIT)], execution[: len(ORBIT)]])
-    of_navigation = set(rows.source[rows.source_group == "navigation"])
+    knowledge, execution = np.zeros((2, len(sources), len(ORBIT)))
+    knowledge[0] = np.square(numbers.knowledge_si.to_numpy(dtype=float)[: len(ORBIT)])
+    execution[0] = np.square(numbers.execution_si.to_numpy(dtype=float)[: len(ORBIT)])
+    navigation_sources = set(rows.source[rows.source_group == "navigation"])
     return InjectionLaw(
-        reference=reference,
-        target=target[: len(ORBIT)],
-        mean=mean,
-        second_order=second_order,
+        reference=numbers.reference_si.to_numpy(dtype=float),
+        target=numbers.target_si.to_numpy(dtype=float)[: len(ORBIT)],
+        mean=numbers.mean_si.to_numpy(dtype=float),
+        second_order=numbers.second_order_si.to_numpy(dtype=float),
         sources=tuple(map(str, sources)),
-        n_navigation=len(of_navigation),
+        n_navigation=len(navigation_sources),
         covariance=covariance,
-        knowledge=of_sources[0],
-        execution=of_sources[1],
+        knowledge=knowledge,
+        execution=execution,
     )
 
 
@@ -89,9 +89,12 @@ class CaseTables(CaseResults):
 
     def phase(self, text: str) -> tuple[float, float]:
         """Return first and last time (s) of a phase."""
-        worst = pick(self.tables.interval_errors, case=self.case)
-        spans = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else None
-        return phase(self.tables, self.case, text, spans or ends_of(self.tables, self.case))
+        intervals = pick(self.tables.interval_errors, case=self.case)
+        if len(intervals):
+            ends = float(intervals.t_s.min()), float(intervals.t_end_s.max())
+        else:
+            ends = ends_of(self.tables, self.case)
+        return phase(self.tables, self.case, text, ends)
 
     def failed(self, event: str) -> Bools:
         """Return which runs failed, at an event."""
@@ -114,36 +117,37 @@ class CaseTables(CaseResults):
         output = self.output(quantity, axis)
         if output is None:
             return np.empty(0)
-        rows, column = pick(self.tables.runs, case=self.case, event=event), error_column(quantity, axis, output.unit)
+        rows = pick(self.tables.runs, case=self.case, event=event)
+        column = error_column(quantity, axis, output.unit)
         if column not in rows.columns:
             return np.empty(0)
         return finite_sizes(rows[column].to_numpy(dtype=float), rows.failure.to_numpy() != "")
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
         """Return the largest |error| (n_run,) of a phase."""
-        inside = rows_between(pick(self.tables.interval_errors, case=self.case), first, last, "t_end_s")
+        intervals = rows_between(pick(self.tables.interval_errors, case=self.case), first, last, "t_end_s")
         output = self.output(quantity, axis)
-        if inside.empty or output is None:
+        if intervals.empty or output is None:
             return np.empty(0)
-        values = inside[error_column(quantity, axis, output.unit)].to_numpy(dtype=float)
-        size, runs = finite_sizes(values, inside.failure.to_numpy() != ""), inside.run_number.to_numpy()
-        _, of_run = np.unique(runs, return_inverse=True)
-        found = np.full(int(of_run.max()) + 1, -np.inf)
-        np.maximum.at(found, of_run, size)
-        return found
+        error = intervals[error_column(quantity, axis, output.unit)].to_numpy(dtype=float)
+        size = finite_sizes(error, intervals.failure.to_numpy() != "")
+        _, run = np.unique(intervals.run_number.to_numpy(), return_inverse=True)
+        largest = np.full(int(run.max()) + 1, -np.inf)
+        np.maximum.at(largest, run, size)
+        return largest
 
     def history(self, quantity: str, axis: str) -> History:
         """Return an error over the flight by linear covariance."""
-        return History(
-            *history_columns(self.tables, self.case, quantity, axis, "t_s", "lincov_true_si", "lincov_mean_si")
-        )
+        names = ("t_s", "lincov_true_si", "lincov_mean_si")
+        t, true, mean = history_columns(self.tables, self.case, quantity, axis, *names)
+        return History(t, true, mean)
 
     def gaussian(self, event: str, quantity: str, axis: str) -> Gaussian | None:
         """Return the Gaussian of an error at an event."""
         return gaussian(self.tables, self.case, event, quantity, axis)
 
     def formal(self, event: str, quantity: str) -> Floats | None:
-        """Return the filter's own covariance (3, 3) at an event."""
+        """Return the formal covariance (3, 3) at an event."""
         return formal_covariance(self.tables, self.case, event, quantity)
 
     def state(self, event: str) -> stored_states.State | None:
@@ -155,13 +159,17 @@ class CaseTables(CaseResults):
         return stored_states.law_at(self.tables, self.case, event)
 
     def injections(self, quantity: str) -> Injections | None:
-        """Return what guided ascents achieve of a number of the orbit."""
+        """Return one element of the orbits that guided runs achieve."""
         rows = pick(self.tables.injections, case=self.case, quantity=quantity)
         if rows.empty:
             return None
-        names = ("t_s", "propellant_left_kg", "error_si", "knowledge_si")
-        t, left, error, knowledge = (rows[name].to_numpy(dtype=float) for name in names)
-        return Injections(rows.outcome.to_numpy(dtype=str), t, left, error, knowledge)
+        return Injections(
+            outcome=rows.outcome.to_numpy(dtype=str),
+            t=rows.t_s.to_numpy(dtype=float),
+            left=rows.propellant_left_kg.to_numpy(dtype=float),
+            error=rows.error_si.to_numpy(dtype=float),
+            knowledge=rows.knowledge_si.to_numpy(dtype=float),
+        )
 
     def injection_law(self) -> InjectionLaw | None:
         """Return linear covariance of the injection of a guided ascent."""
@@ -178,4 +186,5 @@ class CaseTables(CaseResults):
         t = instant(self.tables, self.case, at)
         if rows.empty or not np.isfinite(t):
             return float("nan")
-        return float(rows.level_si.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))])
+        nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))
+        return float(rows.level_si.iloc[nearest])

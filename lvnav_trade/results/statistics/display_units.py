@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -52,26 +53,30 @@ def in_people(value: Any) -> str:
         return ""
     if isinstance(value, Mapping):
         fields = {key: field for key, field in value.items() if key not in _WORDS and field not in _NOTHING}
-        return _first([f"{key} {in_people(field)}" for key, field in fields.items()])
+        return _abridge([f"{key} {in_people(field)}" for key, field in fields.items()])
     if isinstance(value, list):
-        return _first([in_people(item) for item in value])
+        return _abridge([in_people(item) for item in value])
     quantity = split(value)
     if quantity is None:
         return f"{value:.6g}" if isinstance(value, float) else str(value)
     number, unit = quantity
     sheets = _SHEETS.get(unit, ((unit, 1.0),))
-    fit = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]
-    name, size = fit[0] if fit else sheets[-1 if number else 0]
-    return f"{float(f'{number / size:.4g}'):g} {name}"
+    not_above = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]
+    if not_above:
+        name, size = not_above[0]
+    else:
+        name, size = sheets[-1 if number else 0]
+    rounded = float(f"{number / size:.4g}")
+    return f"{rounded:g} {name}"
 
 
-def _first(texts: list[str]) -> str:
+def _abridge(texts: list[str]) -> str:
     """Join texts; if there are many, only the first, with the number of the others."""
     more = len(texts) - _FEW
     return ", ".join(texts[:_FEW]) + (f" and {more} more" if more > 0 else "")
 
 
-_OF_A_FILE = re.compile(r"[a-z0-9][a-z0-9_.-]*")  # label of a level that is the file name of its card
+_CARD_LABEL = re.compile(r"[a-z0-9][a-z0-9_.-]*")  # label of a level that is the file name of its card
 _NAMELESS = "several units"  # name of an IMU array that is written in the campaign: no title of its own
 _LONGEST = 80  # characters; a longer name of a card is not used as a heading
 SEPARATOR = " · "
@@ -86,27 +91,35 @@ def case_names(tables: Tables) -> dict[str, str]:
     """
     if tables.has_designs:
         return dict(tables.labels)
-    names = list(next(iter(tables.levels.values()), {}))
-    stated = dict(zip(names, tables.campaign.get("axes") or (), strict=False))
-    shown = {name: _level_names(stated[name]) for name in names if name in stated}
-    varied = [name for name in names if len({levels[name] for levels in tables.levels.values()}) > 1]
-    by_case = {}
+    axes = list(next(iter(tables.levels.values()), {}))
+    definitions = dict(zip(axes, tables.campaign.get("axes") or (), strict=False))
+    card_names = {axis: _level_names(definitions[axis]) for axis in axes if axis in definitions}
+    varied_axes = [axis for axis in axes if len({levels[axis] for levels in tables.levels.values()}) > 1]
+    name_by_case = {}
     for case, levels in tables.levels.items():
-        parts = [shown.get(name, {}).get(levels[name], f"{name}={levels[name]}") for name in varied]
-        has_card = any(levels[name] in shown.get(name, {}) for name in varied)
-        by_case[case] = SEPARATOR.join(parts) if has_card else tables.labels[case]
-    twice = [name for name in by_case.values() if list(by_case.values()).count(name) > 1]
-    return {case: tables.labels[case] if name in twice else name for case, name in by_case.items()}
+        parts = []
+        has_card = False
+        for axis in varied_axes:
+            level = levels[axis]
+            card_name = card_names.get(axis, {}).get(level)
+            parts.append(f"{axis}={level}" if card_name is None else card_name)
+            has_card |= card_name is not None
+        name_by_case[case] = SEPARATOR.join(parts) if has_card else tables.labels[case]
+    count = Counter(name_by_case.values())
+    return {case: name if count[name] == 1 else tables.labels[case] for case, name in name_by_case.items()}
 
 
 def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
     """Return the names of an axis's cards by label; empty if the levels are not cards, or have labels of the user."""
-    labels, values = list(axis.get("labels") or ()), list(axis.get("values") or ())
-    names = [value.get("name") if isinstance(value, Mapping) else None for value in values]
-    cards = [None if name == _NAMELESS else name for name in names]
-    usable = [isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name for name in cards]
-    from_files = all(_OF_A_FILE.fullmatch(str(label)) for label in labels)
-    if not labels or not all(usable) or not from_files or len(set(cards)) < len(cards):
+    labels = list(axis.get("labels") or ())
+    cards = []
+    for value in axis.get("values") or ():
+        name = value.get("name") if isinstance(value, Mapping) else None
+        cards.append(None if name == _NAMELESS else name)
+    are_usable = all(isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name for name in cards)
+    are_from_files = all(_CARD_LABEL.fullmatch(str(label)) for label in labels)
+    are_unique = len(set(cards)) == len(cards)
+    if not (labels and are_usable and are_from_files and are_unique):
         return {}
     return {str(label): str(name) for label, name in zip(labels, cards, strict=True)}
 

@@ -35,33 +35,45 @@ def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) ->
         Mean, covariance and its part due to each error source, SI, reporting axes; None if it is not stored.
     """
     names = ("t_s", "source", "axis", "other_axis", "true_si2")
-    times, source, *elements = pick_columns(tables.covariances, names, case=case, event=event, quantity=quantity)
-    axes = list(dict.fromkeys(elements[0]))
-    wanted = axes if axis == "3d" else [axis]
-    if not axes or not set(wanted) <= set(axes):
+    columns = pick_columns(tables.covariances, names, case=case, event=event, quantity=quantity)
+    times, source, row_axis, column_axis, covariance = columns
+    axes = list(dict.fromkeys(row_axis))
+    metric_axes = axes if axis == "3d" else [axis]
+    if not axes or not set(metric_axes) <= set(axes):
         return None
-    parts = {str(name): source == name for name in dict.fromkeys(source)}
-    by_source = {name: _matrix(axes, wanted, *(column[part] for column in elements)) for name, part in parts.items()}
+    by_source = {}
+    for name in dict.fromkeys(source):
+        of_source = source == name
+        elements = row_axis[of_source], column_axis[of_source], covariance[of_source]
+        by_source[str(name)] = _matrix(axes, metric_axes, *elements)
+    total = by_source.pop("")  # rows without a source
     mean = []
-    for name in wanted:
-        t, size = pick_columns(tables.history, ("t_s", "lincov_mean_si"), case=case, quantity=quantity, axis=name)
-        mean.append(float(size[np.argmin(np.abs(t - times[0]))]))
-    return Gaussian(np.array(mean), by_source.pop(""), by_source)  # the rows without a source are the total
+    for name in metric_axes:
+        history = pick_columns(tables.history, ("t_s", "lincov_mean_si"), case=case, quantity=quantity, axis=name)
+        t, mean_error = history
+        mean.append(float(mean_error[np.argmin(np.abs(t - times[0]))]))
+    return Gaussian(np.array(mean), total, by_source)
 
 
 def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> Floats | None:
     """Return the formal covariance (3, 3) of a quantity at an event of the nominal flight, SI; None if unknown."""
     rows = pick(tables.covariances, case=case, event=event, quantity=quantity, source="")
     axes = list(dict.fromkeys(rows.axis))
-    return _matrix(axes, axes, rows.axis, rows.other_axis, rows.formal_si2.to_numpy()) if axes else None
+    if not axes:
+        return None
+    return _matrix(axes, axes, rows.axis, rows.other_axis, rows.formal_si2.to_numpy())
 
 
-def _matrix(axes: list[str], wanted: list[str], row: Iterable[str], column: Iterable[str], values: Floats) -> Floats:
-    """Return the symmetric matrix (k, k) of the wanted axes, from elements (n,) with their row and column axes (n,)."""
+def _matrix(
+    axes: list[str], shown_axes: list[str], row: Iterable[str], column: Iterable[str], values: Floats
+) -> Floats:
+    """Return the symmetric matrix (k, k) of the shown axes, from elements (n,) with row and column axes (n,)."""
     matrix = np.zeros((len(axes), len(axes)))
-    i, j = ([axes.index(name) for name in names] for names in (row, column))
-    matrix[i, j] = matrix[j, i] = values
-    chosen = [axes.index(name) for name in wanted]
+    i = [axes.index(name) for name in row]
+    j = [axes.index(name) for name in column]
+    matrix[i, j] = values
+    matrix[j, i] = values
+    chosen = [axes.index(name) for name in shown_axes]
     return matrix[np.ix_(chosen, chosen)]
 
 
@@ -90,17 +102,23 @@ def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: 
     examined at every time of the history.
     """
     first, last = case.phase(during)
-    candidates: list[tuple[float, Gaussian, str]] = []
-    for event, at in case.events().items():
-        law = case.gaussian(event, quantity, axis) if first - SAME_TIME <= at <= last + SAME_TIME else None
+    candidates: list[tuple[float, Gaussian, str]] = []  # probability of keeping the bound, distribution, time
+    for event, t_event in case.events().items():
+        if not first - SAME_TIME <= t_event <= last + SAME_TIME:
+            continue
+        law = case.gaussian(event, quantity, axis)
         if law is not None:
-            candidates.append((norm_probability(law.mean, law.covariance, bound), law, event.replace("_", " ")))
-    rows = case.history(quantity, axis)
-    inside = (rows.t >= first - SAME_TIME) & (rows.t <= last + SAME_TIME) & (rows.true > 0.0)
-    if axis != "3d" and inside.any():
-        t, sigma, mean = rows.t[inside], rows.true[inside], rows.mean[inside]
-        kept = special.ndtr((bound - mean) / sigma) - special.ndtr((-bound - mean) / sigma)
-        k = int(np.argmin(kept))
+            probability = norm_probability(law.mean, law.covariance, bound)
+            candidates.append((probability, law, event.replace("_", " ")))
+    history = case.history(quantity, axis)
+    in_phase = (history.t >= first - SAME_TIME) & (history.t <= last + SAME_TIME) & (history.true > 0.0)
+    if axis != "3d" and in_phase.any():
+        t, sigma, mean = history.t[in_phase], history.true[in_phase], history.mean[in_phase]
+        probabilities = special.ndtr((bound - mean) / sigma) - special.ndtr((-bound - mean) / sigma)
+        k = int(np.argmin(probabilities))
         law = Gaussian(mean[k : k + 1], sigma[k : k + 1, None] ** 2, {})
-        candidates.append((float(kept[k]), law, f"{t[k]:.0f} s"))
-    return min(candidates, key=lambda candidate: candidate[0])[1:] if candidates else None
+        candidates.append((float(probabilities[k]), law, f"{t[k]:.0f} s"))
+    if not candidates:
+        return None
+    _, law, moment = min(candidates, key=lambda candidate: candidate[0])
+    return law, moment

@@ -46,7 +46,9 @@ def mean_square_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Float
     """Return the limits of chi-square divided by its degrees of freedom, exceeded with probability alpha / 2 each."""
     degrees = np.asarray(freedom, dtype=float)
     usable = np.where(degrees > 0, degrees, np.nan)
-    return stats.chi2.ppf(alpha / 2.0, usable) / usable, stats.chi2.ppf(1.0 - alpha / 2.0, usable) / usable
+    low = stats.chi2.ppf(alpha / 2.0, usable) / usable
+    high = stats.chi2.ppf(1.0 - alpha / 2.0, usable) / usable
+    return low, high
 
 
 def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, float]:
@@ -64,9 +66,13 @@ def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, 
     float, float
         Lower and upper bound.
     """
-    good = runs - failures
-    low = float(stats.beta.ppf(1.0 - confidence, good, failures + 1)) if good else 0.0
-    return low, (float(stats.beta.ppf(confidence, good + 1, failures)) if failures else 1.0)
+    successes = runs - failures
+    low, high = 0.0, 1.0
+    if successes:
+        low = float(stats.beta.ppf(1.0 - confidence, successes, failures + 1))
+    if failures:
+        high = float(stats.beta.ppf(confidence, successes + 1, failures))
+    return low, high
 
 
 def success_verdict(runs: int, failures: int, probability: float, confidence: float) -> str:
@@ -76,12 +82,17 @@ def success_verdict(runs: int, failures: int, probability: float, confidence: fl
     otherwise "undecided".
     """
     low, high = success_bounds(runs, failures, confidence)
-    return "met" if runs and low >= probability else "violated" if high < probability else "undecided"
+    if runs and low >= probability:
+        return "met"
+    return "violated" if high < probability else "undecided"
 
 
 def shows(runs: int, failures: int, probability: float, confidence: float) -> bool:
     """Whether a number of failures is small enough to demonstrate a probability of success at a confidence."""
-    return runs > failures and float(stats.binom.cdf(failures, runs, 1.0 - probability)) <= 1.0 - confidence
+    if runs <= failures:
+        return False
+    chance = float(stats.binom.cdf(failures, runs, 1.0 - probability))  # of so few failures, if it were just missed
+    return chance <= 1.0 - confidence
 
 
 def runs_needed(failures: int, probability: float, confidence: float) -> int:
@@ -100,8 +111,10 @@ def holm(p_values: ArrayLike) -> Floats:
     """
     p = np.asarray(p_values, dtype=float)
     order = np.argsort(p, kind="stable")
+    remaining_tests = len(p) - np.arange(len(p))
+    stepped = np.maximum.accumulate(p[order] * remaining_tests)
     adjusted = np.empty_like(p)
-    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)
+    adjusted[order] = np.minimum(stepped, 1.0)
     return adjusted
 
 
@@ -131,12 +144,13 @@ def norm_probability(mean: ArrayLike, covariance: ArrayLike, limit: float) -> fl
     if not limit > 0.0:
         return 0.0
     variance, axes = np.linalg.eigh(np.atleast_2d(np.asarray(covariance, dtype=float)))
-    sigma = np.sqrt(np.maximum(0.0, variance))  # ascending
+    sigma = np.sqrt(np.maximum(0.0, variance))  # ascending: the last axis, of largest sigma, is done in closed form
     centre = axes.T @ np.atleast_1d(np.asarray(mean, dtype=float))
-    radius_squared, weight = np.array([limit**2]), np.array([1.0])
+    radius_squared = np.array([limit**2])
+    weight = np.array([1.0])
     for k in range(len(sigma) - 1):
-        radius_squared, weight = _slice(radius_squared, weight, float(centre[k]), float(sigma[k]))
-    inside = _between(np.sqrt(radius_squared), float(centre[-1]), float(sigma[-1]))
+        radius_squared, weight = _integrate_axis(radius_squared, weight, float(centre[k]), float(sigma[k]))
+    inside = _probability_within(np.sqrt(radius_squared), float(centre[-1]), float(sigma[-1]))
     return float(np.clip(np.sum(weight * inside), 0.0, 1.0))
 
 
@@ -162,45 +176,54 @@ def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -
     Genz (1992): with the Cholesky factor the components are integrated one after the other, each conditional on those
     before. Two are integrated by Gauss-Legendre quadrature, the last in closed form.
     """
-    mu, half = (np.asarray(vector, dtype=float) for vector in (mean, limits))
-    variance = np.asarray(covariance, dtype=float)
-    if not np.all(half > 0.0):
+    half_width = np.asarray(limits, dtype=float)
+    if not np.all(half_width > 0.0):
         return 0.0
-    scaled = variance / np.outer(half, half)
-    factor = np.linalg.cholesky(scaled + 1e-14 * max(float(np.trace(scaled)), 1e-300) * np.eye(3))
-    centre, weight, drawn = mu / half, np.array([1.0]), np.zeros((1, 0))
+    # In components scaled by their limits the box is -1 to 1 along every axis.
+    centre = np.asarray(mean, dtype=float) / half_width
+    scaled = np.asarray(covariance, dtype=float) / np.outer(half_width, half_width)
+    jitter = 1e-14 * max(float(np.trace(scaled)), 1e-300)  # a component without variance has a factor, too
+    factor = np.linalg.cholesky(scaled + jitter * np.eye(3))
+    weight = np.array([1.0])
+    normals = np.zeros((1, 0))  # (n, k): independent standard normals of the components before k, at the nodes
     for k in range(2):
-        conditional = (centre[k] + drawn @ factor[k, :k])[:, None]  # mean of component k given those before
-        low = np.clip((-1.0 - conditional) / factor[k, k], -_REACH, _REACH)
-        high = np.clip((1.0 - conditional) / factor[k, k], -_REACH, _REACH)
+        conditional_mean = (centre[k] + normals @ factor[k, :k])[:, None]
+        low = np.clip((-1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
+        high = np.clip((1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
         x = 0.5 * (high + low) + 0.5 * (high - low) * _NODES
         density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi) * 0.5 * (high - low) * _WEIGHTS
         weight = (weight[:, None] * density).ravel()
-        drawn = np.column_stack([np.repeat(drawn, len(_NODES), axis=0), x.ravel()])
-    conditional = centre[2] + drawn @ factor[2, :2]
-    last = special.ndtr((1.0 - conditional) / factor[2, 2]) - special.ndtr((-1.0 - conditional) / factor[2, 2])
-    return float(np.clip(np.sum(weight * last), 0.0, 1.0))
+        earlier_normals = np.repeat(normals, len(_NODES), axis=0)
+        normals = np.column_stack([earlier_normals, x.ravel()])
+    conditional_mean = centre[2] + normals @ factor[2, :2]
+    below_high = special.ndtr((1.0 - conditional_mean) / factor[2, 2])
+    below_low = special.ndtr((-1.0 - conditional_mean) / factor[2, 2])
+    return float(np.clip(np.sum(weight * (below_high - below_low)), 0.0, 1.0))
 
 
-def _slice(radius_squared: Floats, weight: Floats, centre: float, sigma: float) -> tuple[Floats, Floats]:
+def _integrate_axis(radius_squared: Floats, weight: Floats, centre: float, sigma: float) -> tuple[Floats, Floats]:
     """Integrate over one axis: return at each node the squared radius for the remaining axes, and the weight."""
     radius = np.sqrt(radius_squared)
     if sigma == 0.0:
         inside = np.abs(centre) < radius
-        return np.maximum(radius_squared - centre**2, 0.0)[inside], weight[inside]
+        rest_squared = np.maximum(radius_squared - centre**2, 0.0)
+        return rest_squared[inside], weight[inside]
     low = np.maximum(-radius, centre - _REACH * sigma)
     high = np.minimum(radius, centre + _REACH * sigma)
     is_wide = high > low
-    low, high, radius_squared, weight = low[is_wide], high[is_wide], radius_squared[is_wide], weight[is_wide]
+    low, high = low[is_wide], high[is_wide]
+    radius_squared, weight = radius_squared[is_wide], weight[is_wide]
+    # x = x_mid + h sin(angle), dx = h cos(angle) d(angle), with the angle from -pi/2 to pi/2
     angle = 0.5 * np.pi * _NODES
     half = 0.5 * (high - low)[:, None]
     x = 0.5 * (high + low)[:, None] + half * np.sin(angle)
     density = np.exp(-0.5 * ((x - centre) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
     step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
-    return np.maximum(radius_squared[:, None] - x**2, 0.0).ravel(), (weight[:, None] * density * step).ravel()
+    rest_squared = np.maximum(radius_squared[:, None] - x**2, 0.0)
+    return rest_squared.ravel(), (weight[:, None] * density * step).ravel()
 
 
-def _between(radius: Floats, centre: float, sigma: float) -> Floats:
+def _probability_within(radius: Floats, centre: float, sigma: float) -> Floats:
     """Return the probability (n,) that the last component lies within plus or minus each radius (n,)."""
     if sigma == 0.0:
         return (np.abs(centre) < radius).astype(float)
@@ -211,9 +234,10 @@ def _between(radius: Floats, centre: float, sigma: float) -> Floats:
 def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
     """Return the points (points, 2) of the error ellipse of a covariance (2, 2) for a number of sigmas."""
     variance, axes = np.linalg.eigh(covariance)
+    semi_axes = sigmas * np.sqrt(np.maximum(variance, 0.0))
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray((axes * (sigmas * np.sqrt(np.maximum(variance, 0.0))) @ circle).T)
+    return np.asarray((axes * semi_axes @ circle).T)
 
 
 def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) -> float:
@@ -224,19 +248,21 @@ def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) ->
     """
     centre = np.atleast_1d(np.asarray(mean, dtype=float))
     variance = np.atleast_2d(np.asarray(covariance, dtype=float))
-    expected = float(centre @ centre + np.trace(variance))  # of the squared norm, as is its variance below
+    # Moments of the squared norm: E = m'm + tr(P), V = 2 tr(P^2) + 4 m'P m
+    expected = float(centre @ centre + np.trace(variance))
     if expected == 0.0:
         return 0.0
-    spread = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
+    variance_of_square = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
     start = np.sqrt(expected)
-    if spread > 0.0:
-        scale = spread / (2.0 * expected)
+    if variance_of_square > 0.0:
+        scale = variance_of_square / (2.0 * expected)
         start = np.sqrt(scale * special.chdtri(expected / scale, 1.0 - probability)) or start
     required = special.ndtri(probability)
 
     def excess(limit: float) -> float:
-        reached = np.clip(norm_probability(centre, variance, limit), _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
-        return float(special.ndtri(reached) - required)
+        below = norm_probability(centre, variance, limit)
+        finite = np.clip(below, _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
+        return float(special.ndtri(finite) - required)
 
     low, high = 0.99 * start, 1.01 * start
     while excess(low) > 0.0:
@@ -254,34 +280,43 @@ def basis(d: int) -> list[tuple[tuple[int, int], ...]]:
     """Return the polynomials of `fitted`, each as (variable, degree): single ones to `DEGREE`, and products of two
     lines.
     """
+    constant: tuple[tuple[int, int], ...] = ()
     single = [((k, degree),) for k in range(d) for degree in range(1, DEGREE + 1)]
-    return [(), *single, *(((i, 1), (j, 1)) for i, j in combinations(range(d), 2))]
+    products = [((i, 1), (j, 1)) for i, j in combinations(range(d), 2)]
+    return [constant, *single, *products]
 
 
-def _terms(u: Floats) -> Floats:
+def _polynomials(u: Floats) -> Floats:
     """Return the normalised polynomials of `basis` at points (n, d), as (n, n_term)."""
-    single = [np.ones_like(u)]
-    single += [np.sqrt(2 * g + 1) * legendre.legval(u, [0.0] * g + [1.0]) for g in range(1, DEGREE + 1)]
-    found = np.ones((len(basis(u.shape[1])), len(u)))
-    for column, term in zip(found, basis(u.shape[1]), strict=True):
-        for k, g in term:
-            column *= single[g][:, k]
-    return found.T
+    legendre_values = [np.ones_like(u)]  # by degree, each (n, d), of mean square one over [-1, 1]
+    for degree in range(1, DEGREE + 1):
+        coefficients = [0.0] * degree + [1.0]
+        legendre_values.append(np.sqrt(2 * degree + 1) * legendre.legval(u, coefficients))
+    polynomials = basis(u.shape[1])
+    values = np.ones((len(polynomials), len(u)))
+    for row, polynomial in zip(values, polynomials, strict=True):
+        for k, degree in polynomial:
+            row *= legendre_values[degree][:, k]
+    return values.T
 
 
 def fitted(u: Floats, value: Floats) -> Floats:
     """Return the coefficients (n_term,) of polynomials that fit the logarithm of values (n,) at points (n, d) even in
     [-1, 1], by least squares.
     """
-    return np.asarray(np.linalg.lstsq(_terms(u), np.log(value), rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(_polynomials(u), np.log(value), rcond=None)[0])
 
 
 def predicted(u: Floats, value: Floats) -> float:
     """Return 1 - (mean squared error of values that are left out of the fit, one by one) / variance."""
-    design, log = _terms(u), np.log(value)
-    leverage = np.minimum(np.sum(np.linalg.qr(design)[0] ** 2, axis=1), 1.0 - 1e-9)
-    left_out = (log - design @ fitted(u, value)) / (1.0 - leverage)
-    return float(1.0 - np.mean((value - np.exp(log - left_out)) ** 2) / np.var(value))
+    design = _polynomials(u)
+    log_value = np.log(value)
+    # Without point i the residual of point i is r_i / (1 - h_i), h the diagonal of the hat matrix Q Q' (PRESS).
+    orthonormal, _ = np.linalg.qr(design)
+    leverage = np.minimum(np.sum(orthonormal**2, axis=1), 1.0 - 1e-9)
+    residual = (log_value - design @ fitted(u, value)) / (1.0 - leverage)
+    squared_error = (value - np.exp(log_value - residual)) ** 2
+    return float(1.0 - np.mean(squared_error) / np.var(value))
 
 
 def fitted_indices(coefficients: Floats, d: int) -> Floats:
@@ -293,15 +328,20 @@ def fitted_indices(coefficients: Floats, d: int) -> Floats:
     from scipy.stats import qmc  # half a second of every process, for few campaigns
 
     nodes, weights = legendre.leggauss(NODES)
-    weights = 0.5 * weights
-    even, found = 2.0 * qmc.Sobol(d, scramble=True, seed=0).random_base2(POINTS.bit_length() - 1) - 1.0, []
+    weights = 0.5 * weights  # of the uniform density in [-1, 1]
+    sobol = qmc.Sobol(d, scramble=True, seed=0).random_base2(POINTS.bit_length() - 1)
+    even_points = 2.0 * sobol - 1.0
+    parts = []  # by variable: variances of the fits (3, n_fit)
     for k in range(d):
-        at = np.repeat(even[None], NODES, axis=0)
-        at[:, :, k] = nodes[:, None]
-        value = np.exp(coefficients @ _terms(at.reshape(-1, d)).T).reshape(-1, NODES, POINTS)
-        square = np.einsum("fqn,q->f", value**2, weights) / POINTS
-        by_variable, by_others = value.mean(axis=2), np.einsum("fqn,q->fn", value, weights)
-        mean = by_variable @ weights
-        found.append([by_variable**2 @ weights - mean**2, square - np.mean(by_others**2, axis=1), square - mean**2])
-    first, whole, variance = np.moveaxis(np.array(found), 0, 2)
-    return np.array([first, whole]) / variance.mean(axis=1)[None, :, None]
+        points = np.repeat(even_points[None], NODES, axis=0)
+        points[:, :, k] = nodes[:, None]
+        value = np.exp(coefficients @ _polynomials(points.reshape(-1, d)).T).reshape(-1, NODES, POINTS)
+        mean_square = np.einsum("fqn,q->f", value**2, weights) / POINTS
+        mean_over_others = value.mean(axis=2)  # E[y | u_k], (n_fit, NODES)
+        mean_over_variable = np.einsum("fqn,q->fn", value, weights)  # E[y | the others], (n_fit, POINTS)
+        mean = mean_over_others @ weights
+        first_part = mean_over_others**2 @ weights - mean**2  # V(E[y | u_k])
+        total_part = mean_square - np.mean(mean_over_variable**2, axis=1)  # E(V[y | the others])
+        parts.append([first_part, total_part, mean_square - mean**2])
+    first, total, variance = np.moveaxis(np.array(parts), 0, 2)
+    return np.array([first, total]) / variance.mean(axis=1)[None, :, None]

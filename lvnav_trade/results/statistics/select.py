@@ -42,18 +42,20 @@ def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
 
 def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
     """Return the digests of the cases whose axes have the levels wanted."""
-    return [
-        case
-        for case, levels in tables.levels.items()
-        if all(levels.get(axis) == str(level) for axis, level in wanted.items())
-    ]
+    cases = []
+    for case, levels in tables.levels.items():
+        if all(levels.get(axis) == str(level) for axis, level in wanted.items()):
+            cases.append(case)
+    return cases
 
 
 def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.DataFrame:
     """Return the errors of every run at an event, SI: a column per axis, and the column `failure`."""
     outputs = pick(tables.outputs, case=case, quantity=quantity)
-    columns = [error_column(quantity, row.axis, row.unit) for row in outputs[outputs.axis != "3d"].itertuples()]
-    return pick(tables.runs, case=case, event=event).set_index("run_number")[["failure", *columns]]
+    components = outputs[outputs.axis != "3d"]
+    columns = [error_column(quantity, row.axis, row.unit) for row in components.itertuples()]
+    runs = pick(tables.runs, case=case, event=event).set_index("run_number")
+    return runs[["failure", *columns]]
 
 
 @once
@@ -78,12 +80,11 @@ def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
     """Return name, start and end (s since lift-off) of the flight, of each interval between events, of each event."""
     start, end = ends_of(tables, case)
     events = [(row.event, row.t_s) for row in flight_events(tables, case).itertuples() if start <= row.t_s <= end]
-    between = [
-        (f"{first} to {second}", t_first, t_second)
-        for (first, t_first), (second, t_second) in pairwise([("start", start), *events, ("end", end)])
-        if t_second - t_first > SAME_TIME
-    ]
-    return [("flight", max(start, 0.0), end), *between, *((name, at, at) for name, at in events)]
+    spans = [("flight", max(start, 0.0), end)]
+    for (first, t_first), (second, t_second) in pairwise([("start", start), *events, ("end", end)]):
+        if t_second - t_first > SAME_TIME:
+            spans.append((f"{first} to {second}", t_first, t_second))
+    return spans + [(name, t, t) for name, t in events]
 
 
 def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
@@ -108,7 +109,9 @@ def history_columns(tables: Tables, case: str, quantity: str, axis: str, *names:
 def final_event(tables: Tables, case: str) -> str:
     """Return "injection" if the flight has this event, otherwise its last event."""
     names = list(flight_events(tables, case).event)
-    return "injection" if "injection" in names else (names[-1] if names else "")
+    if "injection" in names:
+        return "injection"
+    return names[-1] if names else ""
 
 
 def lincov_rms(rows: pd.DataFrame) -> pd.Series:
@@ -119,13 +122,15 @@ def lincov_rms(rows: pd.DataFrame) -> pd.Series:
 def mean_at(tables: Tables, case: str, event: str, quantity: str) -> float:
     """Return the norm of the mean error at an event by linear covariance, in the display unit."""
     t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
-    mean = at_time(history_of(tables, case, quantity, "3d"), t).lincov_mean_si
-    return float(mean) * float(tables.people[quantity, "3d"][1])
+    mean_si = float(at_time(history_of(tables, case, quantity, "3d"), t).lincov_mean_si)
+    _, factor = tables.people[quantity, "3d"]
+    return mean_si * float(factor)
 
 
 def at_time(rows: pd.DataFrame, t: float) -> pd.Series:
     """Return the row of a time series closest to a time (s)."""
-    return rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))]
+    nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))
+    return rows.iloc[nearest]
 
 
 def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> float:
@@ -151,9 +156,12 @@ def _events(tables: Tables, case: str) -> dict[str, float]:
 
 def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s") -> pd.DataFrame:
     """Return the rows between two times (s), both included; `end` is the column with the end of a row."""
-    return rows[(rows.t_s >= first - SAME_TIME) & (rows[end] <= last + SAME_TIME)]
+    starts_inside = rows.t_s >= first - SAME_TIME
+    ends_inside = rows[end] <= last + SAME_TIME
+    return rows[starts_inside & ends_inside]
 
 
 def time_mean(t: np.ndarray, value: np.ndarray) -> float:
     """Return the mean over time by the trapezoidal rule, so that additional times of events add no weight."""
-    return float(np.trapezoid(value, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(value[0])
+    duration = t[-1] - t[0]
+    return float(np.trapezoid(value, t) / duration) if duration > 0.0 else float(value[0])
