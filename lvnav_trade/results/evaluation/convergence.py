@@ -69,40 +69,59 @@ def converged(
     events = rows_between(flight_events(tables, case), first, last)
     if len(events) < 2 or pick(tables.runs, case=case).empty:
         return None
-    limits, mine = _limits(tables, case, quantity, events, below, other), history_of(tables, case, quantity, "3d")
-    small, expected = [], []
+    limits = _limits(tables, case, quantity, events, below, other)
+    history = history_of(tables, case, quantity, "3d")
+    runs_below, expected_below = [], []  # by event
     for event, t, limit in zip(events.event, events.t_s, limits, strict=True):
         rows = errors_by_axis(tables, case, event, quantity)
         size = np.linalg.norm(rows.drop(columns="failure").to_numpy(dtype=float), axis=1)
-        small.append((size < limit) & (rows.failure == "").to_numpy())
-        expected.append([_rms(at_time(mine, t)) < limit])
-    t = np.append(events.t_s.to_numpy(), last)
+        runs_below.append((size < limit) & (rows.failure == "").to_numpy())
+        expected_below.append([_rms(at_time(history, t)) < limit])
+    times = np.append(events.t_s.to_numpy(), last)
+    run_times, done = _first_times_below(np.array(runs_below), times)
+    expected_time, expected_done = _first_times_below(np.array(expected_below), times)
+    return ConvergenceTimes(
+        times=run_times - first,
+        done=done,
+        expected=float(expected_time[0] - first),
+        expected_done=bool(expected_done[0]),
+        n_event=len(events),
+        length=last - first,
+    )
 
-    def after(below_limit: list[Any]) -> tuple[Floats, NDArray[np.bool_]]:
-        # number of last events without interruption at which the error is below the limit
-        at_end = np.cumprod(np.array(below_limit)[::-1], axis=0).sum(axis=0)
-        return np.asarray(t[len(events) - at_end] - first), np.asarray(at_end > 0)
 
-    (times, done), (expected_time, expected_done) = after(small), after(expected)
-    return ConvergenceTimes(times, done, float(expected_time[0]), bool(expected_done[0]), len(events), last - first)
+def _first_times_below(is_below: NDArray[np.bool_], times: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the times (n_run,) from which errors stay below their limit, and whether they do.
+
+    is_below : (n_event, n_run). Whether each error is below its limit at each event.
+    times : (n_event + 1,). Times of the events, and the time for an error that does not stay below.
+    """
+    # number of last events without interruption at which the error is below the limit
+    n_last = np.cumprod(is_below[::-1], axis=0).sum(axis=0)
+    return np.asarray(times[len(is_below) - n_last]), np.asarray(n_last > 0)
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
+    """Return the limit of the error (SI) at each event."""
     multiple = multiple_in(below)
     if multiple is None:
         unit = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0])
         return [units.parse(below, unit)] * len(events)
-    base = history_of(tables, other, quantity, "3d")
     number, word = multiple
-    rows = [at_time(base, t) for t in events.t_s]
-    return [number * (row.lincov_true_si if word == "sigma" else _rms(row)) for row in rows]
+    history = history_of(tables, other, quantity, "3d")
+    limits = []
+    for t in events.t_s:
+        row = at_time(history, t)
+        limits.append(number * (row.lincov_true_si if word == "sigma" else _rms(row)))
+    return limits
 
 
 def _rms(row: Any) -> float:
     return math.hypot(row.lincov_true_si, row.lincov_mean_si)
 
 
-def convergence(tables: Tables, case: str, stated: Mapping[str, Any], other: str = "") -> ConvergenceTimes | None:
+def convergence(tables: Tables, case: str, statement: Mapping[str, Any], other: str = "") -> ConvergenceTimes | None:
     """Return the convergence times of a statement: metric (such as position_convergence_time), `during`, `below`."""
-    quantity = str(stated["metric"]).removesuffix("_convergence_time")
-    return converged(tables, case, quantity, phase(tables, case, str(stated["during"])), str(stated["below"]), other)
+    quantity = str(statement["metric"]).removesuffix("_convergence_time")
+    during = phase(tables, case, str(statement["during"]))
+    return converged(tables, case, quantity, during, str(statement["below"]), other)

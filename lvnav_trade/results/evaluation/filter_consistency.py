@@ -1,5 +1,7 @@
 """Behaviour of a filter: consistency with its errors and innovations, whiteness, mode logic."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
@@ -7,7 +9,7 @@ from scipy import stats
 
 from lvnav_trade.quantities.records import MODES, Floats
 from lvnav_trade.results.statistics.probability import holm, mean_square_interval
-from lvnav_trade.results.statistics.select import NAVIGATION, flight_events, history_of, pick
+from lvnav_trade.results.statistics.select import NAVIGATION, at_time, flight_events, history_of, pick
 from lvnav_trade.results.tables.read import Tables
 
 ALPHA = 0.05
@@ -16,6 +18,7 @@ _LEAST_PAIRS = 100  # smallest number of pairs for a test; a satellite may be in
 STEPS = 400  # number of times at which the modes of all runs are reported
 VERDICT_ALPHA = 0.01
 CONSISTENT, OVERCONFIDENT, CONSERVATIVE, UNKNOWN = "consistent", "overconfident", "conservative", "unknown"
+_WHITENESS = ["case", "channel", "pair_count", "largest_ratio", "largest_lag_number", "portmanteau_ratio", "p_ratio"]
 # Relative deviation of sigma up to which a filter counts as consistent, for any number of runs
 TOLERANCE = 0.25
 FILTER_VERDICTS = [
@@ -65,7 +68,8 @@ def nis(tables: Tables) -> pd.DataFrame:
     mean, variance = accepted_moments(gate)
     low, high = mean_square_interval(rows.measurement_count * 2.0 * mean**2 / variance, ALPHA)
     raw = rows.nis_sum_ratio / rows.measurement_count.where(rows.measurement_count > 0)
-    spread = rows.expected_nis_ratio / rows.lincov_measurement_count.where(rows.lincov_measurement_count > 0)
+    expected = rows.expected_nis_ratio / rows.lincov_measurement_count.where(rows.lincov_measurement_count > 0)
+    expected_mean, _ = accepted_moments(gate / np.sqrt(expected))  # of the innovations that pass the same gate
     offered = rows.measurement_count + rows.rejected_count
     return rows[["case", "t_s", "measurement_count", "rejected_count"]].assign(
         case=rows.case.map(tables.labels),
@@ -73,7 +77,7 @@ def nis(tables: Tables) -> pd.DataFrame:
         anis_ratio=raw / mean,
         low_ratio=low,
         high_ratio=high,
-        expected_ratio=spread * accepted_moments(gate / np.sqrt(spread))[0] / mean,
+        expected_ratio=expected * expected_mean / mean,
         rejected_ratio=rows.rejected_count / offered.where(offered > 0),
         false_rejection_ratio=rows.false_rejection_ratio,
         inside=(raw / mean).between(low, high),
@@ -84,12 +88,13 @@ def accepted_moments(gate: ArrayLike) -> tuple[Floats, Floats]:
     """Return mean and variance of the square of a standard normal that lies within +- gate (NaN: no gate): 1 and 2.
 
     With F(x; n) the chi-square distribution: the mean is F(g^2; 3) / F(g^2; 1), the mean square 3 F(g^2; 5) / F(g^2;
-    1). The filter's gate works row by row.
+    1). The gate of the filter tests each scalar measurement.
     """
     square = np.where(np.isnan(gate), np.inf, np.square(gate))
     inside = stats.chi2.cdf(square, 1)
     mean = stats.chi2.cdf(square, 3) / inside
-    return mean, 3.0 * stats.chi2.cdf(square, 5) / inside - mean**2
+    mean_square = 3.0 * stats.chi2.cdf(square, 5) / inside
+    return mean, mean_square - mean**2
 
 
 def consistency(tables: Tables) -> pd.DataFrame:
@@ -97,13 +102,20 @@ def consistency(tables: Tables) -> pd.DataFrame:
 
     Columns: case, test, mean_ratio, expected_ratio, inside_ratio (0.95 is expected of a matched filter), time_count.
     """
-    found = []
-    for test, rows, value in (("ANEES", nees(tables), "anees_ratio"), ("ANIS", nis(tables), "anis_ratio")):
-        for case, group in rows.groupby("case", sort=False):
-            inside = group.inside[group[value].notna()]
-            part = inside.mean() if len(inside) else float("nan")
-            found.append((case, test, group[value].mean(), group.expected_ratio.mean(), part, len(inside)))
-    return pd.DataFrame(found, columns=["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"])
+    rows = []
+    for test, frame, column in (("ANEES", nees(tables), "anees_ratio"), ("ANIS", nis(tables), "anis_ratio")):
+        for case, over_time in frame.groupby("case", sort=False):
+            inside = over_time.inside[over_time[column].notna()]
+            row = {
+                "case": case,
+                "test": test,
+                "mean_ratio": over_time[column].mean(),
+                "expected_ratio": over_time.expected_ratio.mean(),
+                "inside_ratio": inside.mean() if len(inside) else float("nan"),
+                "time_count": len(inside),
+            }
+            rows.append(row)
+    return pd.DataFrame(rows, columns=["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"])
 
 
 def filter_verdicts(tables: Tables) -> pd.DataFrame:
@@ -120,68 +132,94 @@ def filter_verdicts(tables: Tables) -> pd.DataFrame:
     compared with this tolerance alone. If the covariance of all states is singular, NEES is replaced by the mean over
     the nine navigation errors of the squared error over the formal variance.
     """
-    by_case_label = nees(tables).groupby("case", sort=False)
+    over_time = nees(tables).groupby("case", sort=False)
     rows = []
     for case, label in tables.labels.items():
-        over_time = _nees_over_time(tables, case, by_case_label.get_group(label))
-        rows.append((label, *_filter_verdict(tables, case, over_time)))
+        ratios = _nees_over_time(tables, case, over_time.get_group(label))
+        rows.append({"case": label, **_filter_verdict(tables, case, ratios)})
     return pd.DataFrame(rows, columns=FILTER_VERDICTS)
 
 
-def _nees_over_time(tables: Tables, case: str, known: pd.DataFrame) -> pd.DataFrame:
-    """Return NEES per degree of freedom of a case over time: t_s, value, low, high, by; without missing values."""
-    has_runs = bool((known.run_count > 0).any())
-    value = known.anees_ratio if has_runs else known.expected_ratio
-    states = pick(tables.consistency, case=case).nees_dof_count.to_numpy()
-    low, high = mean_square_interval(known.run_count.to_numpy() * states, VERDICT_ALPHA)
-    frame = known[["t_s"]].assign(value=value, low=low, high=high)
-    if not np.isfinite(value).any():
-        frame = _of_navigation(tables, case, has_runs)
+def _nees_over_time(tables: Tables, case: str, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return NEES per degree of freedom of a case over time: t_s, value, low, high, by; without missing values.
+
+    rows : rows of the case in `nees`
+    """
+    has_runs = bool((rows.run_count > 0).any())
+    value = rows.anees_ratio if has_runs else rows.expected_ratio
+    if np.isfinite(value).any():
+        states = pick(tables.consistency, case=case).nees_dof_count.to_numpy()
+        low, high = mean_square_interval(rows.run_count.to_numpy() * states, VERDICT_ALPHA)
+        frame = rows[["t_s"]].assign(value=value, low=low, high=high)
+    else:
+        frame = _navigation_nees(tables, case, has_runs)
     return frame[np.isfinite(frame.value)].assign(by="runs" if has_runs else "LinCov")
 
 
-def _of_navigation(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
+def _navigation_nees(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
     """Return t_s, value, low and high from the mean over the nine navigation errors of mean square over variance."""
-    axes = [(quantity, axis) for quantity, axis in tables.people if quantity in NAVIGATION and axis != "3d"]
-    series = [history_of(tables, case, *error) for error in axes]
-    if has_runs:
-        ratios = [(rows.rms_si / rows.filter_sigma_si).to_numpy() ** 2 for rows in series]
-    else:
-        squares = [(rows.lincov_true_si**2 + rows.lincov_mean_si**2).to_numpy() for rows in series]
-        ratios = [square / rows.lincov_formal_si.to_numpy() ** 2 for square, rows in zip(squares, series, strict=True)]
-    low, high = mean_square_interval(series[0].run_count * len(axes), VERDICT_ALPHA)
-    return series[0][["t_s"]].assign(value=np.mean(ratios, axis=0), low=low, high=high)
+    errors = [(quantity, axis) for quantity, axis in tables.people if quantity in NAVIGATION and axis != "3d"]
+    histories = [history_of(tables, case, quantity, axis) for quantity, axis in errors]
+    ratios = []
+    for history in histories:
+        if has_runs:
+            ratios.append((history.rms_si / history.filter_sigma_si).to_numpy() ** 2)
+        else:
+            mean_square = (history.lincov_true_si**2 + history.lincov_mean_si**2).to_numpy()
+            ratios.append(mean_square / history.lincov_formal_si.to_numpy() ** 2)
+    low, high = mean_square_interval(histories[0].run_count * len(errors), VERDICT_ALPHA)
+    return histories[0][["t_s"]].assign(value=np.mean(ratios, axis=0), low=low, high=high)
 
 
-def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> tuple[str | float, ...]:
-    """Return the values of `FILTER_VERDICTS`, beginning with the verdict."""
+def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, Any]:
+    """Return the values of `FILTER_VERDICTS` from the verdict on, from `_nees_over_time`."""
     if rows.empty:
-        return UNKNOWN, *[np.nan] * 4, "run", "", np.nan, np.nan
-    least, most = (1.0 + TOLERANCE) ** -2, (1.0 + TOLERANCE) ** 2
-    low = float(np.fmin(rows.low.mean(), least))
-    high = float(np.fmax(rows.high.mean(), most))
-    requirements = tables.campaign.get("requirements") or ()
-    required = {str(requirement.get("at")) for requirement in requirements if requirement.get("at")}
-    nees_ratio, at = float(rows.value.mean()), "run"
-    for event in flight_events(tables, case).itertuples():
-        if low <= nees_ratio <= high and event.event in required:
-            nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - event.t_s)))
-            nees_ratio, at = float(rows.value.iloc[nearest]), event.event
+        return dict.fromkeys(FILTER_VERDICTS[1:], np.nan) | {"verdict": UNKNOWN, "moment": "run", "by": ""}
+    low = float(np.fmin(rows.low.mean(), (1.0 + TOLERANCE) ** -2))
+    high = float(np.fmax(rows.high.mean(), (1.0 + TOLERANCE) ** 2))
+    nees_ratio, moment = float(rows.value.mean()), "run"
     if low <= nees_ratio <= high:
-        nees_ratio, at = float(rows.value.mean()), "run"
-    verdict = OVERCONFIDENT if nees_ratio > high else CONSERVATIVE if nees_ratio < low else CONSISTENT
+        for event, ratio in _nees_at_required_events(tables, case, rows):
+            if not low <= ratio <= high:
+                nees_ratio, moment = ratio, event
+                break
+    if nees_ratio > high:
+        verdict = OVERCONFIDENT
+    else:
+        verdict = CONSERVATIVE if nees_ratio < low else CONSISTENT
     largest = rows.loc[rows.value.idxmax()]
-    ends = (at, str(rows.by.iloc[0]), float(largest.value), float(largest.t_s))
-    return verdict, float(np.sqrt(nees_ratio)), nees_ratio, low, high, *ends
+    return {
+        "verdict": verdict,
+        "sigma_ratio": float(np.sqrt(nees_ratio)),
+        "nees_ratio": nees_ratio,
+        "low_ratio": low,
+        "high_ratio": high,
+        "moment": moment,
+        "by": str(rows.by.iloc[0]),
+        "largest_ratio": float(largest.value),
+        "largest_s": float(largest.t_s),
+    }
+
+
+def _nees_at_required_events(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
+    """Return the events of requirements in order of time, with NEES per degree of freedom."""
+    requirements = tables.campaign.get("requirements") or ()
+    required = {str(requirement["at"]) for requirement in requirements if requirement.get("at")}
+    events = flight_events(tables, case)
+    return [
+        (event.event, float(at_time(rows, event.t_s).value)) for event in events.itertuples() if event.event in required
+    ]
 
 
 def autocorrelation(tables: Tables) -> pd.DataFrame:
     """Return the autocorrelation of each channel: case, channel, lag_number, pair_count, autocorrelation_ratio."""
     rows = tables.whiteness
     mean = rows.product_sum_ratio / rows.pair_count.where(rows.pair_count > 0)
-    zero = mean.where(rows.lag_number == 0).groupby([rows.case, rows.channel], sort=False).transform("max")
-    found = rows[["case", "channel", "lag_number", "pair_count"]].assign(autocorrelation_ratio=mean / zero)
-    return found.assign(case=found.case.map(tables.labels))
+    mean_square = mean.where(rows.lag_number == 0).groupby([rows.case, rows.channel], sort=False).transform("max")
+    return rows[["case", "channel", "lag_number", "pair_count"]].assign(
+        case=rows.case.map(tables.labels),
+        autocorrelation_ratio=mean / mean_square,
+    )
 
 
 def whiteness(tables: Tables) -> pd.DataFrame:
@@ -192,18 +230,26 @@ def whiteness(tables: Tables) -> pd.DataFrame:
     white innovations. p_ratio: p-value; p_holm_ratio: adjusted for all channels of the case. white: whether the latter
     is at least 0.01.
     """
-    found = []
+    rows = []
     for (case, channel), group in autocorrelation(tables).groupby(["case", "channel"], sort=False):
         lags = group[group.lag_number > 0]
-        pairs, r = lags.pair_count.to_numpy(), lags.autocorrelation_ratio.to_numpy()
+        pairs = lags.pair_count.to_numpy()
+        r = lags.autocorrelation_ratio.to_numpy()
         if lags.pair_count.min() < _LEAST_PAIRS or np.isnan(r).any():
             continue
         worst = int(np.argmax(np.abs(r)))
         statistic = float(np.sum(pairs * r**2))
-        largest = (float(r[worst]), int(lags.lag_number.iloc[worst]))
-        found.append((case, channel, int(pairs.min()), *largest, statistic, float(stats.chi2.sf(statistic, len(r)))))
-    names = ["case", "channel", "pair_count", "largest_ratio", "largest_lag_number", "portmanteau_ratio", "p_ratio"]
-    frame = pd.DataFrame(found, columns=names)
+        row = {
+            "case": case,
+            "channel": channel,
+            "pair_count": int(pairs.min()),
+            "largest_ratio": float(r[worst]),
+            "largest_lag_number": int(lags.lag_number.iloc[worst]),
+            "portmanteau_ratio": statistic,
+            "p_ratio": float(stats.chi2.sf(statistic, len(r))),
+        }
+        rows.append(row)
+    frame = pd.DataFrame(rows, columns=_WHITENESS)
     adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm) if len(frame) else frame.p_ratio
     return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)
 
@@ -214,41 +260,41 @@ def mode_transitions(tables: Tables) -> pd.DataFrame:
     change_count: number of changes. run_count, run_ratio: number and fraction of runs with at least one. first_s,
     median_s, last_s: first, median and last time. The table is empty without a mode logic.
     """
-    found = (
-        tables.mode_transitions.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
-        .agg(
-            change_count=("t_s", "size"),
-            run_count=("run_number", "nunique"),
-            first_s=("t_s", "min"),
-            median_s=("t_s", "median"),
-            last_s=("t_s", "max"),
-        )
-        .reset_index()
-    )
-    runs = found.case.map(tables.cases.set_index("case").run_count).astype(float)
-    found.insert(6, "run_ratio", found.run_count.astype(float) / runs)
-    return found.assign(case=found.case.map(tables.labels))
+    groups = tables.mode_transitions.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
+    changes = groups.agg(
+        change_count=("t_s", "size"),
+        run_count=("run_number", "nunique"),
+        first_s=("t_s", "min"),
+        median_s=("t_s", "median"),
+        last_s=("t_s", "max"),
+    ).reset_index()
+    runs = changes.case.map(tables.cases.set_index("case").run_count).astype(float)
+    changes.insert(6, "run_ratio", changes.run_count.astype(float) / runs)
+    return changes.assign(case=changes.case.map(tables.labels))
 
 
-def _with_logic(tables: Tables) -> pd.DataFrame:
+def _cases_using_logic(tables: Tables) -> pd.DataFrame:
     return tables.cases[tables.cases.logic.eq(True)]
 
 
 def modes(tables: Tables) -> pd.DataFrame:
     """Return the fraction of runs in each mode over time, for cases with a mode logic."""
-    found = [pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])]
-    for case in _with_logic(tables).itertuples():
-        rows, ends = pick(tables.mode_transitions, case=case.case), pick(tables.history, case=case.case).t_s
-        t = np.linspace(float(ends.min()), float(ends.max()), STEPS)
+    frames = []
+    for case in _cases_using_logic(tables).itertuples():
+        changes = pick(tables.mode_transitions, case=case.case)
+        times = pick(tables.history, case=case.case).t_s
+        t = np.linspace(float(times.min()), float(times.max()), STEPS)
         for mode in MODES:
-            entered = np.searchsorted(np.sort(rows.t_s[rows.to_mode == mode]), t, side="right")
-            exited = np.searchsorted(np.sort(rows.t_s[rows.from_mode == mode]), t, side="right")
-            # all runs begin in the first mode
-            part = (entered - exited + (case.run_count if mode == MODES[0] else 0)) / max(1, case.run_count)
-            found.append(
-                pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": part})
+            entered = np.searchsorted(np.sort(changes.t_s[changes.to_mode == mode]), t, side="right")
+            exited = np.searchsorted(np.sort(changes.t_s[changes.from_mode == mode]), t, side="right")
+            initial = case.run_count if mode == MODES[0] else 0  # all runs begin in the first mode
+            in_mode = (entered - exited + initial) / max(1, case.run_count)
+            frames.append(
+                pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": in_mode})
             )
-    return pd.concat(found[1:] or found)
+    if not frames:
+        return pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])
+    return pd.concat(frames)
 
 
 def stops(tables: Tables) -> pd.DataFrame:
@@ -258,13 +304,21 @@ def stops(tables: Tables) -> pd.DataFrame:
     stop_count, restart_count: number of stops and restarts. ended_ratio: fraction of runs that correct at the end.
     """
     rows = []
-    for case in _with_logic(tables).itertuples():
-        changes, runs = pick(tables.mode_transitions, case=case.case), max(1, int(case.run_count))
-        last = changes.sort_values("t_s", kind="stable").groupby("run_number").to_mode.last()
-        starts, aided = pick(changes, to_mode="converging"), pick(changes, to_mode="aiding")
-        started, corrected = (into_mode.run_number.nunique() / runs for into_mode in (starts, aided))
-        stopped, restarted = len(pick(changes, to_mode="stopped")), len(pick(starts, from_mode="stopped"))
-        ended = float(last.isin(["aiding", "predicting"]).sum()) / runs
-        rows.append((case.label, int(case.run_count), started, corrected, stopped, restarted, ended))
+    for case in _cases_using_logic(tables).itertuples():
+        changes = pick(tables.mode_transitions, case=case.case)
+        starts = pick(changes, to_mode="converging")
+        corrections = pick(changes, to_mode="aiding")
+        last_mode = changes.sort_values("t_s", kind="stable").groupby("run_number").to_mode.last()
+        runs = max(1, int(case.run_count))
+        row = {
+            "case": case.label,
+            "run_count": int(case.run_count),
+            "started_ratio": starts.run_number.nunique() / runs,
+            "corrected_ratio": corrections.run_number.nunique() / runs,
+            "stop_count": len(pick(changes, to_mode="stopped")),
+            "restart_count": len(pick(starts, from_mode="stopped")),
+            "ended_ratio": float(last_mode.isin(["aiding", "predicting"]).sum()) / runs,
+        }
+        rows.append(row)
     columns = ["case", "run_count", "started_ratio", "corrected_ratio", "stop_count", "restart_count", "ended_ratio"]
     return pd.DataFrame(rows, columns=columns)

@@ -29,15 +29,16 @@ def allan(tables: Tables) -> pd.DataFrame:
     white_noise includes quantisation.
     """
     rows = tables.allan
-    factor = rows.unit.map(lambda unit: _PEOPLE[unit][1]).astype(float)
+    factor = rows.unit.map({si: factor for si, (_, factor) in _PEOPLE.items()}).astype(float)
     deviations = rows.assign(
         case=rows.case.map(tables.labels),
-        unit=rows.unit.map(lambda unit: _PEOPLE[unit][0]),
+        unit=rows.unit.map({si: unit for si, (unit, _) in _PEOPLE.items()}),
         ratio=rows.simulated_si / rows.card_si,
-        **{
-            name: rows[f"{name}_si"] * factor
-            for name in ("simulated", "card", "white_noise", "bias_instability", "random_walk")
-        },
+        simulated=rows.simulated_si * factor,
+        card=rows.card_si * factor,
+        white_noise=rows.white_noise_si * factor,
+        bias_instability=rows.bias_instability_si * factor,
+        random_walk=rows.random_walk_si * factor,
     )
     return deviations[COLUMNS].reset_index(drop=True)
 
@@ -63,13 +64,26 @@ def exclusions(tables: Tables) -> pd.DataFrame:
     t_s: median time of the exclusion. after_s: this time minus that of the first fault of the case; NaN if there is no
     fault before.
     """
-    rows = tables.integrity[tables.integrity.isolated_element == "unit"]
-    excluded = []
-    for (case, unit), chosen in rows.groupby(["case", "channel"], sort=False):
-        of_case, runs = faults(tables, str(case)), int(pick(tables.cases, case=str(case)).run_count.iloc[0])
-        count, t = chosen.run_number.nunique(), float(chosen.t_s.median())
-        after = t - float(of_case.t_s.iloc[0]) if len(of_case) and t >= of_case.t_s.iloc[0] else np.nan
+    rows = []
+    decisions = tables.integrity[tables.integrity.isolated_element == "unit"]
+    for (case, unit), exclusion in decisions.groupby(["case", "channel"], sort=False):
+        fault_rows = faults(tables, str(case))
+        runs = int(pick(tables.cases, case=str(case)).run_count.iloc[0])
+        count = exclusion.run_number.nunique()
         low, high = success_bounds(runs, runs - count, 0.975)
-        names = ", ".join(of_case.event)
-        excluded.append((tables.labels[str(case)], unit, names, runs, count, count / runs, low, high, t, after))
-    return pd.DataFrame(excluded, columns=EXCLUDED)
+        t = float(exclusion.t_s.median())
+        follows_fault = len(fault_rows) and t >= fault_rows.t_s.iloc[0]
+        row = {
+            "case": tables.labels[str(case)],
+            "unit": unit,
+            "faults": ", ".join(fault_rows.event),
+            "run_count": runs,
+            "excluded_count": count,
+            "share_ratio": count / runs,
+            "low_ratio": low,
+            "high_ratio": high,
+            "t_s": t,
+            "after_s": t - float(fault_rows.t_s.iloc[0]) if follows_fault else np.nan,
+        }
+        rows.append(row)
+    return pd.DataFrame(rows, columns=EXCLUDED)

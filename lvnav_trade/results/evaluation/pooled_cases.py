@@ -5,89 +5,110 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.results import evaluate as alone
+from lvnav_trade.results import evaluate as single_case
 from lvnav_trade.results.metric import MEDIAN, NUMBERS, MetricValue, SingleValue
 from lvnav_trade.results.statistics import select
 from lvnav_trade.results.tables.read import Tables
 
 
-def axes_of(stated: Mapping[str, Any]) -> tuple[str, ...]:
+def axes_of(statement: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the pooled axes of a statement."""
-    return tuple(stated.get("pool") or ())
+    return tuple(statement.get("pool") or ())
 
 
 def cases_of(tables: Tables, wanted: Mapping[str, str], pool: Sequence[str]) -> list[str]:
     """Return the digests of the cases with the wanted levels, one case for each pool."""
     first: dict[tuple[tuple[str, str], ...], str] = {}
     for case in select.cases_of(tables, wanted):
-        first.setdefault(_others(tables, case, pool), case)
+        first.setdefault(_unpooled_levels(tables, case, pool), case)
     return list(first.values())
 
 
 def members(tables: Tables, case: str, pool: Sequence[str]) -> list[str]:
     """Return the cases of a pool: a case and all that differ from it only in the levels of the pooled axes."""
-    fixed = _others(tables, case, pool)
-    return [other for other in tables.levels if _others(tables, other, pool) == fixed]
+    fixed = _unpooled_levels(tables, case, pool)
+    return [member for member in tables.levels if _unpooled_levels(tables, member, pool) == fixed]
 
 
 def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     """Return the label of a case, or of a pool with the number of its cases."""
-    if not pool or (count := len(members(tables, case, pool))) == 1:
+    count = len(members(tables, case, pool)) if pool else 1
+    if count == 1:
         return tables.labels[case]
-    rest = ", ".join(f"{axis}={level}" for axis, level in _others(tables, case, pool) if level != "base")
-    return f"{rest or 'base'}; {count} levels of {', '.join(pool)} together"
+    fixed = ", ".join(f"{axis}={level}" for axis, level in _unpooled_levels(tables, case, pool) if level != "base")
+    return f"{fixed or 'base'}; {count} levels of {', '.join(pool)} together"
 
 
-def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
     """Return the number of a case or pool that is compared with a published number, in `unit`.
 
     A root mean square or sigma is averaged over the pool as a root mean square, a count by the median, a fraction or
     signed error by the mean; a worst case is the median over all runs. `runs` are those of all cases. The arguments are
     those of `results.evaluate.evaluate_single`.
     """
-    if not axes_of(stated):
-        return alone.evaluate_single(tables, case, stated, unit)
-    pool = [alone.evaluate_single(tables, each, stated, unit) for each in members(tables, case, axes_of(stated))]
-    remark = "; ".join(dict.fromkeys(single.remark for single in pool if single.remark))
+    if not axes_of(statement):
+        return single_case.evaluate_single(tables, case, statement, unit)
+    cases = members(tables, case, axes_of(statement))
+    pool = [single_case.evaluate_single(tables, member, statement, unit) for member in cases]
+    remark = _joined_remarks(pool)
+    values = np.array([single.value for single in pool])
     runs = np.sort(np.concatenate([single.runs for single in pool]))
-    values, metric = np.array([single.value for single in pool]), alone.metric_in(stated)
-    if stated.get("statistic") == "worst" and len(runs):
-        return SingleValue(float(np.median(runs)), remark, runs)
-    if metric.is_mean(stated):
-        return SingleValue(float(np.mean(values)), remark, runs)
-    value = np.median(values) if metric.average == MEDIAN else np.sqrt(np.mean(values**2))
+    metric = single_case.metric_in(statement)
+    if statement.get("statistic") == "worst" and len(runs):
+        value = np.median(runs)
+    elif metric.is_mean(statement):
+        value = np.mean(values)
+    elif metric.average == MEDIAN:
+        value = np.median(values)
+    else:
+        value = np.sqrt(np.mean(values**2))
     return SingleValue(float(value), remark, runs)
 
 
-def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
     """Return the value of a case or pool by formal sigma, linear covariance and runs, in `unit` ("-": SI).
 
     Runs of the same number have the same random draws in all cases and are therefore not independent. They count as one
     run, whose square is the mean over the cases. `levels` (n_case,) is the mean over the runs of each case. It gives
     the part of the interval that is due to the choice of cases. The arguments are those of `results.evaluate.evaluate`.
     """
-    if not axes_of(stated):
-        return alone.evaluate(tables, case, stated, unit)
-    pool = [alone.evaluate(tables, each, stated, unit) for each in members(tables, case, axes_of(stated))]
-    first, least = pool[0], min(len(value.runs) for value in pool)
-    remark = "; ".join(dict.fromkeys(value.remark for value in pool if value.remark))
-    formal, true, drawn = (_mean([getattr(value, name) for value in pool], first, stated) for name in NUMBERS)
-    whole = MetricValue(formal, true, drawn, remark, np.empty(0), first.is_root, first.is_share)
-    if not least:
-        return whole
-    each = np.stack([value.runs[:least] for value in pool])
-    sound = np.all(np.isfinite(each), axis=0)
-    levels = each[:, sound].mean(axis=1) if sound.any() else np.empty(0)
-    return whole._replace(runs=each.mean(axis=0), levels=levels)
+    if not axes_of(statement):
+        return single_case.evaluate(tables, case, statement, unit)
+    cases = members(tables, case, axes_of(statement))
+    pool = [single_case.evaluate(tables, member, statement, unit) for member in cases]
+    first = pool[0]
+    formal, true, monte_carlo = (
+        _pooled_number([getattr(value, name) for value in pool], first.is_root, statement) for name in NUMBERS
+    )
+    pooled = MetricValue(
+        formal=formal,
+        true=true,
+        monte_carlo=monte_carlo,
+        remark=_joined_remarks(pool),
+        is_root=first.is_root,
+        is_share=first.is_share,
+    )
+    n_run = min(len(value.runs) for value in pool)
+    if not n_run:
+        return pooled
+    runs = np.stack([value.runs[:n_run] for value in pool])
+    is_finite = np.all(np.isfinite(runs), axis=0)
+    levels = runs[:, is_finite].mean(axis=1) if is_finite.any() else np.empty(0)
+    return pooled._replace(runs=runs.mean(axis=0), levels=levels)
 
 
-def _mean(values: Sequence[float], first: MetricValue, stated: Mapping[str, Any]) -> float:
-    if alone.metric_in(stated).average == MEDIAN or stated.get("statistic") in ("worst", "least"):
+def _joined_remarks(pool: Sequence[SingleValue] | Sequence[MetricValue]) -> str:
+    return "; ".join(dict.fromkeys(value.remark for value in pool if value.remark))
+
+
+def _pooled_number(values: Sequence[float], is_root: bool, statement: Mapping[str, Any]) -> float:
+    """Return the median, root mean square or mean over the cases of a pool, as the statistic requires."""
+    if single_case.metric_in(statement).average == MEDIAN or statement.get("statistic") in ("worst", "least"):
         return float(np.median(values))
-    if first.is_root:
+    if is_root:
         return float(np.sqrt(np.mean(np.square(values))))
     return float(np.mean(values))
 
 
-def _others(tables: Tables, case: str, pool: Sequence[str]) -> tuple[tuple[str, str], ...]:
+def _unpooled_levels(tables: Tables, case: str, pool: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple((axis, level) for axis, level in tables.levels[case].items() if axis not in pool)

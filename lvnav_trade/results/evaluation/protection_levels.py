@@ -7,7 +7,15 @@ import pandas as pd
 
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.results.statistics.probability import success_bounds
-from lvnav_trade.results.statistics.select import SAME_TIME, errors_by_axis, final_event, flight_events, instant, pick
+from lvnav_trade.results.statistics.select import (
+    SAME_TIME,
+    at_time,
+    errors_by_axis,
+    final_event,
+    flight_events,
+    instant,
+    pick,
+)
 from lvnav_trade.results.tables.read import Tables
 
 CONFIDENCE = 0.975  # of each one-sided bound; both together 95 %
@@ -43,19 +51,25 @@ def level_exceedances(tables: Tables, case: str, quantity: str) -> tuple[int, in
     int, int
         Number of errors beyond their level, number of all errors.
     """
-    rows, count, total = pick(tables.protection, case=case, quantity=quantity), 0, 0
-    alarm = pick(tables.integrity, case=case, isolated_element="separation").groupby("run_number").t_s.min()
+    levels = pick(tables.protection, case=case, quantity=quantity)
+    if levels.empty:
+        return 0, 0
+    alarms = pick(tables.integrity, case=case, isolated_element="separation")
+    t_alarm = alarms.groupby("run_number").t_s.min()
+    n_exceeding = n_error = 0
     for event in flight_events(tables, case).itertuples():
         errors = errors_by_axis(tables, case, str(event.event), quantity)
-        if errors.empty or not len(rows):
+        if errors.empty:
             continue
-        at = rows[np.abs(rows.t_s - event.t_s) == np.abs(rows.t_s - event.t_s).min()]
-        level = at[at.axis != "3d"].level_si.to_numpy()
-        sizes = np.abs(errors.drop(columns="failure").to_numpy(dtype=float))
-        silent = ~(alarm.reindex(errors.index).to_numpy() <= event.t_s + SAME_TIME)
-        out = silent & ((sizes > level).any(axis=1) | (errors.failure != "").to_numpy())
-        count, total = count + int(out.sum()), total + len(out)
-    return count, total
+        distance = np.abs(levels.t_s - event.t_s)
+        nearest = levels[distance == distance.min()]
+        level = nearest[nearest.axis != "3d"].level_si.to_numpy()
+        size = np.abs(errors.drop(columns="failure").to_numpy(dtype=float))
+        is_silent = ~(t_alarm.reindex(errors.index).to_numpy() <= event.t_s + SAME_TIME)  # NaN: no alarm
+        is_beyond = (size > level).any(axis=1) | (errors.failure != "").to_numpy()
+        n_exceeding += int((is_silent & is_beyond).sum())
+        n_error += len(errors)
+    return n_exceeding, n_error
 
 
 def protection(tables: Tables) -> pd.DataFrame:
@@ -66,20 +80,31 @@ def protection(tables: Tables) -> pd.DataFrame:
     beyond_count: number of errors of runs at events, and of those beyond their level. low_ratio, high_ratio: exact 95 %
     interval of their fraction.
     """
-    found: list[tuple[Any, ...]] = []
+    rows: list[dict[str, Any]] = []
     for case, label in tables.labels.items():
         for quantity in PROTECTED:
-            rows = series_of(tables, case, quantity)
-            if rows.empty:
+            levels = series_of(tables, case, quantity)
+            if levels.empty:
                 continue
             unit, factor = tables.people[quantity, "3d"]
-            at = instant(tables, case, final_event(tables, case) or "end")
-            last = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))]
-            sizes = [
-                float(value) * float(factor)
-                for value in (rows.level_si.max(), last.level_si, last.fault_free_si, last.sigma_si)
-            ]
-            count, total = level_exceedances(tables, case, quantity)
-            low, high = success_bounds(total, total - count, CONFIDENCE) if total else (np.nan, np.nan)
-            found.append((label, quantity, unit, *sizes, last.satellite, total, count, low, high))
-    return pd.DataFrame(found, columns=COLUMNS)
+            last = at_time(levels, instant(tables, case, final_event(tables, case) or "end"))
+            n_exceeding, n_error = level_exceedances(tables, case, quantity)
+            low = high = np.nan
+            if n_error:
+                low, high = success_bounds(n_error, n_error - n_exceeding, CONFIDENCE)
+            row = {
+                "case": label,
+                "quantity": quantity,
+                "unit": unit,
+                "largest": float(levels.level_si.max()) * float(factor),
+                "final": float(last.level_si) * float(factor),
+                "fault_free": float(last.fault_free_si) * float(factor),
+                "sigma": float(last.sigma_si) * float(factor),
+                "satellite": last.satellite,
+                "error_count": n_error,
+                "beyond_count": n_exceeding,
+                "low_ratio": low,
+                "high_ratio": high,
+            }
+            rows.append(row)
+    return pd.DataFrame(rows, columns=COLUMNS)

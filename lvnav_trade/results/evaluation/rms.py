@@ -1,4 +1,4 @@
-"""Root mean square errors, plain and by control variates, cases in order of them, part within the filter's sigmas."""
+"""Root mean square errors, plain and by control variates; ranking of cases; paired differences of cases."""
 
 from itertools import groupby
 from operator import itemgetter
@@ -55,7 +55,7 @@ CONTROLLED = [
     "lincov",
     "known_share_ratio",
 ]
-# Each tenth of the runs is controlled by what the others say of how errors follow from draws.
+# Cross-fitting: the dependence of the errors on the draws is fitted without the fold to which it is applied.
 FOLDS = 10
 
 
@@ -63,20 +63,31 @@ def rms(tables: Tables) -> pd.DataFrame:
     """Return the errors of every case, phase or event, quantity and axis, in display units.
 
     rms, low, high: Monte Carlo with its 95 % chi-square interval. Over a phase the errors of one run are taken as fully
-    correlated in time, so the interval is never too narrow. formal_sigma: root mean square of the filter's own sigma,
-    from the runs where there are any, or else LinCov's. lincov_true_sigma: what LinCov expects of rms, the mean error
-    included. A failed run counts until it fails; the interval of a phase is that of the fewest runs in it.
+    correlated in time, so the interval is never too narrow. formal_sigma: root mean square of the formal sigma, by the
+    runs or, without runs, by LinCov. lincov_true_sigma: RMS error expected by LinCov, with the mean error. A failed run
+    counts until it fails; the interval of a phase is that of the fewest runs in it.
     """
     rows = []
     for case, group in groupby(names_of_series(tables), key=itemgetter(0)):
         names = list(group)
-        means = _means_of_phases(tables, case, names)
-        for number, (_, quantity, axis) in enumerate(names):
+        means_of_series = _phase_means(tables, case, names)
+        for (_, quantity, axis), means in zip(names, means_of_series, strict=True):
             unit, factor = tables.people[quantity, axis]
-            head = (tables.labels[case], f"{quantity}_error", axis, unit)
-            for name, (squares, freedom) in means[number].items():
-                rows.append((head[0], name, *head[1:], *(factor * np.sqrt(squares)), freedom))
-    frame = pd.DataFrame(rows, columns=[*COLUMNS[:6], *COLUMNS[8:], "dof"])
+            for phase_or_event, (mean_squares, freedom) in means.items():
+                monte_carlo, formal, true = factor * np.sqrt(mean_squares)
+                row = {
+                    "case": tables.labels[case],
+                    "phase_or_event": phase_or_event,
+                    "metric": f"{quantity}_error",
+                    "axis": axis,
+                    "unit": unit,
+                    "rms": monte_carlo,
+                    "formal_sigma": formal,
+                    "lincov_true_sigma": true,
+                    "dof": freedom,
+                }
+                rows.append(row)
+    frame = pd.DataFrame(rows, columns=[*COLUMNS, "dof"])
     frame["low"], frame["high"] = rms_interval(frame.rms.to_numpy(), frame.dof.to_numpy())
     return frame[COLUMNS]
 
@@ -84,74 +95,86 @@ def rms(tables: Tables) -> pd.DataFrame:
 _Mean = tuple[Floats, float]  # mean squares (3,) of runs, formal sigma and linear covariance; degrees of freedom
 
 
-def _means_of_phases(tables: Tables, case: str, names: list[tuple[str, str, str]]) -> list[dict[str, _Mean]]:
-    """Return for each series of a case the mean squares by phase or event; series with the same times go together."""
-    together: dict[bytes, list[int]] = {}
-    columns = [_columns(tables, *name) for name in names]
-    for number, (t, _, _, _) in enumerate(columns):
-        together.setdefault(t.tobytes(), []).append(number)
-    found: list[dict[str, _Mean]] = [{} for _ in names]
-    for numbers in together.values():
-        t = columns[numbers[0]][0]
-        squares, runs, dof = (np.stack([columns[k][place] for k in numbers]) for place in (1, 2, 3))
+class _Series(NamedTuple):
+    """History of an error."""
+
+    t: Floats  # (n,) s
+    squares: Floats  # (3, n) squares of the RMS of the runs, the formal sigma, and the RMS by linear covariance
+    runs: Floats  # (n,) number of runs
+    dof: Floats  # (n,) degrees of freedom per run
+
+
+def _phase_means(tables: Tables, case: str, names: list[tuple[str, str, str]]) -> list[dict[str, _Mean]]:
+    """Return for each series of a case the mean squares by phase or event.
+
+    Series with the same times are computed together, as there are many phases.
+    """
+    numbers_by_times: dict[bytes, list[int]] = {}
+    all_series = [_read_series(tables, *name) for name in names]
+    for number, series in enumerate(all_series):
+        numbers_by_times.setdefault(series.t.tobytes(), []).append(number)
+    means: list[dict[str, _Mean]] = [{} for _ in names]
+    for numbers in numbers_by_times.values():
+        t = all_series[numbers[0]].t
+        squares = np.stack([all_series[k].squares for k in numbers])
+        runs = np.stack([all_series[k].runs for k in numbers])
+        dof = np.stack([all_series[k].dof for k in numbers])
         areas = np.diff(t) * (squares[..., 1:] + squares[..., :-1]) / 2.0  # of the trapezoidal rule
         for name, start, end in phases(tables, case):
-            part = slice(np.searchsorted(t, start - SAME_TIME), np.searchsorted(t, end + SAME_TIME, side="right"))
-            if len(t[part]):
-                freedom = runs[:, part].min(axis=1) * dof[:, part].min(axis=1)
-                means = _means(t, squares, areas, part)
-                for k, mean, one in zip(numbers, means, freedom, strict=True):
-                    found[k][name] = (mean, float(one))
-    return found
+            first = int(np.searchsorted(t, start - SAME_TIME))
+            stop = int(np.searchsorted(t, end + SAME_TIME, side="right"))
+            if stop <= first:
+                continue
+            freedom = runs[:, first:stop].min(axis=1) * dof[:, first:stop].min(axis=1)
+            duration = t[stop - 1] - t[first]
+            if duration > 0.0:
+                mean_squares = areas[..., first : stop - 1].sum(axis=-1) / duration
+            else:
+                mean_squares = squares[..., first]
+            for k, mean, degrees in zip(numbers, mean_squares, freedom, strict=True):
+                means[k][name] = (mean, float(degrees))
+    return means
 
 
-def _columns(tables: Tables, case: str, quantity: str, axis: str) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return times (n,) of a series, squares (3, n) of runs, formal sigma, linear covariance, run count, freedom."""
-    names = ("t_s", "rms_si", "filter_sigma_si", "lincov_formal_si", "lincov_true_si", "lincov_mean_si")
-    t, rms, own, formal, true, mean, runs, dof = history_columns(
-        tables, case, quantity, axis, *names, "run_count", "dof_ratio"
-    )
-    return t, np.stack([rms, own if runs.any() else formal, np.hypot(true, mean)]) ** 2, runs, dof
-
-
-def _means(t: Floats, values: Floats, areas: Floats, part: slice) -> Floats:
-    """Return means over a part of times t (n,) of values (..., n), of which areas (..., n - 1) are the integrals."""
-    length = t[part.stop - 1] - t[part.start]
-    if not length > 0.0:
-        return values[..., part.start]
-    return np.asarray(areas[..., part.start : part.stop - 1].sum(axis=-1) / length)
+def _read_series(tables: Tables, case: str, quantity: str, axis: str) -> _Series:
+    names = ("rms_si", "filter_sigma_si", "lincov_formal_si", "lincov_true_si", "lincov_mean_si")
+    columns = history_columns(tables, case, quantity, axis, "t_s", "run_count", "dof_ratio", *names)
+    t, runs, dof, rms, sigma_of_runs, formal, true, mean = columns
+    sigma = sigma_of_runs if runs.any() else formal
+    squares = np.stack([rms, sigma, np.hypot(true, mean)]) ** 2
+    return _Series(t, squares, runs, dof)
 
 
 def ranking(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors of every case at injection (or the last event), best velocity first.
 
     Columns: case, event, run_count, and for position, velocity and attitude NAME, NAME_low, NAME_high, NAME_unit:
-    Monte-Carlo RMS with its 95 % interval, or LinCov's without interval where there are no runs.
+    Monte-Carlo RMS with its 95 % interval; without runs that of LinCov, without interval.
     """
-    found: dict[str, dict[str, Any]] = {case: {"case": label} for case, label in tables.labels.items()}
-    names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
+    rows: dict[str, dict[str, Any]] = {case: {"case": label} for case, label in tables.labels.items()}
     for case, quantity, axis in names_of_series(tables):
         if quantity in NAVIGATION and axis == "3d":
             event = final_event(tables, case)
-            t, *values = history_columns(tables, case, quantity, axis, *names)
-            moment = pick(tables.events, case=case, kind="event", event=event).t_s
-            at = int(np.argmin(np.abs(t - (float(moment.iloc[0]) if len(moment) else t.max()))))
-            rms, true, mean, runs, dof = (float(column[at]) for column in values)
+            history = history_of(tables, case, quantity, axis)
+            event_times = pick(tables.events, case=case, kind="event", event=event).t_s
+            last = at_time(history, float(event_times.iloc[0]) if len(event_times) else float(history.t_s.max()))
+            runs = int(last.run_count)
+            value = float(last.rms_si) if runs else float(np.hypot(last.lincov_true_si, last.lincov_mean_si))
+            low, high = rms_interval(value, runs * float(last.dof_ratio))
             unit, factor = tables.people[quantity, axis]
-            n = int(runs)
-            value = rms if n else float(np.hypot(true, mean))
-            low, high = rms_interval(value, n * dof)
-            found[case] |= {
+            rows[case] |= {
                 "event": event,
-                "run_count": n,
+                "run_count": runs,
                 quantity: value * factor,
                 f"{quantity}_low": float(low) * factor,
                 f"{quantity}_high": float(high) * factor,
                 f"{quantity}_unit": unit,
             }
-    frame = pd.DataFrame(list(found.values()))
-    by = next((name for name in ("velocity", "position", "attitude") if name in frame), None)
-    return frame.sort_values(by, kind="stable", ignore_index=True) if by else frame.replace({None: np.nan})
+    frame = pd.DataFrame(list(rows.values()))
+    for quantity in ("velocity", "position", "attitude"):
+        if quantity in frame:
+            return frame.sort_values(quantity, kind="stable", ignore_index=True)
+    return frame.replace({None: np.nan})
 
 
 def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
@@ -160,114 +183,148 @@ def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
     Columns: case (the other levels), levels, event, quantity, unit, first_rms, second_rms, difference_rms (root mean
     square over the runs of the norm of the difference of their errors), difference_ratio (of the smaller of the two).
     """
-    groups: dict[str, list[tuple[str, str]]] = {}
+    groups: dict[str, list[tuple[str, str]]] = {}  # level of the axis and case, by the levels of all other axes
     for case, levels in tables.levels.items():
         if axis in levels:
-            rest = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis) or "base"
-            groups.setdefault(rest, []).append((levels[axis], case))
-    rows = [
-        {"case": rest, "levels": f"{first} and {level}", "event": event} | sizes
-        for rest, ((first, base), *others) in groups.items()
-        for level, other in others
-        for event in flight_events(tables, base).event
-        for quantity in NAVIGATION
-        if (sizes := _paired(tables, (base, other), str(event), quantity))
-    ]
+            label = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis) or "base"
+            groups.setdefault(label, []).append((levels[axis], case))
+    rows = []
+    for label, ((first_level, base), *variants) in groups.items():
+        for level, variant in variants:
+            for event in flight_events(tables, base).event:
+                for quantity in NAVIGATION:
+                    sizes = _difference_sizes(tables, (base, variant), str(event), quantity)
+                    if sizes:
+                        rows.append({"case": label, "levels": f"{first_level} and {level}", "event": event} | sizes)
     return pd.DataFrame(rows)
 
 
-def _paired(tables: Tables, pair: tuple[str, str], event: str, quantity: str) -> dict[str, Any]:
-    """Return the root mean squares of two cases and of their difference at an event; empty where one is not stored."""
-    both = [errors_by_axis(tables, case, event, quantity).sort_index().drop(columns="failure") for case in pair]
-    if any(errors.empty for errors in both):
+def _difference_sizes(tables: Tables, pair: tuple[str, str], event: str, quantity: str) -> dict[str, Any]:
+    """Return the root mean squares of two cases and of their difference at an event; empty if one is not stored."""
+    base, variant = (
+        errors_by_axis(tables, case, event, quantity).sort_index().drop(columns="failure") for case in pair
+    )
+    if base.empty or variant.empty:
         return {}
-    n = min(map(len, both))
-    first, second = (errors.to_numpy(dtype=float)[:n] for errors in both)
+    n = min(len(base), len(variant))
+    first = base.to_numpy(dtype=float)[:n]
+    second = variant.to_numpy(dtype=float)[:n]
     unit, factor = tables.people[quantity, "3d"]
-    sizes = [factor * float(np.sqrt(np.mean(np.sum(e**2, axis=1)))) for e in (first, second, second - first)]
-    found = {"quantity": quantity, "unit": unit, "first_rms": sizes[0], "second_rms": sizes[1]}
-    return found | {"difference_rms": sizes[2], "difference_ratio": sizes[2] / min(sizes[:2])}
+    first_rms, second_rms, difference_rms = (
+        factor * float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) for error in (first, second, second - first)
+    )
+    return {
+        "quantity": quantity,
+        "unit": unit,
+        "first_rms": first_rms,
+        "second_rms": second_rms,
+        "difference_rms": difference_rms,
+        "difference_ratio": difference_rms / min(first_rms, second_rms),
+    }
 
 
 class ControlledRms(NamedTuple):
-    """Root mean square with its interval; effective_runs: plain runs that would tell it as well; known: part of the
-    mean square that the draws explain.
-    """
+    """Root mean square by control variates, with its interval."""
 
     rms: float
     low: float
     high: float
-    effective_runs: float
-    known: float
+    effective_runs: float  # number of plain runs with an interval of the same width
+    known: float  # fraction of the mean square that the draws explain
 
 
 def controlled_rms(error: Floats, draws: Floats) -> ControlledRms:
     """Return the root mean square of errors (n_run, k), its variance reduced by standard normals (n_run, m) drawn once.
 
-    An error follows the draws about linearly, and the mean square of a linear form b . u of standard normals is |b|^2
-    exactly, as linear covariance has it. So (b . u)^2 - |b|^2 has no mean whatever b is, and taking it off each run's
-    squared error changes no expectation. b is fitted on the other folds only, so that it does not know the draws it is
-    multiplied with: the mean square is unbiased however wrong linear theory is; only its variance depends on how right
-    it is.
+    An error follows the draws about linearly, and the mean square of a linear form b . u of standard normals is exactly
+    |b|^2. So (b . u)^2 - |b|^2 has mean zero for any b, and subtracting it from the squared error of each run changes
+    no expectation. b is fitted on the other folds only and is therefore independent of the draws that it multiplies:
+    the mean square is unbiased even if the errors are not linear in the draws; only its variance depends on that.
     """
     n = len(error)
     square = (error**2).sum(axis=1)
     fold = np.arange(n) % FOLDS
-    control, known = np.zeros(n), 0.0
+    control = np.zeros(n)  # (b . u)^2 - |b|^2
+    explained = 0.0  # |b|^2, mean over the runs
     for k in range(FOLDS):
-        own = fold == k
-        slope = _slope(error[~own], draws[~own])
-        exact = float((slope**2).sum())
-        control[own] = ((draws[own] @ slope) ** 2).sum(axis=1) - exact
-        known += exact * own.sum() / n
-    rest = square - control
-    mean = float(rest.mean())
+        in_fold = fold == k
+        slope = _ridge_slope(error[~in_fold], draws[~in_fold])
+        slope_square = float((slope**2).sum())
+        control[in_fold] = ((draws[in_fold] @ slope) ** 2).sum(axis=1) - slope_square
+        explained += slope_square * in_fold.sum() / n
+    controlled = square - control
+    mean = float(controlled.mean())
     if n < 2 or not mean > 0.0:
-        return ControlledRms(*[float("nan")] * 5)
-    spread = float(rest.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
-    reach = float(stats.t.isf(_TAIL, n - 1)) * spread
-    worth = n * float(square.var()) / float(rest.var()) if rest.var() > 0.0 else float("inf")
-    low, high = (float(np.sqrt(mean * np.exp(sign * reach))) for sign in (-1.0, 1.0))
-    return ControlledRms(float(np.sqrt(mean)), low, high, worth, known / mean)
+        return ControlledRms(np.nan, np.nan, np.nan, np.nan, np.nan)
+    sigma_of_log = float(controlled.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
+    half = float(stats.t.isf(_TAIL, n - 1)) * sigma_of_log
+    variance = float(controlled.var())
+    return ControlledRms(
+        rms=float(np.sqrt(mean)),
+        low=float(np.sqrt(mean * np.exp(-half))),
+        high=float(np.sqrt(mean * np.exp(half))),
+        effective_runs=n * float(square.var()) / variance if variance > 0.0 else float("inf"),
+        known=explained / mean,
+    )
 
 
-def _slope(error: Floats, draws: Floats) -> Floats:
-    """Return how the error (n, k) follows the draws (n, m): least squares (m, k), drawn to zero where runs are few."""
+def _ridge_slope(error: Floats, draws: Floats) -> Floats:
+    """Return the slope (m, k) of the errors (n, k) against the draws (n, m), by ridge regression.
+
+    The penalty m shrinks the slope if there are few runs: b = (u'u + m I)^-1 u'e.
+    """
+    m = draws.shape[1]
     centred = error - error.mean(axis=0)
-    return np.asarray(np.linalg.solve(draws.T @ draws + draws.shape[1] * np.eye(draws.shape[1]), draws.T @ centred))
+    return np.asarray(np.linalg.solve(draws.T @ draws + m * np.eye(m), draws.T @ centred))
 
 
 def control_variates(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors at injection (or the last event), plain and controlled, in display units.
 
-    rms, low, high: as everywhere, 95 % by chi-square. controlled_*: with control variates, 95 %. effective_runs: how
-    many plain runs the controlled ones are worth. lincov: what linear covariance expects. known_share_ratio: part of
+    rms, low, high: as everywhere, 95 % by chi-square. controlled_*: with control variates, 95 %. effective_runs: number
+    of plain runs with an interval of the same width. lincov: RMS error by linear covariance. known_share_ratio: part of
     the mean square that follows linearly from turn-on and initial errors.
     """
     rows = []
     for case, label in tables.labels.items():
         event = final_event(tables, case)
-        starts = pick(tables.initial_draws, case=case)
-        if starts.empty:
+        initial_draws = pick(tables.initial_draws, case=case)
+        if initial_draws.empty:
             continue
-        draws = starts.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
+        draws = initial_draws.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
         for quantity in NAVIGATION:
-            good = pick(errors_by_axis(tables, case, event, quantity), failure="").drop(columns="failure").dropna()
-            both = draws.index.intersection(good.index)
-            if good.shape[1] == 3 and len(both) >= 2 * FOLDS:
-                values = _row(tables, case, event, quantity, good.loc[both].to_numpy(), draws.loc[both].to_numpy())
-                rows.append((label, event, f"{quantity}_error_3d", *values))
+            sound_runs = pick(errors_by_axis(tables, case, event, quantity), failure="")
+            errors = sound_runs.drop(columns="failure").dropna()
+            runs = draws.index.intersection(errors.index)
+            if errors.shape[1] == 3 and len(runs) >= 2 * FOLDS:
+                values = _controlled_values(
+                    tables, case, event, quantity, errors.loc[runs].to_numpy(), draws.loc[runs].to_numpy()
+                )
+                rows.append({"case": label, "event": event, "metric": f"{quantity}_error_3d", **values})
     return pd.DataFrame(rows, columns=CONTROLLED)
 
 
-def _row(tables: Tables, case: str, event: str, quantity: str, error: Floats, draws: Floats) -> tuple[Any, ...]:
-    """Return the values of `CONTROLLED` from the unit on."""
+def _controlled_values(
+    tables: Tables, case: str, event: str, quantity: str, error: Floats, draws: Floats
+) -> dict[str, Any]:
+    """Return the values of `CONTROLLED` from the unit on, for errors (n_run, 3) and draws (n_run, m)."""
     unit, factor = tables.people[quantity, "3d"]
     history = history_of(tables, case, quantity, "3d")
     t = float(flight_events(tables, case).set_index("event").t_s[event])
-    at = at_time(history.assign(expected=lincov_rms(history)), t)
-    rms = float(np.sqrt((error**2).sum(axis=1).mean()))
-    plain = (rms, *map(float, rms_interval(rms, len(error) * at.dof_ratio)))
-    *controlled, worth, known = controlled_rms(error, draws)
-    sizes = [value * factor for value in (*plain, *controlled)]
-    return unit, len(error), *sizes, worth, float(at.expected) * factor, known
+    expected = at_time(history.assign(rms=lincov_rms(history)), t)
+    plain_rms = float(np.sqrt((error**2).sum(axis=1).mean()))
+    plain_low, plain_high = rms_interval(plain_rms, len(error) * expected.dof_ratio)
+    controlled = controlled_rms(error, draws)
+    return {
+        "unit": unit,
+        "runs": len(error),
+        "rms": plain_rms * factor,
+        "low": float(plain_low) * factor,
+        "high": float(plain_high) * factor,
+        "controlled_rms": controlled.rms * factor,
+        "controlled_low": controlled.low * factor,
+        "controlled_high": controlled.high * factor,
+        "effective_runs": controlled.effective_runs,
+        "lincov": float(expected.rms) * factor,
+        "known_share_ratio": controlled.known,
+    }

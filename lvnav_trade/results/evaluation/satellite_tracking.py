@@ -30,6 +30,44 @@ RECOVERED = 1.5
 # Satellites of a position and a time.
 FIX = 4
 _AIR = 7500.0  # m, scale height of the delay of the air
+_OUTAGES = [
+    "case",
+    "fault",
+    "t_start_s",
+    "t_end_s",
+    "metric",
+    "unit",
+    "before",
+    "at_end",
+    "after",
+    "worst",
+    "t_worst_s",
+    "t_recovered_s",
+    "growth_ratio",
+    "lincov_at_end",
+]
+_TRACKING = [
+    "case",
+    "first_fix_s",
+    "to_fix_s",
+    "least_count",
+    "mean_count",
+    "gap_count",
+    "longest_gap_s",
+    "loss_count",
+]
+_RECOVERY = [
+    "case",
+    "fault",
+    "t_start_s",
+    "t_end_s",
+    "before_count",
+    "least_count",
+    "lost_count",
+    "to_fix_s",
+    "to_all_s",
+    "gone_count",
+]
 
 
 def values_of(
@@ -45,30 +83,37 @@ def values_of(
     elevation (rad, or with units), altitude (m, or with units): from and to. A change is that of one satellite from an
     epoch to the next, in size; of the crossing of air it is climb rate times exp(-altitude / 7.5 km).
     """
-    truth = pick(tables.reference, case=case).sort_values("t_s", kind="stable")
     rows = pick(tables.satellites, case=case)
+    if metric == "satellites_tracked":
+        counts = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
+        return counts.assign(height=np.nan)
+    truth = pick(tables.reference, case=case).sort_values("t_s", kind="stable")
     if metric == "air_crossing_height":
         t, height = truth.t_s.to_numpy(), truth.altitude_m.to_numpy()
-        rows = pd.DataFrame({"t_s": t, "value": np.gradient(height, t) * np.exp(-height / _AIR), "height": height})
-    elif metric == "satellites_tracked":
-        rows = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
-        return rows.assign(height=np.nan)
+        climb_rate = np.gradient(height, t)
+        values = pd.DataFrame({"t_s": t, "value": climb_rate * np.exp(-height / _AIR), "height": height})
     else:
-        rows = rows[rows.tracked].sort_values(["satellite", "t_s"], kind="stable")
-        column = metric.removesuffix("_height").removesuffix("_change") + "_m"
-        value = rows[column]
-        if "_change" in metric:
-            step = rows.groupby("satellite").t_s.diff()
-            value = rows.groupby("satellite")[column].diff().where(step < 1.5 * step.min())
-        height = np.interp(rows.t_s, truth.t_s, truth.altitude_m)
-        rows = rows.assign(value=value.abs(), height=height)
+        values = _values_while_tracked(rows[rows.tracked], metric)
+        values = values.assign(height=np.interp(values.t_s, truth.t_s, truth.altitude_m))
         if elevation is not None:
             low, high = (number_in(end, "rad") for end in elevation)
-            rows = rows[rows.elevation_rad.between(low, high)]
+            values = values[values.elevation_rad.between(low, high)]
     if altitude is not None:
         low, high = (number_in(end, "m") for end in altitude)
-        rows = rows[rows.height.between(low, high)]
-    return rows[["t_s", "value", "height"]].reset_index(drop=True)
+        values = values[values.height.between(low, high)]
+    return values[["t_s", "value", "height"]].reset_index(drop=True)
+
+
+def _values_while_tracked(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """Return rows of tracked satellites, by satellite and in order of time, with the values of a metric (SI)."""
+    rows = rows.sort_values(["satellite", "t_s"], kind="stable")
+    column = metric.removesuffix("_height").removesuffix("_change") + "_m"
+    value = rows[column]
+    if "_change" in metric:
+        by_satellite = rows.groupby("satellite")
+        step = by_satellite.t_s.diff()
+        value = by_satellite[column].diff().where(step < 1.5 * step.min())  # not across a gap in tracking
+    return rows.assign(value=value.abs())
 
 
 def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
@@ -77,17 +122,24 @@ def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
     """
     t0 = instant(tables, case, at)
     tracked = tracked_over_time(tables, case)
-    before, after = tracked[tracked.index <= t0 + SAME_TIME], tracked[tracked.index > t0 + SAME_TIME]
+    before = tracked[tracked.index <= t0 + SAME_TIME]
+    after = tracked[tracked.index > t0 + SAME_TIME]
     if before.empty or after.empty:
         return np.empty(0)
-    lost = [name for name in tracked.columns if before[name].any() and not before[name].iloc[-1]]
-    return np.array([float(after.index[after[name]].min()) - t0 if after[name].any() else np.inf for name in lost])
+    durations = []
+    for name in tracked.columns:
+        is_lost = before[name].any() and not before[name].iloc[-1]
+        if is_lost and after[name].any():
+            durations.append(float(after.index[after[name]].min()) - t0)
+        elif is_lost:
+            durations.append(np.inf)
+    return np.array(durations)
 
 
 def in_view(tables: Tables) -> pd.DataFrame:
     """Return the satellites tracked and above the horizon over time: case, t_s, tracked_count, above_count."""
-    found = counted(tables.satellites)
-    return found.assign(case=found.case.map(tables.labels))
+    counts = counted(tables.satellites)
+    return counts.assign(case=counts.case.map(tables.labels))
 
 
 def counted(rows: pd.DataFrame) -> pd.DataFrame:
@@ -101,34 +153,51 @@ def outages(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors around every fault, in display units.
 
     Columns: case, fault, t_start_s, t_end_s, metric, unit, before, at_end, after (10 s after the end, or at the end of
-    the flight), worst and t_worst_s (see `_until_recovered`), t_recovered_s (NaN where the error does not recover),
+    the flight), worst and t_worst_s (see `_worst_until_recovery`), t_recovered_s (NaN if the error does not recover),
     growth_ratio (at_end / before), lincov_at_end.
     Monte-Carlo RMS, or LinCov's without runs. Before is at the start, of a fault without duration at the time before.
     """
     rows = []
-    of_case = {case: faults(tables, case) for case in tables.labels}
+    faults_by_case = {case: faults(tables, case) for case in tables.labels}
     for case, quantity, axis in names_of_series(tables):
-        if quantity not in NAVIGATION or axis != "3d" or of_case[case].empty:
+        if quantity not in NAVIGATION or axis != "3d":
             continue
-        unit, factor = tables.people[quantity, axis]
-        history = history_of(tables, case, quantity, axis)
-        expected = lincov_rms(history)
-        error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
-        for fault in of_case[case].itertuples():
-            end, after = (at_time(error, t) for t in (fault.t_end_s, fault.t_end_s + AFTER))
-            ahead = error[error.t_s < fault.t_s - SAME_TIME]
-            before = ahead.iloc[-1] if fault.t_end_s <= fault.t_s and len(ahead) else at_time(error, fault.t_s)
-            worst, t_worst, t_recovered = _until_recovered(tables, case, error, fault, float(before.error))
-            growth = end.error / before.error if before.error > 0 else np.nan
-            sizes = (before.error * factor, end.error * factor, after.error * factor, worst * factor)
-            head = (tables.labels[case], fault.event, fault.t_s, fault.t_end_s, f"{quantity}_error", unit)
-            rows.append((*head, *sizes, t_worst, t_recovered, growth, end.expected * factor))
-    names = ["case", "fault", "t_start_s", "t_end_s", "metric", "unit", "before", "at_end", "after", "worst"]
-    return pd.DataFrame(rows, columns=[*names, "t_worst_s", "t_recovered_s", "growth_ratio", "lincov_at_end"])
+        for fault in faults_by_case[case].itertuples():
+            errors = _outage_errors(tables, case, quantity, fault)
+            rows.append({"case": tables.labels[case], "fault": fault.event, **errors})
+    return pd.DataFrame(rows, columns=_OUTAGES)
 
 
-def _until_recovered(
-    tables: Tables, case: str, error: pd.DataFrame, fault: Any, before: float
+def _outage_errors(tables: Tables, case: str, quantity: str, fault: Any) -> dict[str, Any]:
+    """Return the values of `_OUTAGES` from `t_start_s` on, for the norm of a navigation error around a fault."""
+    unit, factor = tables.people[quantity, "3d"]
+    history = history_of(tables, case, quantity, "3d")
+    expected = lincov_rms(history)
+    error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
+    earlier = error[error.t_s < fault.t_s - SAME_TIME]
+    has_duration = fault.t_end_s > fault.t_s
+    before = at_time(error, fault.t_s) if has_duration or earlier.empty else earlier.iloc[-1]
+    end = at_time(error, fault.t_end_s)
+    after = at_time(error, fault.t_end_s + AFTER)
+    worst, t_worst, t_recovered = _worst_until_recovery(tables, case, error, fault, float(before.error))
+    return {
+        "t_start_s": fault.t_s,
+        "t_end_s": fault.t_end_s,
+        "metric": f"{quantity}_error",
+        "unit": unit,
+        "before": before.error * factor,
+        "at_end": end.error * factor,
+        "after": after.error * factor,
+        "worst": worst * factor,
+        "t_worst_s": t_worst,
+        "t_recovered_s": t_recovered,
+        "growth_ratio": end.error / before.error if before.error > 0 else np.nan,
+        "lincov_at_end": end.expected * factor,
+    }
+
+
+def _worst_until_recovery(
+    tables: Tables, case: str, errors: pd.DataFrame, fault: Any, before: float
 ) -> tuple[float, float, float]:
     """Return the worst error from the start of a fault until it has recovered, its time, and the time of recovery.
 
@@ -136,24 +205,30 @@ def _until_recovered(
     tracked again, and 10 s have passed since its end: an error may grow long after a fault, until its satellites are
     back. The search ends with the next fault or with the history, where it has not recovered.
 
-    error : t_s, and error in SI, of one norm
+    errors : t_s, and error in SI, of one norm
     fault : event of that kind, with t_s and t_end_s
     before : error in SI before the fault
     """
-    of_receiver = _recovered(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
-    back = fault.t_end_s + max(AFTER, np.nan_to_num(of_receiver["to_all_s"], nan=np.inf))
-    later = faults(tables, case).t_s
-    following = later[later > fault.t_end_s + SAME_TIME].min()
-    within = error[(error.t_s >= fault.t_s - SAME_TIME) & ~(error.t_s >= following - SAME_TIME)]
-    small = within.error < RECOVERED * before
-    ends = within.t_s[small & (within.t_s >= back - SAME_TIME)]
-    searched = within[within.t_s <= (ends.iloc[0] if len(ends) else np.inf)]
-    if searched.error.isna().all():
+    satellites = _recovery_values(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
+    t_all_tracked = fault.t_end_s + max(AFTER, np.nan_to_num(satellites["to_all_s"], nan=np.inf))
+    fault_times = faults(tables, case).t_s
+    t_next_fault = fault_times[fault_times > fault.t_end_s + SAME_TIME].min()  # NaN if there is none
+    is_before_next = ~(errors.t_s >= t_next_fault - SAME_TIME)
+    errors = errors[(errors.t_s >= fault.t_s - SAME_TIME) & is_before_next]
+    is_small = errors.error < RECOVERED * before
+    recovered = errors.t_s[is_small & (errors.t_s >= t_all_tracked - SAME_TIME)]
+    if len(recovered):
+        errors = errors[errors.t_s <= recovered.iloc[0]]
+    if errors.error.isna().all():
         return np.nan, np.nan, np.nan
-    peak = searched.loc[searched.error.idxmax()]
-    large = searched.t_s[~small[searched.index]].max()
-    since = searched.t_s[(searched.t_s >= fault.t_end_s - SAME_TIME) & ~(searched.t_s <= large)]
-    return float(peak.error), float(peak.t_s), float(since.iloc[0]) if len(ends) else np.nan
+    peak = errors.loc[errors.error.idxmax()]
+    t_recovered = np.nan
+    if len(recovered):
+        # The error counts as recovered from its first small value after the fault that no large value follows.
+        t_last_large = errors.t_s[~is_small[errors.index]].max()
+        after_fault = errors.t_s >= fault.t_end_s - SAME_TIME
+        t_recovered = float(errors.t_s[after_fault & ~(errors.t_s <= t_last_large)].iloc[0])
+    return float(peak.error), float(peak.t_s), t_recovered
 
 
 def transitions(tables: Tables) -> pd.DataFrame:
@@ -167,17 +242,14 @@ def losses(tables: Tables) -> pd.DataFrame:
     Columns: case, reason, loss_count, satellite_count, first_s, last_s. Empty where no receiver has channels.
     """
     changes = transitions(tables)
-    return (
-        changes[changes.from_state == "track"]
-        .groupby(["case", "reason"], sort=False)
-        .agg(
-            loss_count=("satellite", "size"),
-            satellite_count=("satellite", "nunique"),
-            first_s=("t_s", "min"),
-            last_s=("t_s", "max"),
-        )
-        .reset_index()
+    lost = changes[changes.from_state == "track"]
+    by_reason = lost.groupby(["case", "reason"], sort=False).agg(
+        loss_count=("satellite", "size"),
+        satellite_count=("satellite", "nunique"),
+        first_s=("t_s", "min"),
+        last_s=("t_s", "max"),
     )
+    return by_reason.reset_index()
 
 
 @once
@@ -201,23 +273,33 @@ def tracking(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         wide = tracked_over_time(tables, case)
-        t, count = wide.index.to_numpy(dtype=float), wide.to_numpy().sum(axis=1)
-        fixed = np.flatnonzero(count >= FIX)
-        first = int(fixed[0]) if fixed.size else len(t)
-        counts = count[first:] if fixed.size else np.array([np.nan])
+        t = wide.index.to_numpy(dtype=float)
+        tracked = wide.to_numpy()
+        count = tracked.sum(axis=1)
+        with_fix = np.flatnonzero(count >= FIX)
+        first = int(with_fix[0]) if with_fix.size else len(t)
+        counts_since = count[first:] if with_fix.size else np.array([np.nan])
         gaps = _gaps(t[first:], count[first:] >= FIX)
-        since = (t[first], t[first] - t[0]) if fixed.size else (np.nan, np.nan)
-        lost = int((wide.to_numpy()[:-1] & ~wide.to_numpy()[1:]).sum())
-        rows.append((label, *since, counts.min(), counts.mean(), len(gaps), max(gaps, default=0.0), lost))
-    names = ["case", "first_fix_s", "to_fix_s", "least_count", "mean_count", "gap_count", "longest_gap_s"]
-    return pd.DataFrame(rows, columns=[*names, "loss_count"])
+        row = {
+            "case": label,
+            "first_fix_s": t[first] if with_fix.size else np.nan,
+            "to_fix_s": t[first] - t[0] if with_fix.size else np.nan,
+            "least_count": counts_since.min(),
+            "mean_count": counts_since.mean(),
+            "gap_count": len(gaps),
+            "longest_gap_s": max(gaps, default=0.0),
+            "loss_count": int((tracked[:-1] & ~tracked[1:]).sum()),
+        }
+        rows.append(row)
+    return pd.DataFrame(rows, columns=_TRACKING)
 
 
-def _gaps(t: np.ndarray, good: np.ndarray) -> list[float]:
+def _gaps(t: np.ndarray, has_fix: np.ndarray) -> list[float]:
     """Return how long each stretch without a fix lasts, to the first time with one, or to the end."""
-    change = np.diff(np.concatenate([[1], good.astype(int), [1]]))
-    starts, ends = np.flatnonzero(change < 0), np.flatnonzero(change > 0)
-    return list(map(float, t[np.minimum(ends, len(t) - 1)] - t[starts]))
+    change = np.diff(np.concatenate([[1], has_fix.astype(int), [1]]))
+    starts = np.flatnonzero(change < 0)
+    ends = np.minimum(np.flatnonzero(change > 0), len(t) - 1)
+    return list(map(float, t[ends] - t[starts]))
 
 
 def recovery(tables: Tables) -> pd.DataFrame:
@@ -228,33 +310,39 @@ def recovery(tables: Tables) -> pd.DataFrame:
     tracked), to_all_s (until every lost one that ever comes back is), gone_count (that never do: they set meanwhile, or
     the flight ends). NaN where it does not happen.
     """
-    rows = [
-        {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
-        | _recovered(wide, float(fault.t_s), float(fault.t_end_s))
-        for case, label in tables.labels.items()
-        if len(found := faults(tables, case))
-        for wide in (tracked_over_time(tables, case),)
-        for fault in found.itertuples()
-    ]
-    names = ["case", "fault", "t_start_s", "t_end_s", "before_count", "least_count", "lost_count", "to_fix_s"]
-    return pd.DataFrame(rows, columns=[*names, "to_all_s", "gone_count"])
+    rows = []
+    for case, label in tables.labels.items():
+        for fault in faults(tables, case).itertuples():
+            values = _recovery_values(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
+            row = {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
+            rows.append(row | values)
+    return pd.DataFrame(rows, columns=_RECOVERY)
 
 
-def _recovered(wide: pd.DataFrame, start: float, end: float) -> dict[str, float]:
-    t, tracked = wide.index.to_numpy(dtype=float), wide.to_numpy()
-    earlier, after = tracked[t < start - SAME_TIME], t >= end - SAME_TIME
-    within = tracked[(t >= start - SAME_TIME) & ~after]
-    had = earlier[-1] if len(earlier) else np.zeros(tracked.shape[1], dtype=bool)
-    lost = had & ~within.all(axis=0)
-    later, times = tracked[after], t[after] - end
-    back = later[:, lost].any(axis=0) if len(later) else np.zeros(int(lost.sum()), dtype=bool)
-    fixed = np.flatnonzero(later.sum(axis=1) >= FIX)
-    returns = times[later[:, lost][:, back].argmax(axis=0)] if back.any() else np.empty(0)
+def _recovery_values(wide: pd.DataFrame, start: float, end: float) -> dict[str, float]:
+    """Return the counts and times of `recovery` for a fault between two times (s), of `tracked_over_time`."""
+    t = wide.index.to_numpy(dtype=float)
+    tracked = wide.to_numpy()
+    is_before = t < start - SAME_TIME
+    is_after = t >= end - SAME_TIME
+    during = tracked[~is_before & ~is_after]
+    after = tracked[is_after]
+    time_after = t[is_after] - end
+    at_start = tracked[is_before][-1] if is_before.any() else np.zeros(tracked.shape[1], dtype=bool)
+    is_lost = at_start & ~during.all(axis=0)
+    lost_after = after[:, is_lost]
+    returns = lost_after.any(axis=0)
+    with_fix = np.flatnonzero(after.sum(axis=1) >= FIX)
+    if returns.any():
+        first_tracked = lost_after[:, returns].argmax(axis=0)
+        to_all = max(0.0, float(time_after[first_tracked].max()))
+    else:
+        to_all = np.nan if is_lost.any() else 0.0
     return {
-        "before_count": int(had.sum()),
-        "least_count": int(within.sum(axis=1).min()) if len(within) else int(had.sum()),
-        "lost_count": int(lost.sum()),
-        "to_fix_s": max(0.0, float(times[fixed[0]])) if fixed.size else np.nan,
-        "to_all_s": max(0.0, float(returns.max())) if returns.size else (np.nan if lost.any() else 0.0),
-        "gone_count": int((~back).sum()),
+        "before_count": int(at_start.sum()),
+        "least_count": int(during.sum(axis=1).min()) if len(during) else int(at_start.sum()),
+        "lost_count": int(is_lost.sum()),
+        "to_fix_s": max(0.0, float(time_after[with_fix[0]])) if with_fix.size else np.nan,
+        "to_all_s": to_all,
+        "gone_count": int((~returns).sum()),
     }

@@ -51,69 +51,101 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> ExpressionValue:
     the logarithm; for the fraction of runs with a property it is exact binomial. Runs that failed in any term are
     excluded. The interval is widened to that over the pooled cases if this is larger.
     """
+    formal, true, monte_carlo = (_value_in_column(text, terms, column) for column in NUMBERS)
     remarks = [term.remark for term in terms.values() if term.remark]
-    formal, true, drawn = (
-        float(expression.evaluate(text, {name: getattr(term, column) for name, term in terms.items()}))
-        for column in NUMBERS
-    )
-    least = min(len(term.runs) for term in terms.values())
-    each = np.stack([term.runs[:least] for term in terms.values()])
-    sound = np.all(np.isfinite(each), axis=0)
+    n_run = min(len(term.runs) for term in terms.values())
+    runs = np.stack([term.runs[:n_run] for term in terms.values()])
+    is_finite = np.all(np.isfinite(runs), axis=0)
+    n = int(is_finite.sum())
     low = high = np.nan
-    n = int(sound.sum())
     if n >= _FEWEST:
-        if n < least:
-            remarks.append(f"{least - n} of {least} runs failed and are left out")
-        means, without = each[:, sound].mean(axis=1), _without(each[:, sound])
-        of_terms = list(zip(terms, means, without, terms.values(), strict=True))
-        drawn, others = (
-            expression.evaluate(text, {name: _root(pair[k], term) for name, *pair, term in of_terms}) for k in (0, 1)
-        )
-        low, high = _interval(float(drawn), np.asarray(others), expression.is_product(text))
-        low, high = _with_levels(text, terms, float(drawn), (low, high))
-        only = next(iter(terms.values()))
-        if only.is_share and len(terms) == 1 and text.strip() in terms:
-            exact = set(np.unique(only.runs)) <= {0.0, 1.0}
-            low, high = share(int(only.runs.sum()), n)[1:] if exact else np.clip((low, high), 0.0, 1.0).tolist()
-    return ExpressionValue(formal, true, float(drawn), low, high, n, tuple(dict.fromkeys(remarks)))
+        if n < n_run:
+            remarks.append(f"{n_run - n} of {n_run} runs failed and are left out")
+        monte_carlo, low, high = _value_by_runs(text, terms, runs[:, is_finite])
+        term = next(iter(terms.values()))
+        if term.is_share and len(terms) == 1 and text.strip() in terms:
+            if set(np.unique(term.runs)) <= {0.0, 1.0}:
+                _, low, high = share(int(term.runs.sum()), n)
+            else:
+                low, high = np.clip((low, high), 0.0, 1.0).tolist()
+    return ExpressionValue(
+        formal=formal,
+        true=true,
+        monte_carlo=monte_carlo,
+        low=low,
+        high=high,
+        runs=n,
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
 
 
-def _with_levels(
+def _value_in_column(text: str, terms: Mapping[str, MetricValue], column: str) -> float:
+    """Return the value of an expression with one of the `NUMBERS` of its terms."""
+    values = {name: getattr(term, column) for name, term in terms.items()}
+    return float(expression.evaluate(text, values))
+
+
+def _value_by_runs(text: str, terms: Mapping[str, MetricValue], runs: Floats) -> tuple[float, float, float]:
+    """Return the value of an expression by the runs (n_term, n_run) that did not fail, and the ends of its interval."""
+    sample_values = {}
+    jackknife_values = {}
+    for (name, term), mean, means_without in zip(terms.items(), runs.mean(axis=1), _jackknife_means(runs), strict=True):
+        sample_values[name] = _root(mean, term)
+        jackknife_values[name] = _root(means_without, term)
+    value = float(expression.evaluate(text, sample_values))
+    jackknife = np.asarray(expression.evaluate(text, jackknife_values))
+    interval = _interval(value, jackknife, expression.is_product(text))
+    low, high = _extend_interval(text, terms, value, interval)
+    return value, low, high
+
+
+def _extend_interval(
     text: str, terms: Mapping[str, MetricValue], centre: float, by_runs: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the interval by the runs, extended to the interval over the pooled cases if this reaches further."""
     counts = {len(term.levels) for term in terms.values() if len(term.levels)}
-    if len(counts) != 1 or (n := counts.pop()) < _FEWEST_LEVELS:
+    if len(counts) != 1:
         return by_runs
-    others = {
-        name: _root(_without(term.levels[None])[0] if len(term.levels) else np.full(n, term.runs.mean()), term)
-        for name, term in terms.items()
-    }
-    by_levels = _interval(centre, np.asarray(expression.evaluate(text, others)), expression.is_product(text))
-    return float(np.fmin(by_runs[0], by_levels[0])), float(np.fmax(by_runs[1], by_levels[1]))
+    n = counts.pop()
+    if n < _FEWEST_LEVELS:
+        return by_runs
+    jackknife_values = {}
+    for name, term in terms.items():
+        means = _jackknife_means(term.levels[None])[0] if len(term.levels) else np.full(n, term.runs.mean())
+        jackknife_values[name] = _root(means, term)
+    jackknife = np.asarray(expression.evaluate(text, jackknife_values))
+    by_levels = _interval(centre, jackknife, expression.is_product(text))
+    low = float(np.fmin(by_runs[0], by_levels[0]))
+    high = float(np.fmax(by_runs[1], by_levels[1]))
+    return low, high
 
 
-def _without(each: Floats) -> Floats:
+def _jackknife_means(runs: Floats) -> Floats:
     """Return the jackknife means (n_term, n_run): for each run the mean of all other runs."""
-    return np.asarray((each.sum(axis=1, keepdims=True) - each) / (each.shape[1] - 1))
+    return np.asarray((runs.sum(axis=1, keepdims=True) - runs) / (runs.shape[1] - 1))
 
 
 def _root(value: Any, term: MetricValue) -> Any:
+    """Return the square root of the mean of a term that is stored as a mean square; others unchanged."""
     return np.sqrt(np.maximum(value, 0.0)) if term.is_root else value
 
 
-def _interval(centre: float, without: Floats, is_product: bool) -> tuple[float, float]:
+def _interval(centre: float, jackknife: Floats, is_product: bool) -> tuple[float, float]:
     """Return the 95 % interval of a value from its jackknife values (n,), each without one run."""
-    if not (np.isfinite(centre) and np.all(np.isfinite(without))):
+    if not (np.isfinite(centre) and np.all(np.isfinite(jackknife))):
         return np.nan, np.nan
-    by_logarithm = is_product and centre > 0.0 and bool(np.all(without > 0.0))
-    middle, others = (np.log(centre), np.log(without)) if by_logarithm else (centre, without)
-    n = len(others)
-    sigma = np.sqrt((n - 1) / n * np.sum((others - others.mean()) ** 2))  # jackknife standard error
-    half = float(stats.t.isf(0.5 * (1.0 - _LEVEL), n - 1)) * sigma
-    ends = middle - half, middle + half
-    low, high = (float(np.exp(end)) if by_logarithm else float(end) for end in ends)
-    return low, high
+    # A product is closer to log-normal than to normal.
+    by_logarithm = is_product and centre > 0.0 and bool(np.all(jackknife > 0.0))
+    if by_logarithm:
+        centre, jackknife = np.log(centre), np.log(jackknife)
+    n = len(jackknife)
+    deviation = jackknife - jackknife.mean()
+    standard_error = np.sqrt((n - 1) / n * np.sum(deviation**2))
+    half = float(stats.t.isf(0.5 * (1.0 - _LEVEL), n - 1)) * standard_error
+    low, high = centre - half, centre + half
+    if by_logarithm:
+        low, high = np.exp(low), np.exp(high)
+    return float(low), float(high)
 
 
 def verdict(value: ExpressionValue, low: float, high: float, tested_by: Sequence[str]) -> str:
@@ -134,13 +166,21 @@ def verdict(value: ExpressionValue, low: float, high: float, tested_by: Sequence
     str
         The worst of `HOLDS`, `UNDECIDED` and `FAILS` over the numbers; `NOT_SET_UP` if none is known.
     """
-    words = []
+    verdicts = set()
     for name in tested_by:
         number = getattr(value, name)
-        ends = (value.low, value.high) if name == "monte_carlo" and value.low == value.low else (number, number)
-        if number != number:
+        if np.isnan(number):
             continue
-        inside = not (ends[0] < low or ends[1] > high)
-        outside = ends[1] < low or ends[0] > high
-        words.append(HOLDS if inside else FAILS if outside else UNDECIDED)
-    return next((word for word in (FAILS, UNDECIDED, HOLDS) if word in words), NOT_SET_UP)
+        least = most = number
+        if name == "monte_carlo" and not np.isnan(value.low):
+            least, most = value.low, value.high
+        if not (least < low or most > high):
+            verdicts.add(HOLDS)
+        elif most < low or least > high:
+            verdicts.add(FAILS)
+        else:
+            verdicts.add(UNDECIDED)
+    for word in (FAILS, UNDECIDED, HOLDS):
+        if word in verdicts:
+            return word
+    return NOT_SET_UP
