@@ -1,6 +1,7 @@
 """Metrics of linear covariance: errors, range of validity, agreement with Monte Carlo, diagnostics."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,16 +35,14 @@ LEAST_SHARE = 1e-9
 # Fraction of the largest singular value below which a singular value is rounding error
 NUMERICAL = 1e-10
 NOT_APPLICABLE = "not applicable"
+_BY_CASE = [
+    "case", "verdict", "reason", "alpha_ratio", "tested_count", "outside_count", "state", "event",
+    "ratio", "low", "high", "source", "share_ratio",
+]  # fmt: skip
 OBSERVED = [
-    "case",
-    "stretches",
-    "states",
-    "least_rank",
-    "least_rank_with_information",
-    "smallest_ratio",
-    "position_against_bias_ratio",
-    "weakest_direction",
-]
+    "case", "stretches", "states", "least_rank", "least_rank_with_information", "smallest_ratio",
+    "position_against_bias_ratio", "weakest_direction",
+]  # fmt: skip
 
 
 def beyond_linear(attitude: float, when: str = "") -> str:
@@ -55,10 +54,11 @@ def beyond_linear(attitude: float, when: str = "") -> str:
 def beyond_at_start(tables: Tables, case: str) -> str:
     """Return the message if the attitude error of a case at or before lift-off is not a small angle, else empty."""
     largest, t = _first_tilts(tables).get(case, (0.0, 0.0))
-    return _beyond_at(largest, t) if largest > LINEAR_ATTITUDE else ""
+    return _tilt_message(largest, t) if largest > LINEAR_ATTITUDE else ""
 
 
-def _beyond_at(attitude: float, t: float) -> str:
+def _tilt_message(attitude: float, t: float) -> str:
+    """Return the message on an attitude sigma (rad) at a time (s) that is not a small angle."""
     return beyond_linear(attitude, f" at {t:.0f} s")
 
 
@@ -68,30 +68,29 @@ def _first_tilts(tables: Tables) -> dict[str, tuple[float, float]]:
     rows = tables.history[tables.history.t_s <= SAME_TIME]
     rows = rows[(rows.quantity == "attitude") & (rows.axis != "3d")].dropna(subset=["lincov_true_si"])
     largest = rows.sort_values("lincov_true_si", ascending=False, kind="stable").drop_duplicates("case")
-    return dict(zip(largest.case, zip(largest.lincov_true_si, largest.t_s, strict=True), strict=True))
+    return {row.case: (row.lincov_true_si, row.t_s) for row in largest.itertuples()}
 
 
 def why_not_applicable(tables: Tables, case: str) -> str:
     """Return the reason why linear covariance does not describe a case at every epoch; empty if it does."""
-    reason: str = _why_not(tables, case)[0]
+    reason: str = _cached_reason(tables, case)[0]
     return reason
 
 
 @once
-def _why_not(tables: Tables, case: str) -> list[str]:
-    return [_why_not_applicable(tables, case)]
-
-
-def _why_not_applicable(tables: Tables, case: str) -> str:
-    # with a spot check, its runs decide whether the attitude error is too large
-    checked = (tables.campaign.get("covariance") or {}).get("spot_check")
+def _cached_reason(tables: Tables, case: str) -> list[str]:
+    first_tilt = (0.0, 0.0)
+    # With a spot check, its runs decide whether the attitude error is too large.
+    if not (tables.campaign.get("covariance") or {}).get("spot_check"):
+        first_tilt = _first_tilts(tables).get(case, first_tilt)
     rows = pick(tables.innovations, case=case)
-    return why_outside(
+    reason = why_outside(
         bool(pick(tables.cases, case=case).logic.any()),
-        (0.0, 0.0) if checked else _first_tilts(tables).get(case, (0.0, 0.0)),
+        first_tilt,
         rows.t_s.to_numpy(dtype=float),
         rows.false_rejection_ratio.to_numpy(dtype=float),
     )
+    return [reason]
 
 
 def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rejected: Floats) -> str:
@@ -111,11 +110,12 @@ def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rej
     if has_logic:
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
     if first_tilt[0] > LINEAR_ATTITUDE:
-        return _beyond_at(*first_tilt)
+        return _tilt_message(*first_tilt)
     largest = np.nanmax(rejected, initial=0.0)
     if not largest > REJECTS_TOO_MUCH:
         return ""
-    return f"the gate rejects {100 * largest:.2g} % of good rows at {t[np.nanargmax(rejected)]:.0f} s"
+    t_largest = t[np.nanargmax(rejected)]
+    return f"the gate rejects {100 * largest:.2g} % of good rows at {t_largest:.0f} s"
 
 
 def why_second_order(tables: Tables, case: str) -> str:
@@ -124,10 +124,10 @@ def why_second_order(tables: Tables, case: str) -> str:
     It is a large attitude error in flight, or a mean error much larger than its spread; empty if neither applies.
     """
     rows = _navigation_history(tables, case)
-    tilted = rows[rows.quantity == "attitude"]
-    if len(tilted) and tilted.lincov_true_si.max() > LINEAR_ATTITUDE:
-        at = tilted.loc[tilted.lincov_true_si.idxmax()]
-        return beyond_linear(float(at.lincov_true_si), f" at {at.t_s:.0f} s")
+    attitude = rows[rows.quantity == "attitude"]
+    if len(attitude) and attitude.lincov_true_si.max() > LINEAR_ATTITUDE:
+        largest = attitude.loc[attitude.lincov_true_si.idxmax()]
+        return _tilt_message(float(largest.lincov_true_si), largest.t_s)
     return why_large_mean(tables, case)
 
 
@@ -143,10 +143,10 @@ def why_large_mean(tables: Tables, case: str) -> str:
     ratio = rows.lincov_mean_si.abs() / rows.lincov_true_si
     if not ratio.max() > LARGE_MEAN:
         return ""
-    at = rows.loc[ratio.idxmax()]
+    row = rows.loc[ratio.idxmax()]
     return (
-        f"the mean error is {ratio.max():.2g} sigma ({at.quantity} {at.axis} at {at.t_s:.0f} s): runs hardly spread, "
-        "and the second order of the mean counts"
+        f"the mean error is {ratio.max():.2g} sigma ({row.quantity} {row.axis} at {row.t_s:.0f} s): runs hardly "
+        "spread, and the second order of the mean counts"
     )
 
 
@@ -160,46 +160,56 @@ def agreement(tables: Tables) -> pd.DataFrame:
     describe the case (`why_not_applicable`), or if the engines disagree about second-order errors (`why_second_order`).
     """
     rows = []
-    names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
-    moments = {case: _moments(tables, case) for case in tables.labels}
     for case, quantity, axis in names_of_series(tables):
-        if quantity not in NAVIGATION or axis == "3d":
-            continue
-        unit, factor = tables.people[quantity, axis]
-        events, times = moments[case]
-        history = history_columns(tables, case, quantity, axis, *names)
-        at = np.argmin(np.abs(history[0] - times[:, None]), axis=1)
-        values = zip(events, times, *(column[at] for column in history), strict=True)
-        for event, when, t, rms, true, mean, runs, dof in values:
-            expected = float(np.hypot(true, mean))
-            if expected > 0 and abs(t - when) < SAME_TIME:
-                head = (tables.labels[case], event, f"{quantity} {axis}", unit)
-                rows.append((*head, rms * factor, expected * factor, rms / expected, runs * dof))
-    found = _with_verdicts(pd.DataFrame(rows, columns=[*AGREEMENT[:7], "freedom"]))
-    differ = set(found.case[found.agree == "disagree"])
-    outside = [
-        label
-        for case, label in tables.labels.items()
-        if why_not_applicable(tables, case) or (label in differ and why_second_order(tables, case))
-    ]
-    tested = found.agree.isin(["agree", "disagree"])
-    return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), NOT_APPLICABLE))
+        if quantity in NAVIGATION and axis != "3d":
+            rows += _rms_ratios(tables, case, quantity, axis)
+    frame = _test_ratios(pd.DataFrame(rows, columns=[*AGREEMENT[:7], "freedom"]))
+    disagreeing = set(frame.case[frame.agree == "disagree"])
+    inapplicable = []
+    for case, label in tables.labels.items():
+        if why_not_applicable(tables, case) or (label in disagreeing and why_second_order(tables, case)):
+            inapplicable.append(label)
+    is_tested = frame.agree.isin(["agree", "disagree"])
+    return frame.assign(agree=frame.agree.mask(is_tested & frame.case.isin(inapplicable), NOT_APPLICABLE))
 
 
-def _moments(tables: Tables, case: str) -> tuple[list[str], Floats]:
+def _rms_ratios(tables: Tables, case: str, quantity: str, axis: str) -> list[dict[str, Any]]:
+    """Return `AGREEMENT` up to the ratio, and the degrees of freedom of the runs, of an error at every event."""
+    unit, factor = tables.people[quantity, axis]
+    names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
+    t, rms, true, mean, runs, dof = history_columns(tables, case, quantity, axis, *names)
     events = flight_events(tables, case)
-    return list(events.event), events.t_s.to_numpy(dtype=float)
+    nearest = np.argmin(np.abs(t - events.t_s.to_numpy(dtype=float)[:, None]), axis=1)
+    rows = []
+    for event, t_event, k in zip(events.event, events.t_s, nearest, strict=True):
+        expected = float(np.hypot(true[k], mean[k]))
+        if expected > 0 and abs(t[k] - t_event) < SAME_TIME:
+            row = {
+                "case": tables.labels[case],
+                "event": event,
+                "state": f"{quantity} {axis}",
+                "unit": unit,
+                "monte_carlo": rms[k] * factor,
+                "lincov": expected * factor,
+                "ratio": rms[k] / expected,
+                "freedom": runs[k] * dof[k],
+            }
+            rows.append(row)
+    return rows
 
 
-def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
+def _test_ratios(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return `AGREEMENT` from ratios and their degrees of freedom: limits, and whether each ratio is within."""
     members = frame.groupby("case").case.transform("size").to_numpy(dtype=float)
-    low, high = np.empty(len(frame)), np.empty(len(frame))
+    low = np.empty(len(frame))
+    high = np.empty(len(frame))
     for size in np.unique(members):
-        chosen = members == size
-        low[chosen], high[chosen] = ratio_interval(frame.freedom[chosen], ALPHA / size)
-    low, high = np.minimum(low, 1.0 - FIRST_ORDER), np.maximum(high, 1.0 + FIRST_ORDER)
-    inside = (frame.ratio >= low) & (frame.ratio <= high)
-    verdict = np.where(frame.freedom == 0, "no runs", np.where(inside, "agree", "disagree"))
+        same_size = members == size
+        low[same_size], high[same_size] = ratio_interval(frame.freedom[same_size], ALPHA / size)  # Bonferroni
+    low = np.minimum(low, 1.0 - FIRST_ORDER)
+    high = np.maximum(high, 1.0 + FIRST_ORDER)
+    is_inside = (frame.ratio >= low) & (frame.ratio <= high)
+    verdict = np.where(frame.freedom == 0, "no runs", np.where(is_inside, "agree", "disagree"))
     return frame.assign(low=low, high=high, agree=verdict)[AGREEMENT]
 
 
@@ -212,25 +222,45 @@ def by_case(tables: Tables) -> pd.DataFrame:
     state at the event, and its share of the variance; empty without an error budget.
     """
     digests = {label: case for case, label in tables.labels.items()}
-    found = []
-    for label, group in agreement(tables).groupby("case", sort=False):
-        case = digests[label]
-        verdict = next((v for v in ("no runs", NOT_APPLICABLE, "disagree") if (group.agree == v).any()), "agree")
-        # logarithmic distance from 1 over that of the limit: above 1 the ratio is outside
-        distance = np.abs(np.log(group.ratio)) / np.where(group.ratio > 1, np.log(group.high), -np.log(group.low))
-        worst = group.iloc[0 if verdict == "no runs" else int(np.nanargmax(distance.to_numpy()))]
-        outside = int(((group.ratio < group.low) | (group.ratio > group.high)).sum())
-        quantity, axis = worst.state.split(" ")
-        sources = pick(tables.budget, case=case, event=worst.event, quantity=quantity, axis=axis)
-        share = sources.set_index("source").share_ratio
-        largest = (share.idxmax(), float(share.max())) if len(share) else ("", float("nan"))
-        reason = why_not_applicable(tables, case)
-        if verdict == NOT_APPLICABLE and not reason:
-            reason = why_second_order(tables, case)
-        head = (label, verdict, reason, ALPHA, len(group), outside)
-        found.append((*head, *worst[["state", "event", "ratio", "low", "high"]], *largest))
-    names = ["case", "verdict", "reason", "alpha_ratio", "tested_count", "outside_count", "state", "event", "ratio"]
-    return pd.DataFrame(found, columns=[*names, "low", "high", "source", "share_ratio"])
+    rows = [
+        _case_verdict(tables, digests[label], ratios) for label, ratios in agreement(tables).groupby("case", sort=False)
+    ]
+    return pd.DataFrame(rows, columns=_BY_CASE)
+
+
+def _case_verdict(tables: Tables, case: str, ratios: pd.DataFrame) -> dict[str, Any]:
+    """Return the row of `by_case` for the rows of a case in `agreement`."""
+    verdict = "agree"
+    for word in ("no runs", NOT_APPLICABLE, "disagree"):
+        if (ratios.agree == word).any():
+            verdict = word
+            break
+    reason = why_not_applicable(tables, case)
+    if verdict == NOT_APPLICABLE and not reason:
+        reason = why_second_order(tables, case)
+    # logarithmic distance from 1 over that of the limit: above 1 the ratio is outside
+    limit = np.where(ratios.ratio > 1, np.log(ratios.high), -np.log(ratios.low))
+    distance = np.abs(np.log(ratios.ratio)) / limit
+    worst = ratios.iloc[0 if verdict == "no runs" else int(np.nanargmax(distance.to_numpy()))]
+    is_outside = (ratios.ratio < ratios.low) | (ratios.ratio > ratios.high)
+    quantity, axis = worst.state.split(" ")
+    sources = pick(tables.budget, case=case, event=worst.event, quantity=quantity, axis=axis)
+    share = sources.set_index("source").share_ratio
+    return {
+        "case": tables.labels[case],
+        "verdict": verdict,
+        "reason": reason,
+        "alpha_ratio": ALPHA,
+        "tested_count": len(ratios),
+        "outside_count": int(is_outside.sum()),
+        "state": worst.state,
+        "event": worst.event,
+        "ratio": worst.ratio,
+        "low": worst.low,
+        "high": worst.high,
+        "source": share.idxmax() if len(share) else "",
+        "share_ratio": float(share.max()) if len(share) else float("nan"),
+    }
 
 
 def budget(tables: Tables) -> pd.DataFrame:
@@ -243,24 +273,28 @@ def budget(tables: Tables) -> pd.DataFrame:
     rows = tables.budget
     rows = rows[(rows.event != "") & (rows.axis == "3d") & rows.quantity.isin(NAVIGATION)]
     negligible = rows.share_ratio < LEAST_SHARE
-    found = _labelled(tables, rows, "event", "source").assign(
+    frame = _label_rows(tables, rows, "event", "source").assign(
         sigma=rows.sigma_si.mask(negligible, 0.0) * _factors(tables, rows),
         share_ratio=rows.share_ratio.mask(negligible, 0.0),
     )
-    found = found[["case", "event", "source", "metric", "unit", "sigma", "share_ratio"]]
-    place = found.groupby(["case", "event", "metric"], sort=False).ngroup()
-    order = found.assign(place=place).sort_values(["place", "share_ratio"], ascending=[True, False], kind="stable")
-    return order.drop(columns="place").reset_index(drop=True)
+    frame = frame[["case", "event", "source", "metric", "unit", "sigma", "share_ratio"]]
+    group = frame.groupby(["case", "event", "metric"], sort=False).ngroup()
+    ordered = frame.assign(group=group).sort_values(["group", "share_ratio"], ascending=[True, False], kind="stable")
+    return ordered.drop(columns="group").reset_index(drop=True)
 
 
-def _labelled(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
+def _label_rows(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
     """Return case and columns of rows, with the name of the metric (a 3-D error) and its display unit."""
-    units = rows.quantity.map({quantity: unit for (quantity, axis), (unit, _) in tables.people.items() if axis == "3d"})
-    found = rows[["case", *columns]].assign(metric=rows.quantity + "_error", unit=units)
-    return found.assign(case=rows.case.map(tables.labels))
+    units = {quantity: unit for (quantity, axis), (unit, _) in tables.people.items() if axis == "3d"}
+    return rows[["case", *columns]].assign(
+        case=rows.case.map(tables.labels),
+        metric=rows.quantity + "_error",
+        unit=rows.quantity.map(units),
+    )
 
 
 def _factors(tables: Tables, rows: pd.DataFrame) -> pd.Series:
+    """Return the factor from SI to the display unit of the 3-D error of each row."""
     factors = {quantity: factor for (quantity, axis), (_, factor) in tables.people.items() if axis == "3d"}
     return rows.quantity.map(factors).astype(float)
 
@@ -274,9 +308,9 @@ def contributions(tables: Tables) -> pd.DataFrame:
     rows = tables.adjoint[tables.adjoint.axis == "3d"]
     total = rows.groupby(["case", "quantity"], sort=False).variance_si2.transform("sum")
     rows = rows.rename(columns={"bin_start_s": "t_start_s", "bin_end_s": "t_end_s"})
-    found = _labelled(tables, rows, "event", "source", "t_start_s", "t_end_s")
-    found = found.assign(share_ratio=rows.variance_si2 / total).reset_index(drop=True)
-    return found[["case", "event", "metric", "source", "t_start_s", "t_end_s", "share_ratio"]]
+    frame = _label_rows(tables, rows, "event", "source", "t_start_s", "t_end_s")
+    frame = frame.assign(share_ratio=rows.variance_si2 / total).reset_index(drop=True)
+    return frame[["case", "event", "metric", "source", "t_start_s", "t_end_s", "share_ratio"]]
 
 
 def sensitivity(tables: Tables) -> pd.DataFrame:
@@ -285,10 +319,11 @@ def sensitivity(tables: Tables) -> pd.DataFrame:
     frozen: RMS error by linear covariance with the gains of the campaign's filter, in display units. retuned: with the
     filter model matched to the scaled sigma.
     """
-    rows, factors = tables.sensitivity, _factors(tables, tables.sensitivity)
-    found = _labelled(tables, rows, "event", "source", "factor_ratio")
-    found = found.assign(frozen=rows.frozen_si * factors, retuned=rows.retuned_si * factors)
-    return found[["case", "event", "metric", "unit", "source", "factor_ratio", "frozen", "retuned"]]
+    rows = tables.sensitivity
+    factors = _factors(tables, rows)
+    frame = _label_rows(tables, rows, "event", "source", "factor_ratio")
+    frame = frame.assign(frozen=rows.frozen_si * factors, retuned=rows.retuned_si * factors)
+    return frame[["case", "event", "metric", "unit", "source", "factor_ratio", "frozen", "retuned"]]
 
 
 def observability(tables: Tables) -> pd.DataFrame:
@@ -300,15 +335,15 @@ def observability(tables: Tables) -> pd.DataFrame:
     """
     counts = ["measurement_count", "rank_count", "state_count", "tolerance_ratio"]
     smallest = ["smallest_ratio", "second_ratio", "third_ratio"]
-    found = []
-    for _, group in tables.observability.groupby(["case", "phase", "t_s"], sort=False):
-        first = group.iloc[0]
-        values = dict(zip(smallest, np.sort(group.singular_ratio.to_numpy()), strict=False))
-        head = {"case": tables.labels[first.case], "t_start_s": first.t_s}
-        found.append({**head, **first[["phase", "t_end_s", *counts, "weakest_direction"]], **values})
-    return pd.DataFrame(
-        found, columns=["case", "phase", "t_start_s", "t_end_s", *counts, *smallest, "weakest_direction"]
-    )
+    rows = []
+    for _, phase in tables.observability.groupby(["case", "phase", "t_s"], sort=False):
+        first = phase.iloc[0]
+        row = {"case": tables.labels[first.case], "t_start_s": first.t_s}
+        row |= first[["phase", "t_end_s", *counts, "weakest_direction"]].to_dict()
+        row |= dict(zip(smallest, np.sort(phase.singular_ratio.to_numpy()), strict=False))
+        rows.append(row)
+    columns = ["case", "phase", "t_start_s", "t_end_s", *counts, *smallest, "weakest_direction"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def nonlinearity(tables: Tables) -> pd.DataFrame:
@@ -333,17 +368,27 @@ def observability_ranks(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, group in tables.observability.groupby("case", sort=False):
-        phases = [phase for _, phase in group.groupby("t_s")]
-        ranks = [int((phase.singular_ratio > NUMERICAL * phase.singular_ratio.max()).sum()) for phase in phases]
-        of_bias = group.singular_ratio[np.array([is_position_bias(text) for text in group.direction], dtype=bool)]
-        counts = (len(phases), int(group.state_count.iloc[0]), min(ranks), int(group.rank_count.min()))
-        smallest = (float(group.singular_ratio.min()), float(of_bias.min()) if len(of_bias) else np.nan)
-        rows.append((tables.labels[str(case)], *counts, *smallest, str(group.direction[group.singular_ratio.idxmin()])))
+        ratio = group.singular_ratio
+        ranks = []
+        for _, phase_ratio in ratio.groupby(group.t_s):
+            ranks.append(int((phase_ratio > NUMERICAL * phase_ratio.max()).sum()))
+        is_bias = np.array([is_position_bias(text) for text in group.direction], dtype=bool)
+        row = {
+            "case": tables.labels[str(case)],
+            "stretches": len(ranks),
+            "states": int(group.state_count.iloc[0]),
+            "least_rank": min(ranks),
+            "least_rank_with_information": int(group.rank_count.min()),
+            "smallest_ratio": float(ratio.min()),
+            "position_against_bias_ratio": float(ratio[is_bias].min()),  # NaN if there is no such direction
+            "weakest_direction": str(group.direction[ratio.idxmin()]),
+        }
+        rows.append(row)
     return pd.DataFrame(rows, columns=OBSERVED)
 
 
 def is_position_bias(direction: str) -> bool:
     """Whether a direction in words is a combination of position and its bias alone."""
-    names = [part.split(" ", 1)[1] for part in direction.split(", ") if " " in part]
-    of_bias = any(name.startswith("position bias") for name in names)
-    return of_bias and all(name.startswith("position") for name in names)
+    names = [component.split(" ", 1)[1] for component in direction.split(", ") if " " in component]
+    has_bias = any(name.startswith("position bias") for name in names)
+    return has_bias and all(name.startswith("position") for name in names)

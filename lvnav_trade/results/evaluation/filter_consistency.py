@@ -179,7 +179,7 @@ def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, 
     high = float(np.fmax(rows.high.mean(), (1.0 + TOLERANCE) ** 2))
     nees_ratio, moment = float(rows.value.mean()), "run"
     if low <= nees_ratio <= high:
-        for event, ratio in _nees_at_required_events(tables, case, rows):
+        for event, ratio in _required_event_nees(tables, case, rows):
             if not low <= ratio <= high:
                 nees_ratio, moment = ratio, event
                 break
@@ -201,7 +201,7 @@ def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, 
     }
 
 
-def _nees_at_required_events(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
+def _required_event_nees(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
     """Return the events of requirements in order of time, with NEES per degree of freedom."""
     requirements = tables.campaign.get("requirements") or ()
     required = {str(requirement["at"]) for requirement in requirements if requirement.get("at")}

@@ -44,6 +44,8 @@ NOZZLE = [
 ]
 _DEG_H = 206264.80624709636
 _SHORTEST = 5.0  # s; shorter phases are omitted
+_SETTLING = 2.0  # s after the start of a phase that are omitted
+_LEAD = 1.0  # s before the end of a phase that are omitted
 
 
 def rate_and_acceleration(tables: Tables) -> pd.DataFrame:
@@ -64,11 +66,17 @@ def rate_and_acceleration(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        pairs = [pair for quantity in QUANTITIES for pair in _pairs(tables, case, quantity)]
-        for first, second in pairwise(flight_events(tables, case).itertuples()) if pairs else ():
-            if second.t_s - first.t_s >= _SHORTEST:
-                head = (label, f"{first.event} to {second.event}")
-                rows += [(*head, *row) for row in _rows(tables, pairs, first.t_s + 2.0, second.t_s - 1.0)]
+        pairs = []
+        for quantity in QUANTITIES:
+            pairs += _error_pairs(tables, case, quantity)
+        for first, second in pairwise(flight_events(tables, case).itertuples()):
+            if second.t_s - first.t_s < _SHORTEST:
+                continue
+            phase = f"{first.event} to {second.event}"
+            for pair in pairs:
+                comparison = _compare_errors(tables, pair, first.t_s + _SETTLING, second.t_s - _LEAD)
+                if comparison:
+                    rows.append({"case": label, "phase": phase, **comparison})
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -81,40 +89,71 @@ class _Pair(NamedTuple):
     estimate: pd.DataFrame  # rows of the history of the estimate's error
 
 
-def _pairs(tables: Tables, case: str, quantity: str) -> list[_Pair]:
-    known = pick(tables.outputs, case=case)
+def _error_pairs(tables: Tables, case: str, quantity: str) -> list[_Pair]:
+    outputs = pick(tables.outputs, case=case)
     # without a model of the vehicle the estimate is the sample minus its estimated bias
-    name = quantity if (known.quantity == quantity).any() else f"corrected_{quantity}"
-    axes = [str(axis) for axis in known.axis[known.quantity == f"raw_{quantity}"] if axis != "3d"]
-    histories = [(axis, *(history_of(tables, case, of, axis) for of in (f"raw_{quantity}", name))) for axis in axes]
-    return [_Pair(quantity, *history) for history in histories]
+    estimate = quantity if (outputs.quantity == quantity).any() else f"corrected_{quantity}"
+    pairs = []
+    for axis in outputs.axis[outputs.quantity == f"raw_{quantity}"]:
+        if axis != "3d":
+            raw_history = history_of(tables, case, f"raw_{quantity}", str(axis))
+            estimate_history = history_of(tables, case, estimate, str(axis))
+            pairs.append(_Pair(quantity, str(axis), raw_history, estimate_history))
+    return pairs
 
 
-def _rows(tables: Tables, pairs: list[_Pair], after: float, before: float) -> list[tuple[Any, ...]]:
-    """Return the values of `COLUMNS`, beginning with the metric, by axis, between two times (s), both excluded."""
-    found = []
-    for quantity, axis, *both in pairs:
-        raw, estimate = (rows[(rows.t_s > after) & (rows.t_s < before)] for rows in both)
-        if raw.empty or estimate.empty:
-            continue
-        unit, factor = tables.people[f"raw_{quantity}", axis]
-        (raw_rms, raw_sigma, _), (rms, sigma, true) = _sizes(raw), _sizes(estimate)
-        runs, ratio = int(estimate.run_count.min()), rms / sigma
-        low, high = (ratio * float(bound) for bound in rms_interval(1.0, max(1, runs)))
-        verdict = "as modelled" if low <= 1.0 <= high else ("smaller" if ratio < 1.0 else "larger")
-        sizes = [factor * size for size in (raw_rms, rms, sigma, true)]
-        better = (100.0 * (1.0 - rms / raw_rms), 100.0 * (1.0 - sigma / raw_sigma))
-        head = (f"{quantity}_error", axis, unit)
-        found.append((*head, *sizes, *better, ratio, low, high, verdict if runs else "no runs"))
-    return found
+def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) -> dict[str, Any]:
+    """Return the values of `COLUMNS` from the metric on, between two times (s), both excluded; empty without rows."""
+    raw_rows = pair.raw[(pair.raw.t_s > after) & (pair.raw.t_s < before)]
+    estimate_rows = pair.estimate[(pair.estimate.t_s > after) & (pair.estimate.t_s < before)]
+    if raw_rows.empty or estimate_rows.empty:
+        return {}
+    unit, factor = tables.people[f"raw_{pair.quantity}", pair.axis]
+    raw = _root_mean_squares(raw_rows)
+    estimate = _root_mean_squares(estimate_rows)
+    runs = int(estimate_rows.run_count.min())
+    ratio = estimate.rms / estimate.sigma
+    low, high = (ratio * float(bound) for bound in rms_interval(1.0, max(1, runs)))
+    if not runs:
+        verdict = "no runs"
+    elif low <= 1.0 <= high:
+        verdict = "as modelled"
+    else:
+        verdict = "smaller" if ratio < 1.0 else "larger"
+    return {
+        "metric": f"{pair.quantity}_error",
+        "axis": pair.axis,
+        "unit": unit,
+        "raw": factor * raw.rms,
+        "filtered": factor * estimate.rms,
+        "filter_sigma": factor * estimate.sigma,
+        "lincov_true": factor * estimate.true,
+        "reduction_percent": 100.0 * (1.0 - estimate.rms / raw.rms),
+        "formal_reduction_percent": 100.0 * (1.0 - estimate.sigma / raw.sigma),
+        "over_sigma_ratio": ratio,
+        "low": low,
+        "high": high,
+        "verdict": verdict,
+    }
 
 
-def _sizes(rows: pd.DataFrame) -> list[float]:
-    """Return the root mean squares over time of the runs' RMS error, of the formal sigma, and of the true RMS error."""
-    true, t = rows.lincov_true_si**2 + rows.lincov_mean_si**2, rows.t_s.to_numpy()
-    runs = bool(rows.run_count.iloc[0])
-    squares = (rows.rms_si**2, rows.filter_sigma_si**2, true) if runs else (true, rows.lincov_formal_si**2, true)
-    return [float(np.sqrt(time_mean(t, square.to_numpy()))) for square in squares]
+class _RootMeanSquares(NamedTuple):
+    """Root mean squares of an error over time, SI."""
+
+    rms: float  # error of the runs; without runs by linear covariance
+    sigma: float  # formal sigma
+    true: float  # error by linear covariance
+
+
+def _root_mean_squares(rows: pd.DataFrame) -> _RootMeanSquares:
+    t = rows.t_s.to_numpy()
+    true_square = rows.lincov_true_si**2 + rows.lincov_mean_si**2
+    if rows.run_count.iloc[0]:
+        squares = (rows.rms_si**2, rows.filter_sigma_si**2, true_square)
+    else:
+        squares = (true_square, rows.lincov_formal_si**2, true_square)
+    rms, sigma, true = (float(np.sqrt(time_mean(t, square.to_numpy()))) for square in squares)
+    return _RootMeanSquares(rms, sigma, true)
 
 
 def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats, Floats, Floats]:
@@ -144,10 +183,13 @@ def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats,
     """
     if len(base) != len(lower) or len(base) < 2:
         raise ValueError(f"{len(base)} and {len(lower)} runs: a paired comparison needs two or more of each, alike")
-    ratio = np.log(lower / base)
-    mean, n = ratio.mean(axis=0), len(ratio)
-    reach = float(stats.t.isf(alpha / 2.0, n - 1)) * ratio.std(axis=0, ddof=1) / np.sqrt(n)
-    return 1.0 - np.exp(mean), 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach)
+    log_ratio = np.log(lower / base)
+    n = len(log_ratio)
+    mean = log_ratio.mean(axis=0)
+    half = float(stats.t.isf(alpha / 2.0, n - 1)) * log_ratio.std(axis=0, ddof=1) / np.sqrt(n)
+    low = 1.0 - np.exp(mean + half)
+    high = 1.0 - np.exp(mean - half)
+    return 1.0 - np.exp(mean), low, high
 
 
 def nozzle_travel(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
@@ -158,15 +200,24 @@ def nozzle_travel(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     """
     rows = []
     for (case, burn, axis), group in tables.nozzle_travel.groupby(["case", "burn", "axis"], sort=False):
-        moved = group.pivot(index="run_number", columns="controller_rate", values="travel_rad")
-        less: tuple[float, ...] = (np.nan, np.nan, np.nan)
-        if len(moved) > 1 and bool((moved > 0.0).all(axis=None)):
-            less = tuple(
-                100.0 * float(number[0])
-                for number in reduction(moved[["raw"]].to_numpy(), moved[["filtered"]].to_numpy(), alpha)
-            )
-        means = [float(np.degrees(moved[feed].mean())) for feed in ("raw", "filtered", "true")]
-        rows.append((tables.labels[str(case)], burn, axis, len(moved), *means, *less))
+        travel = group.pivot(index="run_number", columns="controller_rate", values="travel_rad")
+        percent, low, high = np.nan, np.nan, np.nan
+        if len(travel) > 1 and bool((travel > 0.0).all(axis=None)):
+            reductions = reduction(travel[["raw"]].to_numpy(), travel[["filtered"]].to_numpy(), alpha)
+            percent, low, high = (100.0 * float(fraction[0]) for fraction in reductions)
+        row = {
+            "case": tables.labels[str(case)],
+            "burn": burn,
+            "axis": axis,
+            "runs": len(travel),
+            "raw_deg": float(np.degrees(travel["raw"].mean())),
+            "filtered_deg": float(np.degrees(travel["filtered"].mean())),
+            "true_deg": float(np.degrees(travel["true"].mean())),
+            "reduction_percent": percent,
+            "low_percent": low,
+            "high_percent": high,
+        }
+        rows.append(row)
     return pd.DataFrame(rows, columns=NOZZLE)
 
 
@@ -176,12 +227,12 @@ def rate_filter_benefit(tables: Tables) -> pd.DataFrame:
     Movement of the nozzle and reduction_percent as in `nozzle_travel`. possible_percent: reduction with the true rate,
     the largest that any filter can achieve. *_error_mrad: RMS attitude error of the controlled vehicle in burns.
     """
-    moved, errors = pick(nozzle_travel(tables), burn="flight"), pick(motion_statistics(tables), phase="burn")
-    moved = moved.drop(columns=["burn", "runs"]).reset_index(drop=True)
-    moved["possible_percent"] = 100.0 * (1.0 - moved.true_deg / moved.raw_deg.where(moved.raw_deg > 0.0))
-    wide = errors.pivot_table(index=["case", "axis"], columns="controller_rate", values="attitude_error_mrad")
-    wide = wide.reindex(columns=["raw", "filtered", "true"]).add_suffix("_error_mrad")
-    return moved.join(wide, on=["case", "axis"])
+    travel = pick(nozzle_travel(tables), burn="flight").drop(columns=["burn", "runs"]).reset_index(drop=True)
+    travel["possible_percent"] = 100.0 * (1.0 - travel.true_deg / travel.raw_deg.where(travel.raw_deg > 0.0))
+    statistics = pick(motion_statistics(tables), phase="burn")
+    errors = statistics.pivot_table(index=["case", "axis"], columns="controller_rate", values="attitude_error_mrad")
+    errors = errors.reindex(columns=["raw", "filtered", "true"]).add_suffix("_error_mrad")
+    return travel.join(errors, on=["case", "axis"])
 
 
 def motion_statistics(tables: Tables) -> pd.DataFrame:

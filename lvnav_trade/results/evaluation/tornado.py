@@ -46,34 +46,52 @@ def swings(tables: Tables) -> pd.DataFrame:
     interval of the error for randomly drawn designs, by the heteroscedasticity-robust covariance HC3. The table is
     empty for results without a design space, or with too few designs for the regression.
     """
-    rows: list[tuple[Any, ...]] = []
+    rows: list[dict[str, Any]] = []
     if tables.has_designs:
         frame = possible(tables)
         for name, column in errors_of(tables, frame).items():
-            rows += [(name, *row[:-1], unit_at_end(column)[1], row[-1]) for row in _swings(frame, column)]
+            rows += [{"requirement": name, **row} for row in _requirement_swings(frame, column)]
     frame = pd.DataFrame(rows, columns=SWINGS)
     return frame if tables.is_sampled else frame.assign(low_si=np.nan, high_si=np.nan)
 
 
-def _swings(frame: pd.DataFrame, column: str) -> Iterator[tuple[Any, ...]]:
+def _requirement_swings(frame: pd.DataFrame, column: str) -> Iterator[dict[str, Any]]:
     """Yield the rows of `swings` for one requirement; `column`: its error in the table of designs."""
     error = frame[column].to_numpy(dtype=float)
-    known = np.isfinite(error) & (error > 0.0) & frame[axes_of(frame)].notna().all(axis=1).to_numpy()
-    designs, log = frame[known], np.log(error[known])
-    axes = [axis for axis in axes_of(frame) if designs[axis].nunique() > 1]
-    terms = _terms_of({axis: designs[axis] for axis in axes}, len(log))
+    has_levels = frame[axes_of(frame)].notna().all(axis=1).to_numpy()
+    is_usable = np.isfinite(error) & (error > 0.0) & has_levels
+    designs = frame[is_usable]
+    log_error = np.log(error[is_usable])
+    varied_axes = [axis for axis in axes_of(frame) if designs[axis].nunique() > 1]
+    terms = _regression_terms({axis: designs[axis] for axis in varied_axes}, len(log_error))
     if not terms:
         return
-    fit = _Regression(np.hstack([term.columns for term in terms.values()]), log)
-    first, mean = 0, log.mean()
+    fit = _Regression(np.hstack([term.columns for term in terms.values()]), log_error)
+    first = 0
+    mean = log_error.mean()
     for axis, term in terms.items():
+        last = first + term.columns.shape[1]
         for end in term.ends:
-            contrast = np.zeros(fit.size)
-            contrast[first : first + term.columns.shape[1]] = term.columns[end.row]
-            away, half = fit.at(contrast)
-            size, low, high, middle = np.exp([mean + away, mean + away - half, mean + away + half, mean]).tolist()
-            yield axis, end.name, end.level, end.value, unit_of(axis), size, low, high, middle, len(log)
-        first += term.columns.shape[1]
+            weights = np.zeros(fit.size)
+            weights[first:last] = term.columns[end.row]
+            deviation, half = fit.at(weights)
+            size, low, high, mean_size = np.exp(
+                [mean + deviation, mean + deviation - half, mean + deviation + half, mean]
+            ).tolist()
+            yield {
+                "axis": axis,
+                "end": end.name,
+                "level": end.level,
+                "value": end.value,
+                "unit": unit_of(axis),
+                "error_si": size,
+                "low_si": low,
+                "high_si": high,
+                "mean_si": mean_size,
+                "error_unit": unit_at_end(column)[1],
+                "designs": len(log_error),
+            }
+        first = last
 
 
 class _End(NamedTuple):
@@ -92,30 +110,42 @@ class _Term(NamedTuple):
     ends: Sequence[_End]  # where the fit is evaluated
 
 
-def _terms_of(axes: Mapping[str, pd.Series], count: int) -> dict[str, _Term]:
+def _regression_terms(axes: Mapping[str, pd.Series], count: int) -> dict[str, _Term]:
     """Return the terms of the axes, with the largest polynomial degree for which there are four designs per regressor.
 
     The result is empty if there are too few designs for the first degree.
     """
     for degree in (3, 2, 1):
-        terms = {axis: _term(levels, degree) for axis, levels in axes.items()}
-        if terms and 4 * (1 + sum(term.columns.shape[1] for term in terms.values())) <= count:
+        terms = {}
+        n_regressor = 1
+        for axis, levels in axes.items():
+            is_numeric = pd.api.types.is_numeric_dtype(levels)
+            terms[axis] = _polynomial_term(levels, degree) if is_numeric else _level_term(levels)
+            n_regressor += terms[axis].columns.shape[1]
+        if terms and 4 * n_regressor <= count:
             return terms
     return {}
 
 
-def _term(levels: pd.Series, degree: int) -> _Term:
-    if pd.api.types.is_numeric_dtype(levels):
-        values = levels.to_numpy(dtype=float)
-        u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
-        columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
-        rows = {"low": int(np.argmin(values)), "high": int(np.argmax(values))}
-        ends = [_End(name, "", float(values[row]), row) for name, row in rows.items()]
-    else:
-        names = list(dict.fromkeys(levels))
-        columns = np.array([(levels == name).to_numpy(dtype=float) for name in names[1:]]).T
-        places = list(levels)
-        ends = [_End(str(name), str(name), np.nan, places.index(name)) for name in names]
+def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
+    """Return the term of a numeric axis: Legendre polynomials of the rank of the level."""
+    values = levels.to_numpy(dtype=float)
+    u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
+    columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
+    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
+    ends = [
+        _End("low", "", float(values[lowest]), lowest),
+        _End("high", "", float(values[highest]), highest),
+    ]
+    return _Term(columns - columns.mean(axis=0), ends)
+
+
+def _level_term(levels: pd.Series) -> _Term:
+    """Return the term of an axis of levels: an indicator for each level except the first."""
+    names = list(dict.fromkeys(levels))
+    columns = np.array([(levels == name).to_numpy(dtype=float) for name in names[1:]]).T
+    level_of_designs = list(levels)
+    ends = [_End(str(name), str(name), np.nan, level_of_designs.index(name)) for name in names]
     return _Term(columns - columns.mean(axis=0), ends)
 
 
@@ -127,25 +157,29 @@ class _Regression:
 
     def __init__(self, columns: Floats, value: Floats) -> None:
         design = np.column_stack([np.ones(len(value)), columns])
-        self.size, self._freedom = columns.shape[1], len(value) - design.shape[1]
+        self.size = columns.shape[1]
+        self._freedom = len(value) - design.shape[1]
         self._inverse = np.linalg.pinv(design)
-        rest = value - design @ (self._inverse @ value)
+        coefficients = self._inverse @ value
+        self._coefficients = coefficients[1:]
+        residual = value - design @ coefficients
         leverage = np.sum(design * self._inverse.T, axis=1)
-        self._coefficients = (self._inverse @ value)[1:]
-        self._residual = rest / np.maximum(1.0 - leverage, 1e-9)  # of a fit without the design itself
+        # HC3 uses the residual of each design by a fit without it, r_i / (1 - h_i).
+        self._residual = residual / np.maximum(1.0 - leverage, 1e-9)
 
-    def at(self, contrast: Floats) -> tuple[float, float]:
+    def at(self, weights: Floats) -> tuple[float, float]:
         """Return a linear combination of the coefficients, weights (k,), and the half-width of its 95 % interval."""
-        half = stats.t.isf(0.5 * (1.0 - CONFIDENCE), self._freedom)
-        weights = contrast @ self._inverse[1:]
-        return float(contrast @ self._coefficients), float(half * np.linalg.norm(weights * self._residual))
+        quantile = stats.t.isf(0.5 * (1.0 - CONFIDENCE), self._freedom)
+        sensitivity = weights @ self._inverse[1:]  # of the combination to each value
+        standard_error = np.linalg.norm(sensitivity * self._residual)
+        return float(weights @ self._coefficients), float(quantile * standard_error)
 
 
 def limit_of(tables: Tables, requirement: str) -> float:
     """Return the limit of the requirement with a name, in the SI unit of its metric; NaN if there is none."""
-    for each in tables.campaign.get("requirements") or ():
-        if each["name"] == requirement:
-            return number_in(each["below"], metric_of(str(each["metric"])).unit)
+    for definition in tables.campaign.get("requirements") or ():
+        if definition["name"] == requirement:
+            return number_in(definition["below"], metric_of(str(definition["metric"])).unit)
     return float("nan")
 
 

@@ -51,7 +51,7 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> ExpressionValue:
     the logarithm; for the fraction of runs with a property it is exact binomial. Runs that failed in any term are
     excluded. The interval is widened to that over the pooled cases if this is larger.
     """
-    formal, true, monte_carlo = (_value_in_column(text, terms, column) for column in NUMBERS)
+    formal, true, monte_carlo = (_column_value(text, terms, column) for column in NUMBERS)
     remarks = [term.remark for term in terms.values() if term.remark]
     n_run = min(len(term.runs) for term in terms.values())
     runs = np.stack([term.runs[:n_run] for term in terms.values()])
@@ -61,7 +61,7 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> ExpressionValue:
     if n >= _FEWEST:
         if n < n_run:
             remarks.append(f"{n_run - n} of {n_run} runs failed and are left out")
-        monte_carlo, low, high = _value_by_runs(text, terms, runs[:, is_finite])
+        monte_carlo, low, high = _monte_carlo_value(text, terms, runs[:, is_finite])
         term = next(iter(terms.values()))
         if term.is_share and len(terms) == 1 and text.strip() in terms:
             if set(np.unique(term.runs)) <= {0.0, 1.0}:
@@ -79,13 +79,13 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> ExpressionValue:
     )
 
 
-def _value_in_column(text: str, terms: Mapping[str, MetricValue], column: str) -> float:
+def _column_value(text: str, terms: Mapping[str, MetricValue], column: str) -> float:
     """Return the value of an expression with one of the `NUMBERS` of its terms."""
     values = {name: getattr(term, column) for name, term in terms.items()}
     return float(expression.evaluate(text, values))
 
 
-def _value_by_runs(text: str, terms: Mapping[str, MetricValue], runs: Floats) -> tuple[float, float, float]:
+def _monte_carlo_value(text: str, terms: Mapping[str, MetricValue], runs: Floats) -> tuple[float, float, float]:
     """Return the value of an expression by the runs (n_term, n_run) that did not fail, and the ends of its interval."""
     sample_values = {}
     jackknife_values = {}

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.satellite_tracking import _recovered, reacquisition_times, values_of
+from lvnav_trade.results.evaluation.satellite_tracking import _recovery_values, reacquisition_times, values_of
 
 
 def test_satellites_vanish_during_the_outage(good):
@@ -112,18 +112,18 @@ def sky():
 
 
 def test_who_sets_meanwhile_is_distinguished_from_who_comes_back(sky):
-    assert _recovered(sky, 3.0, 6.0) == {
+    assert _recovery_values(sky, 3.0, 6.0) == {
         "before_count": 4, "least_count": 1, "lost_count": 3, "to_fix_s": 2.0, "to_all_s": 2.0, "gone_count": 1,
     }  # fmt: skip
 
 
 def test_a_fault_without_duration_takes_nothing(sky):
-    found = _recovered(sky, 1.0, 1.0)
+    found = _recovery_values(sky, 1.0, 1.0)
     assert (found["before_count"], found["lost_count"], found["to_all_s"], found["to_fix_s"]) == (4, 0, 0.0, 0.0)
 
 
 def test_a_fault_up_to_the_end_of_the_flight_has_no_recovery(sky):
-    found = _recovered(sky, 3.0, 20.0)
+    found = _recovery_values(sky, 3.0, 20.0)
     assert found["gone_count"] == found["lost_count"] == 3
     assert np.isnan(found["to_fix_s"])
     assert np.isnan(found["to_all_s"])
