@@ -11,7 +11,7 @@ from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.requirements import improvements as by_covariance
 from lvnav_trade.results.requirements import requirements as by_runs
-from lvnav_trade.results.statistics.select import NAVIGATION, history_of, once, pick
+from lvnav_trade.results.statistics.select import NAVIGATION, at_time, history_of, once, pick
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = [
@@ -46,78 +46,117 @@ def spot_check(tables: Tables) -> pd.DataFrame:
     verdict: "disagree" if the p-value is below 1 % divided by the number of rows of the campaign (Bonferroni),
     otherwise "agree"; "not applicable" if a gate or a mode logic makes linear covariance inapplicable to the case.
     """
-    spot = tables.with_frames(runs=tables.spot_runs)
-    checked = list(tables.labels) if len(spot.runs) else []
-    rows = [row for case in checked for row in (*_sizes(spot, case), *_tails(spot, case))]
+    spot_tables = tables.with_frames(runs=tables.spot_runs)
+    rows: list[dict[str, Any]] = []
+    if len(spot_tables.runs):
+        for case in tables.labels:
+            rows += _navigation_rows(spot_tables, case)
+            rows += _requirement_rows(spot_tables, case)
     frame = pd.DataFrame(rows, columns=COLUMNS[:-1])
-    applies = ~frame.case.isin({label for case, label in tables.labels.items() if why_not_applicable(tables, case)})
-    agree = np.where(frame.chance_ratio < ALPHA / max(1, int(applies.sum())), "disagree", "agree")
-    return frame.assign(verdict=np.where(applies, agree, "not applicable"))
+    inapplicable = {label for case, label in tables.labels.items() if why_not_applicable(tables, case)}
+    applies = ~frame.case.isin(inapplicable)
+    alpha = ALPHA / max(1, int(applies.sum()))  # Bonferroni
+    verdict = np.where(frame.chance_ratio < alpha, "disagree", "agree")
+    return frame.assign(verdict=np.where(applies, verdict, "not applicable"))
 
 
-def _sizes(flown: Tables, case: str) -> list[tuple[Any, ...]]:
+def _navigation_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
     """Return the rows of the navigation errors of a case."""
-    heads, numbers = [], []
-    runs = _by_event(pick(flown.runs, case=case))
-    for quantity, axis in ((q, a) for q, a in flown.people if q in NAVIGATION and a != "3d"):
-        history = history_of(flown, case, quantity, axis)
-        t, sigmas, means = (history[name].to_numpy() for name in ("t_s", "lincov_true_si", "lincov_mean_si"))
-        unit, factor = flown.people[quantity, axis]
-        for event, (moment, columns) in runs.items() if len(history) else ():
-            at = int(np.argmin(np.abs(t - moment)))
-            errors = columns.get(f"{quantity}_{axis}")
-            if sigmas[at] > 0.0 and errors is not None:
-                rms = float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else np.inf  # a run failed
-                heads.append((flown.labels[case], event, moment, f"{quantity} {axis}", len(errors), unit))
-                numbers.append((len(errors), sigmas[at], means[at], rms, factor))
-    n, sigma, mean, found_rms, scale = np.array(numbers, dtype=float).reshape(-1, 5).T
-    law, expected = ncx2(n, n * (mean / sigma) ** 2), np.hypot(sigma, mean)
-    size = n * (found_rms / sigma) ** 2
-    chance = 2.0 * np.minimum(law.cdf(size), law.sf(size))
-    found = np.stack([expected * scale, found_rms * scale, found_rms / expected, chance], axis=1)
-    return [(*head, *map(float, values)) for head, values in zip(heads, found, strict=True)]
-
-
-def _by_event(rows: pd.DataFrame) -> dict[str, tuple[float, dict[str, Floats]]]:
-    """Return the time (s) of every event of a case and the errors (n,) of its runs there, by quantity and axis."""
-    columns = {"_".join(name.split("_")[:2]): rows[name].to_numpy(dtype=float) for name in rows if "_error_" in name}
-    t, events = rows.t_s.to_numpy(), rows.groupby("event", sort=False).indices
-    return {
-        str(event): (float(t[at[0]]), {name: of[at] for name, of in columns.items()}) for event, at in events.items()
-    }
-
-
-def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
-    """Return the rows of the requirements of a case, without phases, for which linear covariance gives a bound only."""
-    found = []
-    for requirement in flown.campaign.get("requirements") or ():
-        law, event = by_covariance.asked(flown, requirement, case), where(requirement)
-        runs = None if requirement.get("during") else by_runs.errors_of(flown, case, requirement)
-        if isinstance(law, str) or runs is None or not runs.size.size:
+    rows: list[dict[str, Any]] = []
+    statistics = []
+    errors_by_event = _event_errors(pick(spot_tables.runs, case=case))
+    for quantity, axis in spot_tables.people:
+        if quantity not in NAVIGATION or axis == "3d":
             continue
-        n, limit = runs.size.size, law.quantile(1.0 - TAIL)
-        beyond = int((runs.size > limit).sum())
-        name = f"{requirement['name']}, runs beyond the 99.9 % quantile"
-        t = float(pick(flown.runs, case=case, event=event).t_s.iloc[0])
-        chance = float(binom.sf(beyond - 1, n, TAIL))
-        found.append((flown.labels[case], event, t, name, n, "", n * TAIL, beyond, beyond / (n * TAIL), chance))
-    return found
+        history = history_of(spot_tables, case, quantity, axis)
+        if history.empty:
+            continue
+        unit, factor = spot_tables.people[quantity, axis]
+        for event, (t, errors_by_axis) in errors_by_event.items():
+            expected = at_time(history, t)
+            errors = errors_by_axis.get(f"{quantity}_{axis}")
+            if errors is None or not expected.lincov_true_si > 0.0:
+                continue
+            has_failed = not np.isfinite(errors).all()
+            rms = np.inf if has_failed else float(np.sqrt(np.mean(errors**2)))
+            statistics.append((len(errors), expected.lincov_true_si, expected.lincov_mean_si, rms, factor))
+            row = {
+                "case": spot_tables.labels[case],
+                "event": event,
+                "t_s": t,
+                "error": f"{quantity} {axis}",
+                "runs": len(errors),
+                "unit": unit,
+            }
+            rows.append(row)
+    # With errors of mean m and sigma s, n rms^2 / s^2 is noncentral chi-square: n degrees, noncentrality n m^2 / s^2.
+    n, sigma, mean, rms_of_runs, factors = np.array(statistics, dtype=float).reshape(-1, 5).T
+    law = ncx2(n, n * (mean / sigma) ** 2)
+    statistic = n * (rms_of_runs / sigma) ** 2
+    chance = 2.0 * np.minimum(law.cdf(statistic), law.sf(statistic))  # two-sided
+    expected_rms = np.hypot(sigma, mean)
+    for k, row in enumerate(rows):
+        row["expected"] = float(expected_rms[k] * factors[k])
+        row["found"] = float(rms_of_runs[k] * factors[k])
+        row["ratio"] = float(rms_of_runs[k] / expected_rms[k])
+        row["chance_ratio"] = float(chance[k])
+    return rows
+
+
+def _event_errors(runs: pd.DataFrame) -> dict[str, tuple[float, dict[str, Floats]]]:
+    """Return the time (s) of every event of a case and the errors (n,) of its runs there, by quantity and axis."""
+    columns = {"_".join(name.split("_")[:2]): runs[name].to_numpy(dtype=float) for name in runs if "_error_" in name}
+    t = runs.t_s.to_numpy()
+    errors_by_event = {}
+    for event, rows in runs.groupby("event", sort=False).indices.items():
+        errors = {name: column[rows] for name, column in columns.items()}
+        errors_by_event[str(event)] = float(t[rows[0]]), errors
+    return errors_by_event
+
+
+def _requirement_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
+    """Return the rows of the requirements of a case, without phases, for which linear covariance gives a bound only."""
+    rows = []
+    for requirement in spot_tables.campaign.get("requirements") or ():
+        if requirement.get("during"):
+            continue
+        law = by_covariance.asked(spot_tables, requirement, case)
+        errors = by_runs.errors_of(spot_tables, case, requirement)
+        if isinstance(law, str) or errors is None or not errors.size.size:
+            continue
+        n = errors.size.size
+        beyond = int((errors.size > law.quantile(1.0 - TAIL)).sum())
+        event = where(requirement)
+        row = {
+            "case": spot_tables.labels[case],
+            "event": event,
+            "t_s": float(pick(spot_tables.runs, case=case, event=event).t_s.iloc[0]),
+            "error": f"{requirement['name']}, runs beyond the 99.9 % quantile",
+            "runs": n,
+            "unit": "",
+            "expected": n * TAIL,
+            "found": beyond,
+            "ratio": beyond / (n * TAIL),
+            "chance_ratio": float(binom.sf(beyond - 1, n, TAIL)),
+        }
+        rows.append(row)
+    return rows
 
 
 def unconfirmed(tables: Tables) -> dict[str, str]:
     """Return the reason why linear covariance is not confirmed, by label of the case: its least likely row in words."""
     frame = spot_check(tables)
     rows = frame[frame.verdict == "disagree"].sort_values("chance_ratio", kind="stable").drop_duplicates("case")
-    return {row.case: _in_words(row) for row in rows.itertuples()}
+    return {row.case: _disagreement_text(row) for row in rows.itertuples()}
 
 
-def _in_words(row: Any) -> str:
+def _disagreement_text(row: Any) -> str:
     moment = row.event if " at " in row.event else f"at {row.event.replace('_', ' ')}"
     if row.unit:
-        what = f"{row.error} is {row.ratio:.3g} times what linear covariance predicts"
+        result = f"{row.error} is {row.ratio:.3g} times what linear covariance predicts"
     else:
-        what = f"{row.error}: {row.found:g} of {row.runs}, {row.expected:.2g} expected"
-    return f"spot check of {row.runs} runs, {moment}: {what}"
+        result = f"{row.error}: {row.found:g} of {row.runs}, {row.expected:.2g} expected"
+    return f"spot check of {row.runs} runs, {moment}: {result}"
 
 
 @once
@@ -129,15 +168,17 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     without runs, and for cases that are not selected for a demonstration (``monte_carlo.selected``) and undecided by
     their runs.
     """
-    frame, alone, why = by_runs.verdicts(tables), expected_verdicts(tables), unconfirmed(tables)
-    not_confirmed = (frame.verdict == "undecided") & frame.case.isin(why)
-    frame = frame.assign(verdict=frame.verdict.mask(not_confirmed, NOT_CONFIRMED), by="runs")
-    both = frame[["requirement", "case"]].merge(alone, on=["requirement", "case"], how="left").set_index(frame.index)
-    others = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
-    taken = both.verdict.notna() & ((frame.runs == 0) | (others & both.verdict.isin(["met", "violated"])))
+    frame = by_runs.verdicts(tables)
+    is_refuted = (frame.verdict == "undecided") & frame.case.isin(unconfirmed(tables))
+    frame = frame.assign(verdict=frame.verdict.mask(is_refuted, NOT_CONFIRMED), by="runs")
+    keys = ["requirement", "case"]
+    lincov = frame[keys].merge(expected_verdicts(tables), on=keys, how="left").set_index(frame.index)
+    is_unselected = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
+    decides = is_unselected & lincov.verdict.isin(["met", "violated"])
+    by_lincov = lincov.verdict.notna() & ((frame.runs == 0) | decides)
     for name in ("verdict", "estimate", "limit", "unit"):
-        frame[name] = frame[name].mask(taken, both[name])
-    return frame.assign(unit=frame.unit.fillna(""), by=frame.by.mask(taken, "LinCov"))
+        frame[name] = frame[name].mask(by_lincov, lincov[name])
+    return frame.assign(unit=frame.unit.fillna(""), by=frame.by.mask(by_lincov, "LinCov"))
 
 
 def expected_verdicts(tables: Tables) -> pd.DataFrame:
@@ -145,10 +186,13 @@ def expected_verdicts(tables: Tables) -> pd.DataFrame:
 
     Otherwise they are those of `improvements.expected`.
     """
-    frame, why = by_covariance.expected(tables), unconfirmed(tables)
-    refuted = frame.verdict.isin(["met", "violated"]) & frame.case.isin(why)
-    reason = frame.reason.mask(refuted, frame.case.map(why))
-    return frame.assign(verdict=frame.verdict.mask(refuted, NOT_CONFIRMED), reason=reason)
+    frame = by_covariance.expected(tables)
+    reasons = unconfirmed(tables)
+    is_refuted = frame.verdict.isin(["met", "violated"]) & frame.case.isin(reasons)
+    return frame.assign(
+        verdict=frame.verdict.mask(is_refuted, NOT_CONFIRMED),
+        reason=frame.reason.mask(is_refuted, frame.case.map(reasons)),
+    )
 
 
 def improvements(tables: Tables) -> pd.DataFrame:
@@ -156,7 +200,9 @@ def improvements(tables: Tables) -> pd.DataFrame:
 
     Cases that meet the requirement and cases whose spot check disagrees are omitted.
     """
-    frame, found = by_covariance.improvements(tables), verdicts(tables)
-    met = set(found[found.verdict == "met"][["requirement", "case"]].itertuples(index=False, name=None))
-    done = [(row.requirement, row.case) in met for row in frame.itertuples()]
-    return frame[~frame.case.isin(unconfirmed(tables)) & ~np.array(done, dtype=bool)].reset_index(drop=True)
+    frame = by_covariance.improvements(tables)
+    met_rows = pick(verdicts(tables), verdict="met")
+    met_pairs = set(zip(met_rows.requirement, met_rows.case, strict=True))
+    is_met = np.array([(row.requirement, row.case) in met_pairs for row in frame.itertuples()], dtype=bool)
+    is_refuted = frame.case.isin(unconfirmed(tables))
+    return frame[~is_refuted & ~is_met].reset_index(drop=True)

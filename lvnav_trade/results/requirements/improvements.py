@@ -1,7 +1,6 @@
 """Verdicts by linear covariance on requirements, and the improvement of an error source that would meet them."""
 
 from collections.abc import Mapping
-from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,23 +71,28 @@ class RequirementCase(NamedTuple):
 
         The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
         """
-        drawn, law, redraw = self.distribution.drawn, self.distribution.law, self.distribution.redraw
-        if drawn is not None:
-            sample = redraw.sample(sources, factor) if redraw is not None and sources else drawn
+        sample, redraw = self.distribution.drawn, self.distribution.redraw
+        if sample is not None:
+            if redraw is not None and sources:
+                sample = redraw.sample(sources, factor)
             return float(np.searchsorted(sample, self.bound) / sample.size)
-        part = np.sum([law.sources[name] for name in sources], axis=0)
-        return norm_probability(law.mean, law.covariance + (factor**2 - 1.0) * part, self.bound)
+        law = self.distribution.law
+        source_covariance = np.sum([law.sources[name] for name in sources], axis=0)
+        covariance = law.covariance + (factor**2 - 1.0) * source_covariance
+        return norm_probability(law.mean, covariance, self.bound)
 
     def share(self, sources: tuple[str, ...]) -> float:
         """Return the share of error sources in the mean square.
 
         For a metric that is not Gaussian it is the part of the mean square that disappears without these sources.
         """
-        drawn, law, redraw = self.distribution.drawn, self.distribution.law, self.distribution.redraw
-        if drawn is not None and redraw is not None:
-            return 1.0 - float(np.mean(redraw.sample(sources, 0.0) ** 2) / np.mean(drawn**2))
-        part = sum(float(np.trace(law.sources[name])) for name in sources)
-        return part / float(np.trace(law.covariance) + law.mean @ law.mean)
+        sample, redraw = self.distribution.drawn, self.distribution.redraw
+        if sample is not None and redraw is not None:
+            without_sources = redraw.sample(sources, 0.0)
+            return 1.0 - float(np.mean(without_sources**2) / np.mean(sample**2))
+        law = self.distribution.law
+        source_variance = sum(float(np.trace(law.sources[name])) for name in sources)
+        return source_variance / float(np.trace(law.covariance) + law.mean @ law.mean)
 
     def shares(self) -> dict[str, float]:
         """Return the share of each error source in the mean square."""
@@ -122,29 +126,36 @@ def expected(tables: Tables) -> pd.DataFrame:
     For a phase, the probability is that at its worst time. It is an upper limit of the probability for the whole phase,
     and can therefore show a violation only.
     """
-    return pd.DataFrame([_expected(tables, *pair) for pair in _pairs(tables)], columns=EXPECTED)
+    rows = [
+        _expected_row(tables, requirement, case, requirement_case)
+        for requirement, case, requirement_case in _requirement_cases(tables)
+    ]
+    return pd.DataFrame(rows, columns=EXPECTED)
 
 
-def _expected(
+def _expected_row(
     tables: Tables, requirement: Mapping[str, Any], case: str, requirement_case: RequirementCase | str
 ) -> dict[str, Any]:
-    row = {"requirement": requirement["name"], "case": tables.labels[case]}
-    row["probability"] = float(requirement["probability"])
+    row = {
+        "requirement": requirement["name"],
+        "case": tables.labels[case],
+        "probability": float(requirement["probability"]),
+    }
     if isinstance(requirement_case, str):
         return row | {"verdict": "not applicable", "reason": requirement_case}
-    limit = requirement_case.quantile(requirement_case.probability)
-    why_not, kept = why_not_applicable(tables, case), requirement_case.kept()
-    verdict, reason = ("met" if kept >= requirement_case.probability else "violated"), why_not
-    if requirement_case.distribution.above_only:
-        reason = reason or (
-            f"already at {requirement_case.distribution.moment}" if verdict == "violated" else ABOVE_ONLY
-        )
-    shown = not why_not and (verdict == "violated" or not requirement_case.distribution.above_only)
+    probability = requirement_case.kept()
+    verdict = "met" if probability >= requirement_case.probability else "violated"
+    distribution = requirement_case.distribution
+    reason = why_not_applicable(tables, case)
+    applies = not reason
+    if distribution.above_only:
+        reason = reason or (f"already at {distribution.moment}" if verdict == "violated" else ABOVE_ONLY)
+        applies &= verdict == "violated"
     return row | {
-        "verdict": verdict if shown else "not applicable",
+        "verdict": verdict if applies else "not applicable",
         "reason": reason,
-        "expected_probability": kept,
-        "estimate": limit * requirement_case.factor,
+        "expected_probability": probability,
+        "estimate": requirement_case.quantile(requirement_case.probability) * requirement_case.factor,
         "limit": requirement_case.bound * requirement_case.factor,
         "unit": requirement_case.unit,
     }
@@ -162,63 +173,84 @@ def improvements(tables: Tables) -> pd.DataFrame:
     """
     by_runs = verdicts(tables).set_index(["requirement", "case"]).verdict
     rows = []
-    for requirement, case, found in _pairs(tables):
+    for requirement, case, requirement_case in _requirement_cases(tables):
+        if isinstance(requirement_case, str) or not requirement_case.has_sources:
+            continue
         name, label = requirement["name"], tables.labels[case]
         verdict = str(by_runs[name, label])
-        undone = verdict in ("violated", "undecided") and not why_not_applicable(tables, case)
-        if undone and not isinstance(found, str) and found.has_sources:
-            rows.append((name, label, verdict, *_improvement(found)))
+        if verdict in ("violated", "undecided") and not why_not_applicable(tables, case):
+            improvement = _improvement(requirement_case)
+            row = {
+                "requirement": name,
+                "case": label,
+                "verdict": verdict,
+                "source": improvement.source,
+                "factor_ratio": improvement.factor,
+                "share_ratio": improvement.share,
+                "remark": improvement.remark,
+            }
+            rows.append(row)
     return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
 
 @once
-def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, RequirementCase | str]]:
-    return [
-        (requirement, case, asked(tables, requirement, case))
-        for requirement in tables.campaign.get("requirements") or ()
-        for case in tables.labels
-    ]
+def _requirement_cases(tables: Tables) -> list[tuple[dict[str, Any], str, RequirementCase | str]]:
+    """Return every requirement with every case (digest): by linear covariance, or the reason why not."""
+    pairs = []
+    for requirement in tables.campaign.get("requirements") or ():
+        for case in tables.labels:
+            pairs.append((requirement, case, asked(tables, requirement, case)))
+    return pairs
 
 
-def _factor(requirement_case: RequirementCase, names: tuple[str, ...]) -> float:
+class _Improvement(NamedTuple):
+    """Improvement of error sources that meets a requirement."""
+
+    source: str  # names of the sources; empty if none is sufficient or needed
+    factor: float  # required factor on their sigmas
+    share: float  # their share of the mean square
+    remark: str
+
+
+def _required_factor(requirement_case: RequirementCase, names: tuple[str, ...]) -> float:
     """Return the largest factor on the sigmas of sources that meets the requirement; NaN if even `LEAST` does not."""
 
-    def missing(factor: float) -> float:
+    def excess(factor: float) -> float:
         return requirement_case.kept(names, factor) - requirement_case.probability
 
-    return float(optimize.bisect(missing, LEAST, 1.0, xtol=1e-4)) if missing(LEAST) >= 0.0 else float("nan")
+    if not excess(LEAST) >= 0.0:
+        return float("nan")
+    return float(optimize.bisect(excess, LEAST, 1.0, xtol=1e-4))
 
 
-def _improvement(requirement_case: RequirementCase) -> tuple[str, float, float, str]:
-    """Return source, factor_ratio, share_ratio and remark."""
+def _improvement(requirement_case: RequirementCase) -> _Improvement:
+    distribution = requirement_case.distribution
     if requirement_case.kept() >= requirement_case.probability:
-        return (
-            "",
-            np.nan,
-            np.nan,
-            ABOVE_ONLY
-            if requirement_case.distribution.above_only
-            else "linear covariance expects it to be met as it is",
-        )
-    source, factor, share, remark = _turning(requirement_case)
-    alone = (
-        f"to keep it at {requirement_case.distribution.moment}; the whole phase may take more"
-        if requirement_case.distribution.above_only
-        else ""
-    )
-    return source, factor, share, "; ".join(filter(None, [remark, alone]))
+        remark = ABOVE_ONLY if distribution.above_only else "linear covariance expects it to be met as it is"
+        return _Improvement("", np.nan, np.nan, remark)
+    improvement = _smallest_improvement(requirement_case)
+    if not distribution.above_only:
+        return improvement
+    remark = f"to keep it at {distribution.moment}; the whole phase may take more"
+    return improvement._replace(remark="; ".join(filter(None, [improvement.remark, remark])))
 
 
-def _turning(requirement_case: RequirementCase) -> tuple[str, float, float, str]:
-    """Return `_improvement` for a violated requirement: a single source, or the fewest of the largest sources."""
-    share = requirement_case.shares()
-    order = sorted(share, key=lambda name: -share[name])
-    able = [(factor, name) for name in order if not np.isnan(factor := _factor(requirement_case, (name,)))]
-    if able:
-        factor, name = max(able)
-        return name, factor, share[name], ""
-    for names in accumulate((name,) for name in order):
-        factor = _factor(requirement_case, names)
+def _smallest_improvement(requirement_case: RequirementCase) -> _Improvement:
+    """Return the improvement for a violated requirement: of a single source, or of the fewest of the largest."""
+    shares = requirement_case.shares()
+    by_share = sorted(shares, key=lambda name: -shares[name])
+    sufficient = []  # single sources with their factors
+    for name in by_share:
+        factor = _required_factor(requirement_case, (name,))
         if not np.isnan(factor):
-            return ", ".join(names), factor, requirement_case.share(names), "together"
-    return "", float("nan"), float("nan"), f"not even all error sources together, each times {LEAST:g}, would do"
+            sufficient.append((factor, name))
+    if sufficient:
+        factor, name = max(sufficient)
+        return _Improvement(name, factor, shares[name], "")
+    for n in range(1, len(by_share) + 1):
+        names = tuple(by_share[:n])
+        factor = _required_factor(requirement_case, names)
+        if not np.isnan(factor):
+            return _Improvement(", ".join(names), factor, requirement_case.share(names), "together")
+    remark = f"not even all error sources together, each times {LEAST:g}, would do"
+    return _Improvement("", float("nan"), float("nan"), remark)

@@ -1,7 +1,7 @@
 """Errors along the numeric axes of a campaign compared with their limits, and where a curve crosses its limit."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -50,39 +50,46 @@ def numeric_axes(tables: Tables) -> list[NumericAxis]:
 
     The unit is that of the labels if they are quantities with the same unit, otherwise the SI unit of the values.
     """
-    names = list(next(iter(tables.levels.values()), {}))
     axes = []
-    for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):  # a saved base may have none
+    for name, axis in _axis_definitions(tables).items():
         if axis["values"] is None:  # sampled values do not form a curve
             continue
-        labels, values = [str(label) for label in axis["labels"]], list(axis["values"])
-        read = [_QUANTITY.fullmatch(text) for text in labels]
-        units = {number[2] or "" for number in read if number is not None}
-        if len(labels) > 1 and None not in read and len(units) == 1:
-            unit = units.pop()
-            numbers = dict(zip(labels, (float(number[1]) for number in read if number is not None), strict=True))
-        elif len(labels) > 1 and (si := _in_si(values)) is not None:
-            unit, numbers = si[0], dict(zip(labels, si[1], strict=True))
-        else:
+        labels = [str(label) for label in axis["labels"]]
+        if len(labels) < 2:
             continue
-        base = _base_value(tables, axis["path"], unit)
-        axes.append(NumericAxis(name, unit, numbers | ({} if base is None else {BASE: base})))
+        quantities = _read_quantities(labels) or _read_quantities(axis["values"])
+        if quantities is not None:
+            axes.append(_numeric_axis(tables, name, axis, labels, quantities))
     return axes
 
 
 def si_axes(tables: Tables) -> list[NumericAxis]:
     """Return the axes whose levels are all numbers, or quantities of one dimension, in SI units."""
-    names = list(next(iter(tables.levels.values()), {}))
     axes = []
-    for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
-        labels, stated = _levels(tables, name, axis)
-        read = _in_si(stated)
-        if read is not None:
-            unit, numbers = read
-            values = dict(zip(labels, numbers, strict=True))
-            base = _base_value(tables, axis["path"], unit)
-            axes.append(NumericAxis(name, unit, values | ({} if base is None else {BASE: base})))
+    for name, axis in _axis_definitions(tables).items():
+        labels, values = _levels(tables, name, axis)
+        quantities = _read_quantities(values)
+        if quantities is not None:
+            axes.append(_numeric_axis(tables, name, axis, labels, quantities))
     return axes
+
+
+def _axis_definitions(tables: Tables) -> dict[str, dict[str, Any]]:
+    """Return the axes of the campaign by name, as far as it has them: a saved base may have none."""
+    names = list(next(iter(tables.levels.values()), {}))
+    return dict(zip(names, tables.campaign.get("axes") or (), strict=False))
+
+
+def _numeric_axis(
+    tables: Tables, name: str, axis: dict[str, Any], labels: list[str], quantities: tuple[str, list[float]]
+) -> NumericAxis:
+    """Return an axis with the unit and the numbers of its levels, and with its level in the base if it has one."""
+    unit, numbers = quantities
+    values = dict(zip(labels, numbers, strict=True))
+    base = _base_value(tables, axis["path"], unit)
+    if base is not None:
+        values[BASE] = base
+    return NumericAxis(name, unit, values)
 
 
 def _levels(tables: Tables, name: str, axis: dict[str, Any]) -> tuple[list[str], list[Any]]:
@@ -90,17 +97,24 @@ def _levels(tables: Tables, name: str, axis: dict[str, Any]) -> tuple[list[str],
     if axis["values"] is not None:
         return [str(label) for label in axis["labels"]], list(axis["values"])
     labels = list(dict.fromkeys(levels[name] for levels in tables.levels.values()))
-    base_quantity = _QUANTITY.fullmatch(str(_at(tables.campaign.get("base"), axis["path"])))
+    base_quantity = _QUANTITY.fullmatch(str(_field(tables.campaign.get("base"), axis["path"])))
     if base_quantity is None or base_quantity[2] is None:
         return labels, list(labels)
-    return labels, [f"{parse(label, base_quantity[2])!r} {base_quantity[2]}" for label in labels]
+    unit = base_quantity[2]
+    return labels, [f"{parse(label, unit)!r} {unit}" for label in labels]
 
 
-def _in_si(values: list[Any]) -> tuple[str, list[float]] | None:
-    """Return the common SI unit and the numbers of resolved values; None unless all are numbers with the same unit."""
-    read = [None if isinstance(value, bool) else _QUANTITY.fullmatch(str(value)) for value in values]
-    units = {number[2] or "" for number in read if number is not None}
-    return None if None in read or len(units) != 1 else (units.pop(), [float(number[1]) for number in read if number])
+def _read_quantities(values: Sequence[Any]) -> tuple[str, list[float]] | None:
+    """Return the common unit and the numbers of labels or values; None unless all are numbers with the same unit."""
+    units = set()
+    numbers = []
+    for value in values:
+        quantity = None if isinstance(value, bool) else _QUANTITY.fullmatch(str(value))
+        if quantity is None:
+            return None
+        numbers.append(float(quantity[1]))
+        units.add(quantity[2] or "")
+    return (units.pop(), numbers) if len(units) == 1 else None
 
 
 class BaseLevel(NamedTuple):
@@ -118,20 +132,23 @@ class BaseLevel(NamedTuple):
 
 def base_level(tables: Tables, name: str) -> BaseLevel:
     """Return the level of an axis in the base, as far as it is available."""
-    names = list(next(iter(tables.levels.values()), {}))
-    axes = dict(zip(names, tables.campaign.get("axes") or (), strict=False))
-    if (axis := axes.get(name)) is None:
+    axis = _axis_definitions(tables).get(name)
+    if axis is None:
         return BaseLevel()
-    base_value = _at(tables.campaign.get("base"), axis["path"])
-    levels = zip(axis["labels"] or (), axis["values"] or (), strict=True)
-    label = next((str(level) for level, value in levels if value == base_value), "")
-    numbers = next(
-        (candidate for candidate in numeric_axes(tables) if candidate.name == name and BASE in candidate.values), None
-    )
-    return BaseLevel(label) if numbers is None else BaseLevel(label, numbers.values[BASE], numbers.unit)
+    base_value = _field(tables.campaign.get("base"), axis["path"])
+    label = ""
+    for level, value in zip(axis["labels"] or (), axis["values"] or (), strict=True):
+        if value == base_value:
+            label = str(level)
+            break
+    for numeric_axis in numeric_axes(tables):
+        if numeric_axis.name == name and BASE in numeric_axis.values:
+            return BaseLevel(label, numeric_axis.values[BASE], numeric_axis.unit)
+    return BaseLevel(label)
 
 
-def _at(base: Any, path: str) -> Any:
+def _field(base: Any, path: str) -> Any:
+    """Return the value of a field of the base scenario, by its dotted path."""
     for key in path.removeprefix("base.").split("."):
         base = base[int(key)] if isinstance(base, list) else (base or {}).get(key)
     return base
@@ -139,12 +156,16 @@ def _at(base: Any, path: str) -> Any:
 
 def _base_value(tables: Tables, path: str, unit: str) -> float | None:
     """Return the value of a field in the base, in a unit; None if it is not a number."""
-    value = _at(tables.campaign.get("base"), path)
-    if value is None or isinstance(value, bool) or (read := _QUANTITY.fullmatch(str(value))) is None:
+    value = _field(tables.campaign.get("base"), path)
+    if value is None or isinstance(value, bool):
         return None
-    if (read[2] or "") == unit:
-        return float(read[1])
-    return float(read[1]) / parse(f"1 {unit}", read[2]) if read[2] and unit else None
+    quantity = _QUANTITY.fullmatch(str(value))
+    if quantity is None:
+        return None
+    number, base_unit = float(quantity[1]), quantity[2] or ""
+    if base_unit == unit:
+        return number
+    return number / parse(f"1 {unit}", base_unit) if base_unit and unit else None
 
 
 @once
@@ -169,28 +190,42 @@ def curves(tables: Tables) -> pd.DataFrame:
     rows = []
     for axis in numeric_axes(tables):
         for case, levels in tables.levels.items():
-            if (value := axis.values.get(levels[axis.name])) is None or not _is_on(axis, levels):
+            value = axis.values.get(levels[axis.name])
+            if value is None or not _is_on_curve(axis, levels):
                 continue
             other_levels = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis.name)
+            label = tables.labels[case]
             for requirement in dict.fromkeys(by_runs.index.get_level_values(0)):
-                key = (requirement, tables.labels[case])
-                runs, expected = by_runs.loc[key], by_covariance.loc[key]
-                head = (axis.name, value, axis.unit, other_levels, key[1], requirement, runs.unit or expected.unit)
-                results = (expected.estimate, expected.expected_probability, runs.estimate, runs.verdict)
-                rows.append((*head, runs.limit if runs.limit == runs.limit else expected.limit, *results))
+                runs = by_runs.loc[requirement, label]
+                expected = by_covariance.loc[requirement, label]
+                row = {
+                    "axis": axis.name,
+                    "value": value,
+                    "axis_unit": axis.unit,
+                    "others": other_levels,
+                    "case": label,
+                    "requirement": requirement,
+                    "unit": runs.unit or expected.unit,
+                    "limit": expected.limit if np.isnan(runs.limit) else runs.limit,
+                    "lincov": expected.estimate,
+                    "lincov_probability": expected.expected_probability,
+                    "monte_carlo": runs.estimate,
+                    "verdict": runs.verdict,
+                }
+                rows.append(row)
     frame = pd.DataFrame(rows, columns=CURVES)
     order = ["axis", "requirement", "others", "value"]
-    return frame.sort_values(order, kind="stable", key=_in_order).reset_index(drop=True)
+    return frame.sort_values(order, kind="stable", key=_sort_key).reset_index(drop=True)
 
 
-def _in_order(column: pd.Series) -> pd.Series:
+def _sort_key(column: pd.Series) -> pd.Series:
     """Return a sort key: numbers unchanged, texts by order of first occurrence."""
     if pd.api.types.is_numeric_dtype(column):
         return column
     return column.map({text: k for k, text in enumerate(dict.fromkeys(column))})
 
 
-def _is_on(axis: NumericAxis, levels: dict[str, str]) -> bool:
+def _is_on_curve(axis: NumericAxis, levels: dict[str, str]) -> bool:
     """Return whether a case lies on a curve along an axis; if axes vary one at a time, the others are at their base."""
     return levels[axis.name] != BASE or all(level == BASE for level in levels.values())
 
@@ -203,12 +238,26 @@ def crossings(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     keys = ["axis", "axis_unit", "others", "requirement", "unit"]
-    for head, curve in curves(tables).groupby(keys, sort=False, dropna=False):
-        axis, axis_unit, other_levels, requirement, unit = head
-        for by, column in (("linear covariance", "lincov"), ("Monte Carlo", "monte_carlo")):
-            limit = float(curve.limit.iloc[0])
-            for low, high, crossing in crossed(curve.value.to_numpy(), curve[column].to_numpy(dtype=float), limit):
-                rows.append((axis, axis_unit, other_levels, requirement, unit, limit, by, crossing, low, high))
+    for (axis, axis_unit, other_levels, requirement, unit), curve in curves(tables).groupby(
+        keys, sort=False, dropna=False
+    ):
+        value = curve.value.to_numpy()
+        limit = float(curve.limit.iloc[0])
+        for method, column in (("linear covariance", "lincov"), ("Monte Carlo", "monte_carlo")):
+            for low, high, crossing in crossed(value, curve[column].to_numpy(dtype=float), limit):
+                row = {
+                    "axis": axis,
+                    "axis_unit": axis_unit,
+                    "case": other_levels,
+                    "requirement": requirement,
+                    "unit": unit,
+                    "limit": limit,
+                    "by": method,
+                    "crossing": crossing,
+                    "low": low,
+                    "high": high,
+                }
+                rows.append(row)
     return pd.DataFrame(rows, columns=CROSSINGS)
 
 
@@ -225,8 +274,10 @@ def crossed(value: np.ndarray, error: np.ndarray, limit: float) -> Iterator[tupl
         Limit of the error.
     """
     for (x0, y0), (x1, y1) in pairwise(zip(value, error, strict=True)):
-        if np.isfinite([y0, y1, limit]).all() and (y0 < limit) != (y1 < limit):
-            yield float(x0), float(x1), float(x0 + (limit - y0) / (y1 - y0) * (x1 - x0))
+        are_finite = np.isfinite([y0, y1, limit]).all()
+        if are_finite and (y0 < limit) != (y1 < limit):
+            crossing = x0 + (limit - y0) / (y1 - y0) * (x1 - x0)
+            yield float(x0), float(x1), float(crossing)
 
 
 TORNADO = [
@@ -250,30 +301,44 @@ def tornado(tables: Tables) -> pd.DataFrame:
 
     Errors are P-quantiles by linear covariance, in `unit`, where P is the required probability.
     """
-    rows: list[tuple[Any, ...]] = []
+    rows: list[dict[str, Any]] = []
     if tables.campaign.get("design") == "one_at_a_time":
         expected = improvements.expected(tables)
-        digests = {label: case for case, label in tables.labels.items()}
         for requirement, estimates in expected.groupby("requirement", sort=False):
-            error = dict(zip(estimates.case, estimates.estimate, strict=True))
-            rows += _bars(tables, str(requirement), estimates, {digests[label]: size for label, size in error.items()})
+            rows += _tornado_bars(tables, str(requirement), estimates)
     frame = pd.DataFrame(rows, columns=TORNADO)
     return frame.sort_values(["requirement", "range"], ascending=[True, False], kind="stable").reset_index(drop=True)
 
 
-def _bars(
-    tables: Tables, requirement: str, estimates: pd.DataFrame, error: dict[str, float]
-) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of one requirement.
-
-    error : P-quantile by digest of the case
-    """
-    base = next((case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}), None)
-    if base is None or not np.isfinite(error[base]):
+def _tornado_bars(tables: Tables, requirement: str, estimates: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Yield the rows of one requirement, from its rows of `improvements.expected`."""
+    error_by_label = dict(zip(estimates.case, estimates.estimate, strict=True))
+    base_cases = [case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}]
+    if not base_cases:
         return
-    for axis in tables.levels[base]:
-        along = {levels[axis]: error[case] for case, levels in tables.levels.items() if levels[axis] != BASE}
-        along = {level: size for level, size in {BASE: error[base], **along}.items() if np.isfinite(size)}
-        low, high = (choose(along, key=lambda level: along[level]) for choose in (min, max))
-        head = (requirement, tables.labels[base], axis, str(estimates.unit.iloc[0]), float(estimates.limit.iloc[0]))
-        yield (*head, error[base], along[low], low, along[high], high, along[high] - along[low])
+    base_label = tables.labels[base_cases[0]]
+    base_error = error_by_label[base_label]
+    if not np.isfinite(base_error):
+        return
+    for axis in tables.levels[base_cases[0]]:
+        error_by_level = {BASE: base_error}
+        for case, levels in tables.levels.items():
+            error = error_by_label[tables.labels[case]]
+            if levels[axis] != BASE and np.isfinite(error):
+                error_by_level[levels[axis]] = error
+        low_level = min(error_by_level, key=error_by_level.__getitem__)
+        high_level = max(error_by_level, key=error_by_level.__getitem__)
+        low, high = error_by_level[low_level], error_by_level[high_level]
+        yield {
+            "requirement": requirement,
+            "case": base_label,
+            "axis": axis,
+            "unit": str(estimates.unit.iloc[0]),
+            "limit": float(estimates.limit.iloc[0]),
+            "base": base_error,
+            "low": low,
+            "low_level": low_level,
+            "high": high,
+            "high_level": high_level,
+            "range": high - low,
+        }

@@ -11,7 +11,7 @@ from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = ["requirement", "case", "verdict", "margin_ratio", "estimate", "limit", "unit", "by"]
 WORST_RUNS = ["requirement", "case", "run_number", "error", "unit"]
-_OF_EITHER = ("verdict", "estimate", "limit", "unit")
+_METHOD_COLUMNS = ("verdict", "estimate", "limit", "unit")  # given by the runs and by linear covariance
 # Verdicts from the worst to the best
 ORDER = ("violated", "not confirmed", "undecided", "not applicable", "met")
 
@@ -24,34 +24,38 @@ def margins(tables: Tables) -> pd.DataFrame:
     the method. estimate is the P-quantile of the error, with the required probability P. margin_ratio is
     1 - estimate / limit: NaN without an estimate, -inf if too many runs failed.
     """
-    return _ordered(confirmation.verdicts(tables))
+    return _sort_margins(confirmation.verdicts(tables))
 
 
-def _ordered(both: pd.DataFrame) -> pd.DataFrame:
+def _sort_margins(frame: pd.DataFrame) -> pd.DataFrame:
     """Return `margins` from verdicts with their method, sorted by the smallest margin of each case."""
-    both["margin_ratio"] = (1.0 - both.estimate / both.limit).astype(float)  # the type of an empty column is undefined
-    cases, finite = both.case, both.margin_ratio.where(np.isfinite(both.margin_ratio))
-    both["least"], both["finite"] = (ratio.groupby(cases).transform("min") for ratio in (both.margin_ratio, finite))
-    return both.sort_values(["least", "finite"], kind="stable", ignore_index=True)[COLUMNS]
+    margin = (1.0 - frame.estimate / frame.limit).astype(float)  # the type of an empty column is undefined
+    finite_margin = margin.where(np.isfinite(margin))
+    rows = frame.assign(
+        margin_ratio=margin,
+        least=margin.groupby(frame.case).transform("min"),
+        least_finite=finite_margin.groupby(frame.case).transform("min"),
+    )
+    return rows.sort_values(["least", "least_finite"], kind="stable", ignore_index=True)[COLUMNS]
 
 
 def worst(verdicts: pd.Series) -> str:
     """Return the worst of several verdicts, in the order of `ORDER`."""
-    return next(verdict for verdict in ORDER if (verdicts == verdict).any())
+    present = set(verdicts)
+    return next(verdict for verdict in ORDER if verdict in present)
 
 
 @once
 def _unchecked(tables: Tables) -> pd.DataFrame:
     """Return `margins` without the spot check, which changes no margin and takes most of the time."""
-    frame, alone = by_runs.verdicts(tables), by_covariance.expected(tables)
-    alone = alone.reindex(columns=["requirement", "case", *_OF_EITHER])
-    both = frame.merge(alone, on=["requirement", "case"], how="left", suffixes=("", "_lincov"))
-    others = both.case.isin(by_runs.unselected(tables)) & (both.verdict == "undecided")
-    taken = (both.runs == 0) | (others & both.verdict_lincov.isin(["met", "violated"]))
-    simulated = ~taken | both.verdict_lincov.isna()
-    for name in _OF_EITHER:
-        both[name] = both[name].where(simulated, both[f"{name}_lincov"])
-    return _ordered(both.assign(by=np.where(simulated, "runs", "LinCov")))
+    lincov = by_covariance.expected(tables).reindex(columns=["requirement", "case", *_METHOD_COLUMNS])
+    frame = by_runs.verdicts(tables).merge(lincov, on=["requirement", "case"], how="left", suffixes=("", "_lincov"))
+    is_unselected = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
+    decides = is_unselected & frame.verdict_lincov.isin(["met", "violated"])
+    by_lincov = frame.verdict_lincov.notna() & ((frame.runs == 0) | decides)
+    for name in _METHOD_COLUMNS:
+        frame[name] = frame[name].mask(by_lincov, frame[f"{name}_lincov"])
+    return _sort_margins(frame.assign(by=np.where(by_lincov, "LinCov", "runs")))
 
 
 def key_cases(tables: Tables) -> dict[str, str]:
@@ -60,9 +64,10 @@ def key_cases(tables: Tables) -> dict[str, str]:
     The key cases are those with the smallest margin ("worst"), with the smallest margin that is not negative
     ("binding"), and with the largest ("best").
     """
-    least = _unchecked(tables).groupby("case", sort=False).margin_ratio.min().dropna()
+    least_margin = _unchecked(tables).groupby("case", sort=False).margin_ratio.min().dropna()  # ascending
+    meeting = least_margin[least_margin >= 0.0]
     roles: dict[str, str] = {}
-    for rows, role in ((least[:1], "worst"), (least[least >= 0.0][:1], "binding"), (least[-1:], "best")):
+    for rows, role in ((least_margin[:1], "worst"), (meeting[:1], "binding"), (least_margin[-1:], "best")):
         for case in rows.index:
             roles.setdefault(str(case), role)
     return roles
@@ -70,12 +75,20 @@ def key_cases(tables: Tables) -> dict[str, str]:
 
 def worst_runs(tables: Tables) -> pd.DataFrame:
     """Return the run with the largest error of each requirement in the key cases (by digest), in the display unit."""
-    digests, rows = {label: case for case, label in tables.labels.items()}, []
+    rows = []
+    digests = {label: case for case, label in tables.labels.items()}
     for requirement in tables.campaign.get("requirements") or ():
         for label in key_cases(tables):
-            errors = by_runs.errors_of(tables, digests[label], requirement)
+            case = digests[label]
+            errors = by_runs.errors_of(tables, case, requirement)
             if errors is not None and errors.size.size:
                 run = int(np.argmax(errors.size))
-                size = float(errors.size[run]) * errors.label_factor
-                rows.append((requirement["name"], digests[label], run, size, errors.label_unit))
+                row = {
+                    "requirement": requirement["name"],
+                    "case": case,
+                    "run_number": run,
+                    "error": float(errors.size[run]) * errors.label_factor,
+                    "unit": errors.label_unit,
+                }
+                rows.append(row)
     return pd.DataFrame(rows, columns=WORST_RUNS)

@@ -59,28 +59,29 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     at the required confidence. In a campaign that stops once all requirements are decided, the bounds are those of a
     group-sequential test (`boundaries`). A failed run counts as a violation.
     """
-    rows = [
-        (requirement["name"], label, *_verdict(tables, case, requirement))
-        for requirement in tables.campaign.get("requirements") or ()
-        for case, label in tables.labels.items()
-    ]
+    rows = []
+    for requirement in tables.campaign.get("requirements") or ():
+        for case, label in tables.labels.items():
+            rows.append({"requirement": requirement["name"], "case": label, **_verdict(tables, case, requirement)})
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def unselected(tables: Tables) -> list[str]:
     """Return the labels of the cases that ``monte_carlo.selected`` excludes; empty without a selection."""
-    chosen = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
-    return [
-        tables.labels[case]
-        for case, levels in tables.levels.items()
-        if not all(str(levels.get(axis)) == str(level) for axis, level in chosen.items())
-    ]
+    selection = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
+    labels = []
+    for case, levels in tables.levels.items():
+        if any(str(levels.get(axis)) != str(level) for axis, level in selection.items()):
+            labels.append(tables.labels[case])
+    return labels
 
 
 def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
     """Return the verdict after a fixed number of runs, and the further runs without failure that would meet it."""
     verdict = success_verdict(runs, failures, probability, confidence)
-    return verdict, max(1, runs_needed(failures, probability, confidence) - runs) if verdict == "undecided" else 0
+    if verdict != "undecided":
+        return verdict, 0
+    return verdict, max(1, runs_needed(failures, probability, confidence) - runs)
 
 
 def sequential_verdict(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
@@ -101,24 +102,43 @@ def sequential_verdict(failed: Any, probability: float, confidence: float, block
     str, int
         met, violated or undecided; number of further runs without failure.
     """
-    counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
-    verdict, _ = decide(counts, probability, confidence, block)
-    return verdict, further_runs(counts, probability, confidence, block) if verdict == "undecided" else 0
+    failures_by_run = np.cumsum(np.asarray(failed, dtype=int))
+    failures_by_look = failures_by_run[block - 1 :: block].tolist()
+    verdict, _ = decide(failures_by_look, probability, confidence, block)
+    if verdict != "undecided":
+        return verdict, 0
+    return verdict, further_runs(failures_by_look, probability, confidence, block)
 
 
-def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[Any, ...]:
-    """Return the values of `COLUMNS`, beginning with the verdict."""
-    probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
+def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of `COLUMNS` from the verdict on."""
+    probability = float(requirement["probability"])
+    confidence = float(requirement.get("confidence", 0.9))
     errors = errors_of(tables, case, requirement)
-    error, si, unit, factor = errors or RunErrors(np.empty(0), "", "", 1.0)
-    bound = number_in(requirement["below"], si) if errors is not None else 0.0
-    failed, monte_carlo = error >= bound, tables.campaign.get("monte_carlo") or {}
-    if monte_carlo.get("stop") == DECIDED:
-        verdict, more = sequential_verdict(failed, probability, confidence, int(monte_carlo.get("block", BLOCK)))
+    if errors is None:
+        errors = RunErrors(np.empty(0), "", "", 1.0)
+        bound = 0.0
     else:
-        verdict, more = decide_fixed(len(error), int(failed.sum()), probability, confidence)
-    estimate, limit = (size * factor for size in (_quantile(error, probability), bound if unit else float("nan")))
-    return verdict, estimate, limit, unit, probability, confidence, len(error), int(failed.sum()), more
+        bound = number_in(requirement["below"], errors.unit)
+    is_failed = errors.size >= bound
+    n_run, n_failed = len(errors.size), int(is_failed.sum())
+    monte_carlo = tables.campaign.get("monte_carlo") or {}
+    if monte_carlo.get("stop") == DECIDED:
+        block = int(monte_carlo.get("block", BLOCK))
+        verdict, further = sequential_verdict(is_failed, probability, confidence, block)
+    else:
+        verdict, further = decide_fixed(n_run, n_failed, probability, confidence)
+    return {
+        "verdict": verdict,
+        "estimate": _quantile(errors.size, probability) * errors.label_factor,
+        "limit": bound * errors.label_factor if errors.label_unit else float("nan"),
+        "unit": errors.label_unit,
+        "probability": probability,
+        "confidence": confidence,
+        "runs": n_run,
+        "failures": n_failed,
+        "runs_to_decide": further,
+    }
 
 
 def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RunErrors | None:
@@ -131,12 +151,20 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RunE
 
 def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
     """Return the smallest order statistic that at least this fraction of the runs does not exceed."""
-    return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1]) if len(error) else float("nan")
+    if not len(error):
+        return float("nan")
+    rank = int(np.ceil(probability * len(error) - 1e-9))  # from 1; the product may be an integer but for rounding
+    return float(np.sort(error)[rank - 1])
 
 
 def with_unit(value: float, unit: str) -> str:
     """Return a value with its unit as text, three digits; empty for NaN, ∞ if too many runs failed."""
-    return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"
+    if np.isnan(value):
+        return ""
+    if np.isinf(value):
+        return f"∞ {unit}"
+    rounded = float(f"{value:.3g}")
+    return f"{rounded:g} {unit}"
 
 
 def in_words(frame: pd.DataFrame) -> pd.DataFrame:
@@ -166,36 +194,41 @@ def _edges(side: int, probability: float, confidence: float, block: int) -> Iter
     image and shows a violation. Each side is valid whether or not the campaign stops at the other.
     """
     step: Floats = stats.binom.pmf(np.arange(block + 1), block, 1.0 - probability)
-    # mass: probabilities of `first`, first + 1, ... failures without a decision so far
-    first, mass, used = 0, np.ones(1), 0.0
+    first = 0
+    mass = np.ones(1)  # probabilities of `first`, first + 1, ... failures without a decision so far
+    spent_before = 0.0
     for runs in count(block, block):
         mass = np.convolve(mass, step)
         from_edge = np.cumsum(mass if side == 0 else mass[::-1])
-        allowed = spent(runs, probability, confidence) - used
+        allowed = spent(runs, probability, confidence) - spent_before
         # at least one number of failures stays undecided
         crossing = min(int(np.searchsorted(from_edge, allowed, side="right")), len(mass) - 1)
-        used += float(from_edge[crossing - 1]) if crossing else 0.0
+        spent_before += float(from_edge[crossing - 1]) if crossing else 0.0
         if side == 0:
             yield first + crossing - 1
             first, mass = first + crossing, mass[crossing:]
         else:
             yield first + len(mass) - crossing
             mass = mass[: len(mass) - crossing]
-        kept = np.flatnonzero(mass > _NEGLIGIBLE)
-        if len(kept):  # negligible probabilities are dropped and counted as spent, which is on the safe side
-            cut = mass[kept[0] : kept[-1] + 1]
-            used += float(mass.sum() - cut.sum())
-            first, mass = first + int(kept[0]), cut
+        relevant = np.flatnonzero(mass > _NEGLIGIBLE)
+        if len(relevant):  # negligible probabilities are dropped and counted as spent, which is on the safe side
+            trimmed = mass[relevant[0] : relevant[-1] + 1]
+            spent_before += float(mass.sum() - trimmed.sum())
+            first += int(relevant[0])
+            mass = trimmed
 
 
 @lru_cache(maxsize=128)
-def _known_edges(*asked: Any) -> tuple[list[int], Iterator[int]]:
-    return [], _edges(*asked)
+def _cached_edges(side: int, probability: float, confidence: float, block: int) -> tuple[list[int], Iterator[int]]:
+    """Return a list for the edges computed so far, which `_edge` extends, and the iterator over the next ones."""
+    return [], _edges(side, probability, confidence, block)
 
 
 def _edge(side: int, look: int, probability: float, confidence: float, block: int) -> int:
-    edges, more = _known_edges(side, probability, confidence, block)
-    edges.extend(islice(more, max(0, look + 1 - len(edges))))
+    """Return the edge of a side at a look (from 0), see `_edges`."""
+    edges, next_edges = _cached_edges(side, probability, confidence, block)
+    n_missing = max(0, look + 1 - len(edges))
+    edges.extend(islice(next_edges, n_missing))
     return edges[look]
 
 
@@ -217,7 +250,8 @@ def boundaries(probability: float, confidence: float, block: int, looks: int) ->
         For each look the number of failures up to which the requirement is met (-1: not even without failures), and
         the number from which it is violated.
     """
-    low, high = ([_edge(side, look, probability, confidence, block) for look in range(looks)] for side in (0, 1))
+    low = [_edge(0, look, probability, confidence, block) for look in range(looks)]
+    high = [_edge(1, look, probability, confidence, block) for look in range(looks)]
     return low, high
 
 
@@ -249,7 +283,9 @@ def decide(failures: Sequence[int], probability: float, confidence: float, block
 
 def further_runs(failures: Sequence[int], probability: float, confidence: float, block: int) -> int:
     """Return the number of further runs without failure after which an undecided requirement would be met."""
-    beyond_bound, look = (failures[-1] if len(failures) else 0), len(failures)
-    while look < _FURTHEST and beyond_bound > _edge(0, look, probability, confidence, block):
+    n_failed = failures[-1] if len(failures) else 0
+    look = len(failures)
+    while look < _FURTHEST and n_failed > _edge(0, look, probability, confidence, block):
         look += 1
-    return (min(look + 1, _FURTHEST) - len(failures)) * block
+    further_looks = min(look + 1, _FURTHEST) - len(failures)
+    return further_looks * block

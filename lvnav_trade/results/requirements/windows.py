@@ -23,7 +23,16 @@ from lvnav_trade.results.requirements.confirmation import unconfirmed, verdicts
 from lvnav_trade.results.statistics.case_results import number_in
 from lvnav_trade.results.statistics.gaussian import gaussian
 from lvnav_trade.results.statistics.probability import norm_quantile
-from lvnav_trade.results.statistics.select import SAME_TIME, ends_of, history_of, once, pick, rows_between
+from lvnav_trade.results.statistics.select import (
+    SAME_TIME,
+    at_time,
+    ends_of,
+    history_of,
+    lincov_rms,
+    once,
+    pick,
+    rows_between,
+)
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = [
@@ -88,181 +97,232 @@ def windows(tables: Tables) -> pd.DataFrame:
     linear covariance does not describe the case. Requirements that cannot be evaluated are in `unevaluated`.
     """
     rows = []
-    for (name, case), (around, found) in _every(tables).items():
-        if not isinstance(found, str):
-            rows.append(_row(tables, name, case, around, found))
+    for (name, case), (window, errors) in _all_windows(tables).items():
+        if not isinstance(errors, str):
+            rows.append(_window_row(tables, name, case, window, errors))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 @once
 def unevaluated(tables: Tables) -> pd.DataFrame:
     """Return the requirements at an event whose window cannot be evaluated, case by case, with the reason."""
-    rows = [
-        (name, tables.labels[case], where(_stated(tables, name)), sizes)
-        for (name, case), (_, sizes) in _every(tables).items()
-        if isinstance(sizes, str)
-    ]
+    rows = []
+    for (name, case), (_, errors) in _all_windows(tables).items():
+        if isinstance(errors, str):
+            event = where(_requirement_named(tables, name))
+            rows.append({"requirement": name, "case": tables.labels[case], "event": event, "reason": errors})
     return pd.DataFrame(rows, columns=UNEVALUATED)
 
 
 @once
-def _every(tables: Tables) -> dict[tuple[str, str], tuple[RequirementWindow, WindowErrors | str]]:
+def _all_windows(tables: Tables) -> dict[tuple[str, str], tuple[RequirementWindow, WindowErrors | str]]:
     """Return window and error (or the reason why there is none) by name of the requirement and digest of the case."""
-    found = {}
+    windows_by_case = {}
     for requirement in tables.campaign.get("requirements") or ():
-        once_only = requirement.get("during") or metric_in(requirement).once_a_run
+        if requirement.get("during") or metric_in(requirement).once_a_run:
+            continue
         for case in tables.labels:
-            around = None if once_only else _around(tables, case, requirement)
-            if around is not None:
-                found[str(requirement["name"]), case] = around, _sizes(tables, case, requirement, around)
-    return found
+            window = _find_window(tables, case, requirement)
+            if window is not None:
+                errors = _window_errors(tables, case, requirement, window)
+                windows_by_case[str(requirement["name"]), case] = window, errors
+    return windows_by_case
 
 
-def _stated(tables: Tables, name: str) -> Mapping[str, Any]:
-    requirement: Mapping[str, Any] = next(each for each in tables.campaign["requirements"] if each["name"] == name)
-    return requirement
+def _requirement_named(tables: Tables, name: str) -> Mapping[str, Any]:
+    requirements: dict[str, Mapping[str, Any]] = {item["name"]: item for item in tables.campaign["requirements"]}
+    return requirements[name]
 
 
-def _around(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RequirementWindow | None:
+def _find_window(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RequirementWindow | None:
     """Return the window of a requirement; None if its event does not occur."""
     event = pick(tables.events, case=case, event=where(requirement))
     if event.empty:
         return None
-    stated = requirement.get("window") or {}
-    before, after = (
-        parse(str(stated[name]), "s") if name in stated else default
-        for name, default in (("before", BEFORE), ("after", AFTER))
-    )
-    t, (start, end) = float(event.t_s.iloc[0]), ends_of(tables, case)
+    settings = requirement.get("window") or {}
+    before = parse(str(settings["before"]), "s") if "before" in settings else BEFORE
+    after = parse(str(settings["after"]), "s") if "after" in settings else AFTER
+    t = float(event.t_s.iloc[0])
+    start, end = ends_of(tables, case)
     return RequirementWindow(t, max(t - before, start), min(t + after, end))
 
 
-def _sizes(tables: Tables, case: str, requirement: Mapping[str, Any], around: RequirementWindow) -> WindowErrors | str:
+def _window_errors(
+    tables: Tables, case: str, requirement: Mapping[str, Any], window: RequirementWindow
+) -> WindowErrors | str:
     """Return the error of a requirement in its window, or the reason why it is not known."""
     metric = metric_in(requirement)
     if isinstance(metric, ProtectionLevel):
-        return _level(tables, case, requirement, around)
-    refused = why_not_applicable(tables, case) or unconfirmed(tables).get(tables.labels[case], "")
+        return _protection_levels(tables, case, requirement, window)
+    why_no_lincov = why_not_applicable(tables, case) or unconfirmed(tables).get(tables.labels[case], "")
     if not metric.has_history:
-        return refused or (_AXES_UNKNOWN if isinstance(metric, NormalisedError) else _AT_EVENTS)
+        return why_no_lincov or (_AXES_UNKNOWN if isinstance(metric, NormalisedError) else _AT_EVENTS)
     if not isinstance(metric, MissionError | NormalisedError):
-        found: WindowErrors | str = _error(tables, case, requirement, around, refused)
+        errors = _history_errors(tables, case, requirement, window, why_no_lincov)
     else:
-        found = refused or _of_states(tables, case, metric, requirement, around)
-    known = isinstance(found, str) or bool(np.isfinite(found.size).any() or np.isinf(found.size).any())
-    return found if known else "its quantile is not known there"
+        errors = why_no_lincov or _state_errors(tables, case, metric, requirement, window)
+    if not isinstance(errors, str) and np.isnan(errors.size).all():
+        return "its quantile is not known there"
+    return errors
 
 
-def _level(tables: Tables, case: str, requirement: Mapping[str, Any], around: RequirementWindow) -> WindowErrors | str:
+def _protection_levels(
+    tables: Tables, case: str, requirement: Mapping[str, Any], window: RequirementWindow
+) -> WindowErrors | str:
     """Return a protection level, which is equal in all runs."""
     quantity = str(requirement["metric"]).removesuffix("_protection_level")
-    rows = rows_between(series_of(tables, case, quantity), around.first, around.last)
+    rows = rows_between(series_of(tables, case, quantity), window.first, window.last)
     if rows.empty:
         return "no protection level is known there"
     unit, factor = tables.people[quantity, "3d"]
     si = str(pick(tables.outputs, case=case, quantity=quantity, axis="3d").unit.iloc[0])
-    limit = number_in(requirement["below"], si) * factor
-    return WindowErrors(rows.t_s.to_numpy(), rows.level_si.to_numpy(dtype=float) * factor, limit, unit, COVARIANCE)
+    return WindowErrors(
+        t=rows.t_s.to_numpy(),
+        size=rows.level_si.to_numpy(dtype=float) * factor,
+        limit=number_in(requirement["below"], si) * factor,
+        unit=unit,
+        by=COVARIANCE,
+    )
 
 
-def _of_states(
+def _state_errors(
     tables: Tables,
     case: str,
     metric: MissionError | NormalisedError,
     requirement: Mapping[str, Any],
-    around: RequirementWindow,
+    window: RequirementWindow,
 ) -> WindowErrors | str:
     """Return an error of the orbit or impact point, or a normalised error, at the stored states."""
     probability = float(requirement["probability"])
-    inside = [
-        (state, law)
-        for state, law in zip(states(tables, case), laws(tables, case), strict=True)
-        if around.first - SAME_TIME <= state.t <= around.last + SAME_TIME
-    ]
-    if not inside:
+    window_states = []
+    window_laws = []
+    for state, law in zip(states(tables, case), laws(tables, case), strict=True):
+        if window.first - SAME_TIME <= state.t <= window.last + SAME_TIME:
+            window_states.append(state)
+            window_laws.append(law)
+    if not window_states:
         return _NOT_STORED
-    t = np.array([state.t for state, _ in inside])
+    t = np.array([state.t for state in window_states])
+    at_event = int(np.argmin(np.abs(t - window.t)))
     if isinstance(metric, NormalisedError):
-        part, at = _BLOCKS[metric.quantity], int(np.argmin(np.abs(t - around.t)))
-        values = _normalised([law for _, law in inside], part, probability, at)
-        return WindowErrors(t, values, number_in(requirement["below"], SIGMAS), SIGMAS, COVARIANCE)
-    found = [_quantile_of(state, law, metric.name, probability) for state, law in inside]
-    reason = found[int(np.argmin(np.abs(t - around.t)))]
+        size = _normalised_quantiles(window_laws, _BLOCKS[metric.quantity], probability, at_event)
+        return WindowErrors(t, size, number_in(requirement["below"], SIGMAS), SIGMAS, COVARIANCE)
+    quantiles = [
+        _mission_quantile(state, law, metric.name, probability)
+        for state, law in zip(window_states, window_laws, strict=True)
+    ]
+    reason = quantiles[at_event]
     if isinstance(reason, str):
         return reason
-    unit, factor = metric.label_unit, metric.label_factor
-    size = np.array([np.nan if isinstance(quantile, str) else quantile * factor for quantile in found])
-    return WindowErrors(t, size, number_in(requirement["below"], metric.unit) * factor, unit, COVARIANCE)
+    factor = metric.label_factor
+    return WindowErrors(
+        t=t,
+        size=np.array([np.nan if isinstance(quantile, str) else quantile * factor for quantile in quantiles]),
+        limit=number_in(requirement["below"], metric.unit) * factor,
+        unit=metric.label_unit,
+        by=COVARIANCE,
+    )
 
 
-def _normalised(given: Sequence[ErrorGaussian], part: slice, probability: float, at: int) -> Floats:
+def _normalised_quantiles(
+    error_laws: Sequence[ErrorGaussian], block: slice, probability: float, at_event: int
+) -> Floats:
     """Return the quantile (n,) of a normalised error, in formal sigmas.
 
-    It is computed at the event (index `at`) and at the states with the largest RMS; it is NaN at the others, and where
-    the formal covariance is singular. part: components of the error in the joint covariance.
+    It is computed at the event and at the states with the largest RMS; it is NaN at the others, and where the formal
+    covariance is singular.
+
+    block : components of the error in the joint covariance
+    at_event : index of the state at the event
     """
-    found = np.full(len(given), np.nan)
-    normal, size = {}, np.full(len(given), -1.0)
-    for k, law in enumerate(given):
-        white = whitening(law.formal[part, part])
-        if white is not None:
-            normal[k] = white @ law.mean[part], white @ law.true[part, part] @ white.T
-            size[k] = float(np.sum(np.square(normal[k][0])) + np.trace(normal[k][1]))
-    for k in {at, *np.argsort(-size)[:_LARGEST].tolist()} & normal.keys():
-        found[k] = norm_quantile(*normal[k], probability)
-    return found
+    normalised = {}
+    mean_square = np.full(len(error_laws), -1.0)
+    for k, law in enumerate(error_laws):
+        whitener = whitening(law.formal[block, block])
+        if whitener is not None:
+            mean = whitener @ law.mean[block]
+            covariance = whitener @ law.true[block, block] @ whitener.T
+            normalised[k] = mean, covariance
+            mean_square[k] = float(np.sum(np.square(mean)) + np.trace(covariance))
+    quantiles = np.full(len(error_laws), np.nan)
+    for k in {at_event, *np.argsort(-mean_square)[:_LARGEST].tolist()}:
+        if k in normalised:
+            mean, covariance = normalised[k]
+            quantiles[k] = norm_quantile(mean, covariance, probability)
+    return quantiles
 
 
-def _quantile_of(state: State, law: ErrorGaussian, metric: str, probability: float) -> float | str:
+def _mission_quantile(state: State, law: ErrorGaussian, metric: str, probability: float) -> float | str:
     """Return the quantile (SI) of a mission metric by linear covariance, or the reason why there is none."""
-    found = expected_of(state, law, metric)
-    if not isinstance(found, str):
-        return norm_quantile(*found, probability)
-    drawn = drawn_of(state, law, metric)
-    return found if drawn is None else float(np.quantile(drawn, probability))
+    gaussian_or_reason = expected_of(state, law, metric)
+    if not isinstance(gaussian_or_reason, str):
+        mean, covariance = gaussian_or_reason
+        return norm_quantile(mean, covariance, probability)
+    sample = drawn_of(state, law, metric)
+    return gaussian_or_reason if sample is None else float(np.quantile(sample, probability))
 
 
-def _error(
-    tables: Tables, case: str, requirement: Mapping[str, Any], around: RequirementWindow, refused: str
+def _history_errors(
+    tables: Tables, case: str, requirement: Mapping[str, Any], window: RequirementWindow, why_no_lincov: str
 ) -> WindowErrors | str:
-    """Return an error with a stored history; `refused`: reason why linear covariance does not count."""
-    metric, probability = split_metric(str(requirement["metric"])), float(requirement["probability"])
-    rows = rows_between(history_of(tables, case, *metric), around.first, around.last)
+    """Return an error with a stored history; `why_no_lincov`: reason why linear covariance does not count."""
+    quantity, axis = split_metric(str(requirement["metric"]))
+    probability = float(requirement["probability"])
+    rows = rows_between(history_of(tables, case, quantity, axis), window.first, window.last)
     if rows.empty:
         return "the error is not reported"
     runs = int(rows.run_count.max())
-    by = (
-        RUNS if runs and runs * (1.0 - probability) >= 1.0 and _rests_on_runs(tables, case, requirement) else COVARIANCE
-    )
-    if by == COVARIANCE and refused:
-        by = EXTRAPOLATED if runs * (1.0 - probability) < 1.0 else RUNS
+    has_enough_runs = runs * (1.0 - probability) >= 1.0  # on average at least one beyond the quantile
+    if has_enough_runs and (why_no_lincov or _is_decided_by_runs(tables, case, requirement)):
+        by = RUNS
+    else:
+        by = EXTRAPOLATED if why_no_lincov else COVARIANCE
     if not runs and by != COVARIANCE:
-        return refused
-    unit, factor = tables.people[metric]
-    si = str(pick(tables.outputs, case=case, quantity=metric[0], axis=metric[1]).unit.iloc[0])
-    size = (
-        _quantiles_of_covariance(tables, case, metric, probability, around.t, rows)
-        if by == COVARIANCE
-        else quantiles_of_runs(rows, metric[1], probability)
+        return why_no_lincov
+    if by == COVARIANCE:
+        size = _covariance_quantiles(tables, case, (quantity, axis), probability, window.t, rows)
+    else:
+        size = quantiles_of_runs(rows, axis, probability)
+    unit, factor = tables.people[quantity, axis]
+    si = str(pick(tables.outputs, case=case, quantity=quantity, axis=axis).unit.iloc[0])
+    return WindowErrors(
+        t=rows.t_s.to_numpy(),
+        size=size * factor,
+        limit=number_in(requirement["below"], si) * factor,
+        unit=unit,
+        by=by,
     )
-    return WindowErrors(rows.t_s.to_numpy(), size * factor, number_in(requirement["below"], si) * factor, unit, by)
 
 
-def _rests_on_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) -> bool:
+def _is_decided_by_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) -> bool:
     """Whether the verdict on a requirement in a case is by runs."""
-    frame = verdicts(tables)
-    found = frame.by[(frame.requirement == requirement["name"]) & (frame.case == tables.labels[case])]
-    return bool((found == RUNS).all())
+    rows = pick(verdicts(tables), requirement=requirement["name"], case=tables.labels[case])
+    return bool((rows.by == RUNS).all())
 
 
-def _row(tables: Tables, name: str, case: str, around: RequirementWindow, errors: WindowErrors) -> tuple[Any, ...]:
+def _window_row(
+    tables: Tables, name: str, case: str, window: RequirementWindow, errors: WindowErrors
+) -> dict[str, Any]:
     """Return the row of `windows` for a requirement and case."""
-    requirement, size = _stated(tables, name), errors.size
-    at, worst = int(np.argmin(np.abs(errors.t - around.t))), int(np.nanargmax(size))
-    changes = bool(size[at] < errors.limit <= size[worst])
-    head = (name, tables.labels[case], where(requirement), *around)
-    sizes = (float(size[at]), float(size[worst]), float(errors.t[worst]), errors.limit, errors.unit)
-    return (*head, *sizes, float(requirement["probability"]), errors.by, changes)
+    requirement = _requirement_named(tables, name)
+    at_event = int(np.argmin(np.abs(errors.t - window.t)))
+    worst = int(np.nanargmax(errors.size))
+    return {
+        "requirement": name,
+        "case": tables.labels[case],
+        "event": where(requirement),
+        "t_s": window.t,
+        "first_s": window.first,
+        "last_s": window.last,
+        "estimate": float(errors.size[at_event]),
+        "worst": float(errors.size[worst]),
+        "worst_s": float(errors.t[worst]),
+        "limit": errors.limit,
+        "unit": errors.unit,
+        "probability": float(requirement["probability"]),
+        "by": errors.by,
+        "verdict_changes": bool(errors.size[at_event] < errors.limit <= errors.size[worst]),
+    }
 
 
 def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floats:
@@ -272,34 +332,37 @@ def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floa
     three standard normal components ("3d") or of one component.
     """
     freedom = 3 if axis == "3d" else 1
-    place = np.sqrt(stats.chi2.ppf([*_STORED, probability], freedom))
-    known = np.stack([rows[name].to_numpy(dtype=float) for name in _STORED.values()])
-    upper = int(np.clip(np.searchsorted(place[:-1], place[-1]), 1, len(_STORED) - 1))
-    low, high = place[upper - 1], place[upper]
-    weight = (place[-1] - low) / (high - low)
+    normal_quantiles = np.sqrt(stats.chi2.ppf([*_STORED, probability], freedom))
+    stored_places, place = normal_quantiles[:-1], normal_quantiles[-1]
+    upper = int(np.clip(np.searchsorted(stored_places, place), 1, len(_STORED) - 1))
+    stored = [rows[name].to_numpy(dtype=float) for name in _STORED.values()]
+    low, high = stored[upper - 1], stored[upper]
+    weight = (place - stored_places[upper - 1]) / (stored_places[upper] - stored_places[upper - 1])
     with np.errstate(invalid="ignore"):  # infinite where runs failed
-        found = known[upper - 1] + weight * (known[upper] - known[upper - 1])
-    return np.where(np.isinf(known[upper]), np.where(weight > 0.0, np.inf, known[upper - 1]), found)
+        quantile = low + weight * (high - low)
+    return np.where(np.isinf(high), np.where(weight > 0.0, np.inf, low), quantile)
 
 
-def _quantiles_of_covariance(
+def _covariance_quantiles(
     tables: Tables, case: str, metric: tuple[str, str], probability: float, t_event: float, rows: pd.DataFrame
 ) -> Floats:
     """Return the quantile (n_time,) by linear covariance, SI, at the event and at the times of the largest RMS.
 
     It is NaN at all other times.
     """
-    t, rms = rows.t_s.to_numpy(), np.hypot(rows.lincov_true_si, rows.lincov_mean_si).to_numpy()
-    at = int(np.argmin(np.abs(t - t_event)))
-    found = np.full(len(rows), np.nan)
-    for k in {at, *np.argsort(-rms)[:_LARGEST].tolist()}:
-        mean, covariance = _law(tables, case, metric, float(t[k]))
-        size = float(np.sqrt(mean @ mean + np.trace(covariance)))
-        found[k] = norm_quantile(mean, covariance, probability) * (rms[k] / size if size > 0.0 else 0.0)
-    return found
+    t = rows.t_s.to_numpy()
+    rms = lincov_rms(rows).to_numpy()
+    at_event = int(np.argmin(np.abs(t - t_event)))
+    quantiles = np.full(len(rows), np.nan)
+    for k in {at_event, *np.argsort(-rms)[:_LARGEST].tolist()}:
+        mean, covariance = _error_law(tables, case, metric, float(t[k]))
+        rms_of_law = float(np.sqrt(mean @ mean + np.trace(covariance)))
+        scale = rms[k] / rms_of_law if rms_of_law > 0.0 else 0.0
+        quantiles[k] = norm_quantile(mean, covariance, probability) * scale
+    return quantiles
 
 
-def _law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> tuple[Floats, Floats]:
+def _error_law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> tuple[Floats, Floats]:
     """Return mean (k,) and covariance (k, k) of an error at a time.
 
     For velocity and position they are those of the nearest stored joint covariance, whose magnitude may differ; the
@@ -307,13 +370,20 @@ def _law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> tuple[
     """
     quantity, axis = metric
     for event in pick(tables.events, case=case).itertuples():
-        if abs(event.t_s - t) < SAME_TIME and (law := gaussian(tables, case, event.event, quantity, axis)) is not None:
-            return law.mean, law.covariance
-    if axis == "3d" and quantity in _BLOCKS and (known := laws(tables, case)):
-        part = _BLOCKS[quantity]
-        nearest = int(np.argmin([abs(state.t - t) for state in states(tables, case)]))
-        return known[nearest].mean[part], known[nearest].true[part, part]
-    axes = [name for of, name in tables.people if of == quantity and name != "3d"] if axis == "3d" else [axis]
-    series = [history_of(tables, case, quantity, name) for name in axes]
-    at = [rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))] for rows in series]
-    return np.array([row.lincov_mean_si for row in at]), np.diag([row.lincov_true_si**2 for row in at])
+        if abs(event.t_s - t) < SAME_TIME:
+            law = gaussian(tables, case, event.event, quantity, axis)
+            if law is not None:
+                return law.mean, law.covariance
+    if axis == "3d" and quantity in _BLOCKS:
+        joint_laws = laws(tables, case)
+        if joint_laws:
+            nearest = int(np.argmin([abs(state.t - t) for state in states(tables, case)]))
+            block = _BLOCKS[quantity]
+            return joint_laws[nearest].mean[block], joint_laws[nearest].true[block, block]
+    axes = [axis]
+    if axis == "3d":
+        axes = [component for name, component in tables.people if name == quantity and component != "3d"]
+    rows = [at_time(history_of(tables, case, quantity, component), t) for component in axes]
+    mean = np.array([row.lincov_mean_si for row in rows])
+    covariance = np.diag([row.lincov_true_si**2 for row in rows])
+    return mean, covariance
