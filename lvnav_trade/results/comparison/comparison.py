@@ -12,7 +12,7 @@ import pandas as pd
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import split_metric
-from lvnav_trade.results.comparison import matching
+from lvnav_trade.results.comparison import paired_changes
 from lvnav_trade.results.comparison.matching import Pair, left_out, match
 from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.metric import where
@@ -59,7 +59,10 @@ class ResultComparison(NamedTuple):
     @property
     def verdict(self) -> str:
         """Overall verdict: the worst verdict of all rows."""
-        return next((word for word in ("worse", "undecided") if word in set(self.frame.verdict)), "not worse")
+        verdicts = set(self.frame.verdict)
+        if "worse" in verdicts:
+            return "worse"
+        return "undecided" if "undecided" in verdicts else "not worse"
 
 
 def parse_effect(key: str, amount: str) -> Effect:
@@ -68,7 +71,12 @@ def parse_effect(key: str, amount: str) -> Effect:
     if match is None:
         raise InputError(f"effect {key!r}: write METRIC, METRIC@EVENT or METRIC@EVENT:q95")
     text = amount.strip()
-    effect = Effect(match["metric"].strip(), (match["at"] or "").strip(), match["statistic"] or "rms", text)
+    effect = Effect(
+        metric=match["metric"].strip(),
+        at=(match["at"] or "").strip(),
+        statistic=match["statistic"] or "rms",
+        amount=text,
+    )
     if _is_relative(text):
         _amount(effect, "")
     elif text != "none" and not re.match(r"^[-+]?[0-9.]", text):
@@ -109,7 +117,7 @@ def compare(
     confidence : float, optional
         Confidence of the verdicts; by default that of the base's campaign, or else 0.95.
     mapping : mapping of str to str, optional
-        See `matching.match`.
+        See `paired_changes.match`.
 
     Raises
     ------
@@ -123,37 +131,46 @@ def compare(
     """
     first, second = load(base), load(candidate)
     pairs = match(first, second, mapping)
-    stated = first.campaign.get("compare") or {}
-    level = float(confidence if confidence is not None else stated.get("confidence", CONFIDENCE))
+    settings = first.campaign.get("compare") or {}
+    level = float(confidence if confidence is not None else settings.get("confidence", CONFIDENCE))
     if not 0.5 <= level < 1.0:
         raise InputError(f"--confidence {level:g}: give a number from 0.5 to below 1")
-    of_campaign = [parse_effect(key, str(amount)) for key, amount in (stated.get("effects") or {}).items()]
-    requested = _laid_over(first, [*of_campaign, *effects])
-    tasks = [task for pair in pairs for task in _tasks(first, second, pair, requested)]
+    campaign_effects = [parse_effect(key, str(amount)) for key, amount in (settings.get("effects") or {}).items()]
+    merged_effects = _merge_effects(first, [*campaign_effects, *effects])
+    tasks: list[_Task] = []
+    for pair in pairs:
+        tasks += _tasks(first, second, pair, merged_effects)
     alpha = 1.0 - level
     rows = [task.row(first, second, alpha / len(tasks), alpha) for task in tasks]
-    notes = _notes(first, second, pairs)
-    return ResultComparison(pd.DataFrame(rows, columns=COLUMNS), notes, level, first.folder, second.folder)
+    return ResultComparison(
+        frame=pd.DataFrame(rows, columns=COLUMNS),
+        notes=_notes(first, second, pairs),
+        confidence=level,
+        base=first.folder,
+        candidate=second.folder,
+    )
 
 
-def _laid_over(base: Tables, effects_of_user: Sequence[Effect]) -> list[Effect]:
+def _merge_effects(base: Tables, user_effects: Sequence[Effect]) -> list[Effect]:
     """Return the effects to compare: defaults, then requirements, then the user's; the amount "none" removes one."""
-    requirement_names = {str(requirement["name"]) for requirement in _stated(base)}
+    requirement_names = {str(requirement["name"]) for requirement in _requirements(base)}
+    defaults = [Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS]
     merged: dict[tuple[str, str, str], Effect] = {}
-    for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *effects_of_user):
+    for effect in [*defaults, *user_effects]:
         is_counted = effect.metric == FAILED_RUNS or (effect.metric in requirement_names and effect.statistic == "rms")
         statistic = "beyond" if is_counted else effect.statistic
         merged[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
-    for requirement in _stated(base):
-        allowed = f"{100.0 * (1.0 - float(requirement['probability'])):.12g} %"
+    metrics = {metric for metric, _, _ in merged}
+    for requirement in _requirements(base):
         name = str(requirement["name"])
-        if not any(metric == name for metric, _, _ in merged):
-            merged[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, allowed)
+        if name not in metrics:
+            allowed_percent = 100.0 * (1.0 - float(requirement["probability"]))
+            merged[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, f"{allowed_percent:.12g} %")
     merged.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
     return [effect for effect in merged.values() if effect.amount != "none"]
 
 
-def _stated(tables: Tables) -> list[dict[str, Any]]:
+def _requirements(tables: Tables) -> list[dict[str, Any]]:
     return list(tables.campaign.get("requirements") or ())
 
 
@@ -208,37 +225,49 @@ class _Task(NamedTuple):
         """
         n = min(len(self.first.size), len(self.second.size))
         if not n:
-            sides = [_by_covariance(base, self.pair.base, self), _by_covariance(candidate, self.pair.candidate, self)]
-            moved = sides[1] / sides[0] - 1.0 if self.relative and sides[0] else sides[1] - sides[0]
-            change = matching.Change(sides[0], sides[1], moved, moved, moved, float("nan"))
-            return self._filled(change, 0, "by linear covariance")
+            return self._filled_row(self._expected_change(base, candidate), 0, "by linear covariance")
         is_fitted = False
         first, second = self.first.size[:n], self.second.size[:n]
         finite = np.isfinite(first) & np.isfinite(second)
         if self.counted:
-            change = matching.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
+            change = paired_changes.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
         elif not finite.any():
-            return self._filled(matching.Change(*[float("nan")] * 6), 0, "no run is good in both")
+            return self._filled_row(paired_changes.UNKNOWN_CHANGE, 0, "no run is good in both")
         elif self.effect.statistic == "rms":
-            change = matching.rms_change(first[finite], second[finite], self.relative, alpha_low, alpha_high)
+            change = paired_changes.rms_change(first[finite], second[finite], self.relative, alpha_low, alpha_high)
         else:
             probability = float(self.effect.statistic[1:]) / 100.0
-            is_fitted = not matching.supports(int(finite.sum()), probability)
-            of_quantile = matching.fitted_quantile_change if is_fitted else matching.quantile_change
-            change = of_quantile(first[finite], second[finite], probability, self.relative, alpha_low, alpha_high)
+            is_fitted = not paired_changes.supports(int(finite.sum()), probability)
+            find_change = paired_changes.fitted_quantile_change if is_fitted else paired_changes.quantile_change
+            change = find_change(first[finite], second[finite], probability, self.relative, alpha_low, alpha_high)
         if np.array_equal(first, second):
             same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
-            return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
-        return self._filled(change, n, self._remark(change, is_fitted))
+            return self._filled_row(same, n, "the same in every run") | {"verdict": "not worse"}
+        return self._filled_row(change, n, self._remark(change, is_fitted))
 
-    def _remark(self, change: matching.Change, is_fitted: bool) -> str:
+    def _expected_change(self, base: Tables, candidate: Tables) -> paired_changes.Change:
+        """Return the change by linear covariance, which has no sampling error."""
+        first = _expected_statistic(base, self.pair.base, self)
+        second = _expected_statistic(candidate, self.pair.candidate, self)
+        change = second / first - 1.0 if self.relative and first else second - first
+        return paired_changes.Change(first, second, change, change, change, float("nan"))
+
+    def _remark(self, change: paired_changes.Change, is_fitted: bool) -> str:
         if not np.isfinite(change.low + change.high):
             return "too few runs for a bound"
-        remarks = [FITTED] * is_fitted + ["better"] * (change.high < 0.0)
+        remarks = []
+        if is_fitted:
+            remarks.append(FITTED)
+        if change.high < 0.0:
+            remarks.append("better")
         return "; ".join(remarks)
 
-    def _filled(self, change: matching.Change, runs: int, remark: str) -> dict[str, Any]:
-        size, unit = (1.0, "") if self.counted else (self.first.label_factor, self.first.label_unit)
+    def _filled_row(self, change: paired_changes.Change, runs: int, remark: str) -> dict[str, Any]:
+        if self.counted:
+            size, unit, scale = 1.0, "", "fraction of runs"
+        else:
+            size, unit = self.first.label_factor, self.first.label_unit
+            scale = "ratio" if self.relative else unit
         factor = 1.0 if self.relative else size
         amount = _amount(self.effect, self.first.unit)
         return {
@@ -250,12 +279,12 @@ class _Task(NamedTuple):
             "unit": unit,
             "base": change.base * size,
             "candidate": change.candidate * size,
-            "scale": "fraction of runs" if self.counted else ("ratio" if self.relative else unit),
+            "scale": scale,
             "change": change.change * factor,
             "low": change.low * factor,
             "high": change.high * factor,
             "effect": amount * factor,
-            "verdict": matching.verdict(change.low, change.high, amount),
+            "verdict": paired_changes.verdict(change.low, change.high, amount),
             "runs": runs,
             "effective_runs": change.effective_runs,
             "remark": remark,
@@ -263,35 +292,61 @@ class _Task(NamedTuple):
 
 
 def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect]) -> list[_Task]:
-    requirements = {str(stated["name"]): stated for stated in _stated(base)}
-    sides = ((base, pair.base), (candidate, pair.candidate))
+    """Return the tasks of a pair of cases, without the errors that one of the two does not have."""
+    requirements = {str(requirement["name"]): requirement for requirement in _requirements(base)}
     tasks = []
     for effect in effects:
-        first: RunErrors | None
-        second: RunErrors | None
-        row_kind, bound, event, is_stored = "error", np.inf, "", True
         if effect.metric == FAILED_RUNS:
-            row_kind = "failures"
-            first, second = failures = [_failures(tables, case) for tables, case in sides]
-            bound, is_stored = 0.5, any(side.size.any() for side in failures)
+            task = _failure_task(base, candidate, pair, effect)
         elif effect.metric in requirements:
-            row_kind, stated = "requirement", requirements[effect.metric]
-            first, second = (errors_of(tables, case, stated) for tables, case in sides)
-            event, bound = where(stated), number_in(stated["below"], first.unit) if first is not None else bound
+            task = _requirement_task(base, candidate, pair, effect, requirements[effect.metric])
         else:
-            event = effect.at or final_event(base, pair.base)
-            first, second = (errors_at(tables, case, event, effect.metric) for tables, case in sides)
-            is_stored = event in set(flight_events(base, pair.base).event)
-            missing = first is None or second is None or not is_stored
-            if missing and (effect.at or effect.metric not in DEFAULT_METRICS):
-                raise InputError(_unknown(base, pair, effect, event))
-        if first is not None and second is not None and is_stored:
-            adjusted = _of_requirement(effect, requirements, min(len(first.size), len(second.size)))
-            tasks.append(_Task(row_kind, pair, adjusted, event, first, second, bound))
+            task = _error_task(base, candidate, pair, effect)
+        if task is not None:
+            tasks.append(task)
     return tasks
 
 
-def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]], runs: int) -> Effect:
+def _failure_task(base: Tables, candidate: Tables, pair: Pair, effect: Effect) -> _Task | None:
+    first = _failures(base, pair.base)
+    second = _failures(candidate, pair.candidate)
+    if not (first.size.any() or second.size.any()):
+        return None
+    return _Task("failures", pair, effect, "", first, second, bound=0.5)
+
+
+def _requirement_task(
+    base: Tables, candidate: Tables, pair: Pair, effect: Effect, requirement: Mapping[str, Any]
+) -> _Task | None:
+    first = errors_of(base, pair.base, requirement)
+    second = errors_of(candidate, pair.candidate, requirement)
+    if first is None or second is None:
+        return None
+    runs = min(len(first.size), len(second.size))
+    return _Task(
+        kind="requirement",
+        pair=pair,
+        effect=_required_effect(effect, float(requirement["probability"]), runs),
+        event=where(requirement),
+        first=first,
+        second=second,
+        bound=number_in(requirement["below"], first.unit),
+    )
+
+
+def _error_task(base: Tables, candidate: Tables, pair: Pair, effect: Effect) -> _Task | None:
+    event = effect.at or final_event(base, pair.base)
+    first = errors_at(base, pair.base, event, effect.metric)
+    second = errors_at(candidate, pair.candidate, event, effect.metric)
+    is_stored = event in set(flight_events(base, pair.base).event)
+    if first is not None and second is not None and is_stored:
+        return _Task("error", pair, effect, event, first, second)
+    if effect.at or effect.metric not in DEFAULT_METRICS:
+        raise InputError(_unknown_metric(base, pair, effect, event))
+    return None
+
+
+def _required_effect(effect: Effect, probability: float, runs: int) -> Effect:
     """Return the statistic of a requirement without a given effect.
 
     It is the fraction of runs beyond the limit. If there are so few runs that hardly any may be beyond, no change of
@@ -299,19 +354,20 @@ def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]
     """
     if effect.statistic != BY_RUNS:
         return effect
-    probability = float(requirements[effect.metric]["probability"])
-    if runs and not matching.supports(runs, probability):
+    if runs and not paired_changes.supports(runs, probability):
         return effect._replace(statistic=f"q{100.0 * probability:.12g}", amount=DEFAULT)
     return effect._replace(statistic="beyond")
 
 
-def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
+def _unknown_metric(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
+    """Return the message on an effect whose metric or event does not exist."""
     if errors_at(base, pair.base, event, effect.metric) is not None:
         events = ", ".join(flight_events(base, pair.base).event)
         return f"effect on {effect.metric}: {event!r} is not an event of {pair.label} (it has {events})"
-    names = [f"{row.quantity}_error_{row.axis}" for row in pick(base.outputs, case=pair.base).itertuples()]
-    near = difflib.get_close_matches(effect.metric, [*names, *(r["name"] for r in _stated(base))], 1)
-    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+    metrics = [f"{row.quantity}_error_{row.axis}" for row in pick(base.outputs, case=pair.base).itertuples()]
+    requirement_names = [requirement["name"] for requirement in _requirements(base)]
+    near = difflib.get_close_matches(effect.metric, [*metrics, *requirement_names], 1)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(metrics)}"
     return f"effect on {effect.metric!r}: no such metric or requirement in both cases of {pair.label} ({hint})"
 
 
@@ -321,8 +377,8 @@ def _failures(tables: Tables, case: str) -> RunErrors:
     return RunErrors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
 
 
-def _by_covariance(tables: Tables, case: str, task: _Task) -> float:
-    """Return the number of one side by linear covariance, which has no sampling error."""
+def _expected_statistic(tables: Tables, case: str, task: _Task) -> float:
+    """Return the statistic of one side by linear covariance; NaN if it is not known."""
     if task.counted:
         rows = pick(expected(tables), requirement=task.effect.metric, case=tables.labels[case])
         return 1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan")
@@ -338,6 +394,6 @@ def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str,
     first, second = (tables.manifest.get("code_digest") for tables in (base, candidate))
     if first != second:
         notes.append(f"Computed by two versions of the code ({first} and {second}).")
-    if _stated(base) != _stated(candidate):
+    if _requirements(base) != _requirements(candidate):
         notes.append("The two campaigns state different requirements; both are tested against the base's.")
     return tuple(notes)

@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.comparison.comparison import COLUMNS, FAILED_RUNS, compare, parse_effect, parse_effects
-from lvnav_trade.results.comparison.matching import rms_change
+from lvnav_trade.results.comparison.paired_changes import rms_change
 from lvnav_trade.results.evaluate import errors_at
 from tests.results.variants import failing, variant, worse
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.results.comparison.matching import (
+from lvnav_trade.results.comparison.paired_changes import (
     beyond_change,
     fitted_quantile_change,
     quantile_change,

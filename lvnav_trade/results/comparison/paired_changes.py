@@ -1,0 +1,278 @@
+"""Paired changes of error statistics from base to candidate, with bounds: RMS, quantiles, fractions beyond a limit."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import optimize, stats
+
+from lvnav_trade.quantities.records import Bools, Floats
+
+# Number of resamples for the bounds on the change of a quantile.
+RESAMPLES = 2000
+# Smallest number of runs on either side of a quantile for a bound.
+FEWEST_BEYOND = 5
+_CHUNK = 2**22
+
+
+class Change(NamedTuple):
+    """Change of a statistic of the error from base to candidate.
+
+    base, candidate : Statistic of each.
+    change : candidate / base - 1 if relative, otherwise candidate - base.
+    low, high : One-sided bounds on the change, each at its own confidence; NaN if the runs give none.
+    effective_runs : Unpaired runs per case that would give the same variance; infinite if the paired errors are equal.
+    """
+
+    base: float
+    candidate: float
+    change: float
+    low: float
+    high: float
+    effective_runs: float
+
+
+UNKNOWN_CHANGE = Change(*[float("nan")] * 6)
+"""Change of a statistic without a run that is good in both cases."""
+
+
+def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float, alpha_high: float) -> Change:
+    """Return the change of the root mean square of paired errors.
+
+    Parameters
+    ----------
+    base, candidate : (n,) array
+        Errors, paired run by run.
+    relative : bool
+        Whether the change is relative to the base.
+    alpha_low, alpha_high : float
+        Error probabilities of the lower and upper bound.
+
+    Returns
+    -------
+    Change
+        The bounds are Student's, with the jackknife variance of ln(candidate / base), or of the difference unless
+        `relative` (Efron and Stein 1981: the jackknife does not underestimate the variance on average).
+    """
+    first_rms = float(np.sqrt(np.mean(base**2)))
+    second_rms = float(np.sqrt(np.mean(candidate**2)))
+    jackknife = _jackknife_rms(base), _jackknife_rms(candidate)
+    return _student_change((first_rms, second_rms), jackknife, relative, (alpha_low, alpha_high), fewest=2)
+
+
+def _student_change(
+    statistics: tuple[float, float],
+    jackknife: tuple[Floats, Floats],
+    relative: bool,
+    alphas: tuple[float, float],
+    fewest: int,
+) -> Change:
+    """Return the change of a statistic with Student's bounds from its jackknife values.
+
+    statistics : Statistic of base and candidate.
+    jackknife : (n,) each. Statistic of base and candidate without one run, for each run.
+    relative : Whether the change is relative; the jackknife is then that of the logarithm.
+    alphas : Error probabilities of the lower and upper bound.
+    fewest : Smallest number of runs for bounds.
+    """
+    n = len(jackknife[0])
+    scale = np.log if relative else np.asarray
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = scale(jackknife[0]), scale(jackknife[1])
+        centre = float(scale(statistics[1]) - scale(statistics[0]))
+        paired_variance = _jackknife_variance(second - first)
+        unpaired_variance = _jackknife_variance(first) + _jackknife_variance(second)
+    low = high = float("nan")
+    if n >= fewest and np.isfinite(paired_variance):
+        low = centre - float(stats.t.isf(alphas[0], n - 1)) * np.sqrt(paired_variance)
+        high = centre + float(stats.t.isf(alphas[1], n - 1)) * np.sqrt(paired_variance)
+    if relative:
+        centre, low, high = (float(np.expm1(value)) for value in (centre, low, high))
+    return Change(
+        base=statistics[0],
+        candidate=statistics[1],
+        change=centre,
+        low=float(low),
+        high=float(high),
+        effective_runs=_effective_runs(n, unpaired_variance, paired_variance),
+    )
+
+
+def _jackknife_rms(error: Floats) -> Floats:
+    """Return the root mean square of all runs except one, for each run, (n,)."""
+    square = error**2
+    square_sum = np.maximum(square.sum() - square, 0.0)
+    return np.asarray(np.sqrt(square_sum / max(1, len(error) - 1)))
+
+
+def _jackknife_variance(values: Floats) -> float:
+    """Return the jackknife variance (n - 1) / n sum (x_k - mean)^2 of a statistic, from values x_k without run k."""
+    n = len(values)
+    return float((n - 1) / n * np.sum((values - values.mean()) ** 2))
+
+
+def _effective_runs(n: int, unpaired_variance: float, paired_variance: float) -> float:
+    """Return the number of unpaired runs with the variance of n paired runs: n times the ratio of the variances."""
+    if not np.isfinite(unpaired_variance + paired_variance):
+        return float("nan")
+    if not paired_variance > 1e-12 * unpaired_variance:  # rounding
+        return float("inf")
+    return float(n * unpaired_variance / paired_variance)
+
+
+def quantile_change(
+    base: Floats, candidate: Floats, probability: float, relative: bool, alpha_low: float, alpha_high: float
+) -> Change:
+    """Return the change of a quantile of |error|, by resampling pairs of runs (percentile bootstrap).
+
+    The quantile is the smallest order statistic that at least the fraction `probability` of runs does not exceed. The
+    resamples are the same in every call, so that results are reproducible. The other arguments are those of
+    `rms_change`.
+    """
+    pair = np.abs(np.stack([base, candidate]))
+    n = pair.shape[1]
+    rank = max(1, int(np.ceil(probability * n - 1e-9))) - 1
+    first, second = np.sort(pair, axis=1)[:, rank]
+    change = Change(
+        base=float(first),
+        candidate=float(second),
+        change=float(_difference(first, second, relative)),
+        low=float("nan"),
+        high=float("nan"),
+        effective_runs=float("nan"),
+    )
+    if not supports(n, probability):
+        return change
+    resampled = _resample_quantiles(pair, rank)
+    differences = _difference(resampled[0], resampled[1], relative)
+    low, high = np.quantile(differences, [alpha_low, 1.0 - alpha_high])
+    if relative and np.all(resampled > 0.0):
+        resampled = np.log(resampled)
+    unpaired_variance = float(resampled.var(axis=1).sum())
+    paired_variance = float(np.var(resampled[1] - resampled[0]))
+    effective_runs = _effective_runs(n, unpaired_variance, paired_variance)
+    return change._replace(low=float(low), high=float(high), effective_runs=effective_runs)
+
+
+def supports(runs: int, probability: float) -> bool:
+    """Return whether a number of runs gives a bound on a quantile without an assumed distribution."""
+    return min(runs * probability, runs * (1.0 - probability)) >= FEWEST_BEYOND - 1e-9
+
+
+def fitted_quantile_change(
+    base: Floats, candidate: Floats, probability: float, relative: bool, alpha_low: float, alpha_high: float
+) -> Change:
+    """Return the change of a quantile of |error|, from a fitted distribution, if too few runs exceed the quantile.
+
+    The square of an error is a weighted sum of squared Gaussians. It is approximated by g times a chi-square variable
+    with h degrees of freedom, with the mean and variance of the sample (Satterthwaite 1946). This is exact for a
+    Gaussian scalar and for a norm of equal components. For a norm of unequal components, a far quantile is up to 4 %
+    low, in base and candidate alike. The bounds are Student's with the jackknife variance. The arguments are those of
+    `rms_change`.
+    """
+    squares = np.stack([base**2, candidate**2])
+    quantiles = _fitted_quantile(squares.mean(axis=1), squares.var(axis=1, ddof=1), probability)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        jackknife = _jackknife_quantile(base, probability), _jackknife_quantile(candidate, probability)
+    statistics = float(quantiles[0]), float(quantiles[1])
+    return _student_change(statistics, jackknife, relative, (alpha_low, alpha_high), fewest=3)
+
+
+def _fitted_quantile(mean: Floats, variance: Floats, probability: float) -> Floats:
+    """Return the quantile of an error whose square has a given mean and variance.
+
+    The square is g chi-square(h), with h = 2 mean^2 / variance and g = mean / h.
+    """
+    freedom = 2.0 * mean**2 / variance
+    return np.asarray(np.sqrt(mean / freedom * stats.chi2.ppf(probability, freedom)))
+
+
+def _jackknife_quantile(error: Floats, probability: float) -> Floats:
+    """Return the fitted quantile of all runs except one, for each run, (n,)."""
+    n = len(error)
+    square = error**2
+    mean = (square.sum() - square) / (n - 1)
+    fourth_power_sum = np.sum(square**2) - square**2
+    variance = np.maximum(fourth_power_sum - (n - 1) * mean**2, 0.0) / (n - 2)
+    return _fitted_quantile(mean, variance, probability)
+
+
+def _difference(base: Floats, candidate: Floats, relative: bool) -> Floats:
+    if not relative:
+        return np.asarray(candidate - base)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(candidate / base - 1.0)
+
+
+def _resample_quantiles(pair: Floats, rank: int) -> Floats:
+    """Return the order statistic of every resample of the pairs (2, n), (2, RESAMPLES)."""
+    n = pair.shape[1]
+    generator = np.random.default_rng(n)
+    quantiles = np.empty((2, RESAMPLES))
+    step = max(1, _CHUNK // n)
+    for start in range(0, RESAMPLES, step):
+        stop = min(RESAMPLES, start + step)
+        chosen = generator.integers(0, n, (stop - start, n))
+        for k in range(2):
+            quantiles[k, start:stop] = np.partition(pair[k][chosen], rank, axis=1)[:, rank]
+    return quantiles
+
+
+def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: float) -> Change:
+    """Return the change of the fraction of runs beyond a limit, with score bounds for paired fractions (Tango 1998).
+
+    As in McNemar's test, only runs beyond the limit in one case but not in the other give information.
+
+    base, candidate : (n,), whether each run is beyond the limit
+    """
+    n = len(base)
+    more = int(np.sum(candidate & ~base))
+    less = int(np.sum(base & ~candidate))
+    first, second = float(np.mean(base)), float(np.mean(candidate))
+    unpaired_variance = first * (1.0 - first) + second * (1.0 - second)
+    paired_variance = (more + less) / n - (second - first) ** 2
+    effective_runs = float("nan")
+    if unpaired_variance:
+        effective_runs = _effective_runs(n, unpaired_variance, paired_variance)
+    return Change(
+        base=first,
+        candidate=second,
+        change=second - first,
+        low=_score_limit(n, more, less, float(stats.norm.isf(alpha_low))),
+        high=-_score_limit(n, less, more, float(stats.norm.isf(alpha_high))),
+        effective_runs=effective_runs,
+    )
+
+
+def _score_limit(n: int, more: int, less: int, z: float) -> float:
+    """Return the lower limit on the difference of paired fractions, at which the score statistic equals z.
+
+    n : pairs of runs
+    more, less : pairs beyond the limit in the candidate only, and in the base only
+    """
+
+    def excess(difference: float) -> float:
+        # The nuisance parameter, the probability of less, is the root of a x^2 + b x + c that maximises the likelihood.
+        a = 2.0 * n
+        b = (2.0 * n - more + less) * difference - more - less
+        c = -less * difference * (1.0 - difference)
+        nuisance = (np.sqrt(max(0.0, b * b - 4.0 * a * c)) - b) / (2.0 * a)
+        variance = n * (2.0 * nuisance + difference * (1.0 - difference))
+        return float(more - less - n * difference - z * np.sqrt(max(variance, 0.0)))
+
+    lowest = -1.0 + 1e-12
+    highest = (more - less) / n - 1e-9  # below the estimate, where the statistic may be 0 / 0
+    if highest <= lowest or excess(lowest) <= 0.0:
+        return -1.0
+    return float(optimize.brentq(excess, lowest, highest, xtol=1e-12))
+
+
+def verdict(low: float, high: float, effect: float) -> str:
+    """Return "worse" if the change is shown to exceed the smallest change of interest, "not worse" if shown to be below
+    it.
+
+    low, high : bounds on the change
+    effect : smallest change of interest
+    """
+    if low > effect:
+        return "worse"
+    return "not worse" if high < effect else "undecided"
