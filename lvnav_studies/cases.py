@@ -1,4 +1,4 @@
-"""The cases that the terms of a statement stand for."""
+"""Cases of the terms of a statement."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -14,7 +14,11 @@ class Reading(NamedTuple):
 
 def matching(known: Sequence[Mapping[str, str]], levels: Mapping[str, str]) -> list[int]:
     """Return the numbers of the cases (level of every axis of each) that have all the levels."""
-    return [k for k, one in enumerate(known) if all(one.get(axis) == level for axis, level in levels.items())]
+    numbers = []
+    for number, case_levels in enumerate(known):
+        if all(case_levels.get(axis) == level for axis, level in levels.items()):
+            numbers.append(number)
+    return numbers
 
 
 def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]) -> list[Reading]:
@@ -24,19 +28,23 @@ def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[st
     need not all be named: the fewest are read that leave each term one case, of those that read the most cases (one
     axis varied at a time: every axis).
     """
-    named = {axis for levels in wanted.values() for axis in levels}
-    free = [axis for axis in (known[0] if known else ()) if axis not in named]
-    sizes = range(len(free) + 1)
-    return max((_read_by(known, wanted, axes) for n in sizes for axes in combinations(free, n)), key=len)
+    named_axes = {axis for levels in wanted.values() for axis in levels}
+    free_axes = [axis for axis in (known[0] if known else ()) if axis not in named_axes]
+    candidates = []
+    for n in range(len(free_axes) + 1):
+        for axes in combinations(free_axes, n):
+            candidates.append(_readings_along(known, wanted, axes))
+    return max(candidates, key=len)  # the first of equal length, with the fewest axes
 
 
-def _read_by(
+def _readings_along(
     known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]], axes: Sequence[str]
 ) -> list[Reading]:
-    found = []
+    """Return the readings for all levels of some axes, where each term has exactly one case."""
+    found_readings = []
     for choice in dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known):
         levels = dict(zip(axes, choice, strict=True))
-        cases = {name: matching(known, {**one, **levels}) for name, one in wanted.items()}
-        if all(len(one) == 1 for one in cases.values()):
-            found.append(Reading(levels, {name: one[0] for name, one in cases.items()}))
-    return found
+        numbers = {name: matching(known, {**term_levels, **levels}) for name, term_levels in wanted.items()}
+        if all(len(matches) == 1 for matches in numbers.values()):
+            found_readings.append(Reading(levels, {name: matches[0] for name, matches in numbers.items()}))
+    return found_readings

@@ -35,62 +35,82 @@ def faults(claims: Claims, campaign: Campaign) -> Iterator[Fault]:
         for place, case in enumerate(order.cases):
             if message := unknown_case(case | together, cases, True):
                 yield f"orderings.{index}.cases.{place}", message
-    for index, one in enumerate(claims.innovations):
-        yield from _below(f"innovations.{index}", pool_faults(one, one.case, cases))
-        if message := unknown_case(one.case, cases):
+    for index, claim in enumerate(claims.innovations):
+        yield from _below(f"innovations.{index}", pool_faults(claim, claim.case, cases))
+        if message := unknown_case(claim.case, cases):
             yield f"innovations.{index}.case", message
-    ids = [one.id for one in claims.statements]
+    ids = [statement.id for statement in claims.statements]
     for index, statement in enumerate(claims.statements):
         if statement.id and statement.id in ids[:index]:
             yield f"statements.{index}.id", f"{quoted(statement.id)} is used twice; give another id"
-        yield from _below(f"statements.{index}", _of_statement(statement, cases))
-    for path, measured in _measured(claims):
+        yield from _below(f"statements.{index}", _statement_faults(statement, cases))
+    for path, measured in _measured_metrics(claims):
         if message := unknown_axis(measured.metric, axes):
             yield f"{path}.metric", message
 
 
 def faults_in_flight(claims: Claims, events: Mapping[str, Mapping[str, float]]) -> Iterator[Fault]:
     """Yield the events that a claim names and the flight of a case does not have; events: times by case and name."""
-    for path, one in _measured(claims):
-        for event in one.events:
+    for path, measured in _measured_metrics(claims):
+        for event in measured.events:
             for times in events.values():
                 if event not in times:
                     near = hint(event, times) or f" (it has {', '.join(times)})"
-                    where = "during" if one.during else "at"
-                    yield f"{path}.{where}", f"{event!r} is not an event of the trajectory{near}"
+                    field = "during" if measured.during else "at"
+                    yield f"{path}.{field}", f"{event!r} is not an event of the trajectory{near}"
 
 
-def _measured(claims: Claims) -> Iterator[tuple[str, MeasuredMetric]]:
+def _measured_metrics(claims: Claims) -> Iterator[tuple[str, MeasuredMetric]]:
     """Yield path and content of everything in a file that names a metric."""
     for key in ("references", "flown", "orderings"):
-        yield from ((f"{key}.{index}", one) for index, one in enumerate(getattr(claims, key)))
+        for index, measured in enumerate(getattr(claims, key)):
+            yield f"{key}.{index}", measured
     for index, statement in enumerate(claims.statements):
-        yield from ((f"statements.{index}.terms.{name}", term) for name, term in statement.terms.items())
+        for name, term in statement.terms.items():
+            yield f"statements.{index}.terms.{name}", term
 
 
-def _below(path: str, found: Iterator[Fault]) -> Iterator[Fault]:
-    yield from ((f"{path}.{end}", message) for end, message in found)
+def _below(path: str, path_faults: Iterator[Fault]) -> Iterator[Fault]:
+    """Yield faults with their paths below another path."""
+    for end, message in path_faults:
+        yield f"{path}.{end}", message
 
 
-def _of_statement(one: Statement, cases: Sequence[Mapping[str, str]]) -> Iterator[Fault]:
-    """Yield what is wrong with the cases of a statement: each term has one, for some choice of the axes left open."""
-    if one.along and (not cases or one.along not in cases[0]):
-        yield "along", f"no axis {quoted(one.along)}{meant(one.along, list(cases[0]) if cases else [])}"
-    wanted = {name: one.case_of(name) for name in one.terms}
-    for name, term in one.terms.items():
+def _statement_faults(statement: Statement, cases: Sequence[Mapping[str, str]]) -> Iterator[Fault]:
+    """Yield the faults of the cases of a statement: each term has one, for some choice of the axes left open."""
+    along = statement.along
+    if along and (not cases or along not in cases[0]):
+        yield "along", f"no axis {quoted(along)}{meant(along, list(cases[0]) if cases else [])}"
+    term_levels = {name: statement.case_of(name) for name in statement.terms}
+    for name, term in statement.terms.items():
         if term.over and cases and term.over not in cases[0]:
             yield f"terms.{name}.over", f"no axis {quoted(term.over)}{meant(term.over, cases[0])}"
         elif term.over and cases:
-            wanted[name] |= {term.over: cases[0][term.over]}
-        yield from _below(f"terms.{name}", pool_faults(term, one.case_of(name), cases))
-        wanted[name] |= pooled_levels(term, cases)
-        for key, other in (("minus", term.minus), ("sigma_of", term.sigma_of)):
-            if other is not None and (message := unknown_case(wanted[name] | other, cases)):
-                yield f"terms.{name}.{key}", message
-    unknown = {name: message for name, levels in wanted.items() if (message := unknown_case(levels, cases))}
-    if not unknown and not readings(cases, wanted):
-        unknown = {name: unknown_case(levels, cases, True) for name, levels in wanted.items()}
-        unknown = {name: text for name, text in unknown.items() if text} or {
-            next(iter(one.terms)): "the terms have no case in common for any choice of the axes left out"
-        }
-    yield from ((f"terms.{name}.case", message) for name, message in unknown.items())
+            term_levels[name] |= {term.over: cases[0][term.over]}
+        yield from _below(f"terms.{name}", pool_faults(term, statement.case_of(name), cases))
+        term_levels[name] |= pooled_levels(term, cases)
+        for key, other_levels in (("minus", term.minus), ("sigma_of", term.sigma_of)):
+            if other_levels is not None:
+                message = unknown_case(term_levels[name] | other_levels, cases)
+                if message:
+                    yield f"terms.{name}.{key}", message
+    messages = _unknown_cases(term_levels, cases)
+    if not messages and not readings(cases, term_levels):
+        messages = _unknown_cases(term_levels, cases, single=True)
+        if not messages:
+            first_term = next(iter(statement.terms))
+            messages = {first_term: "the terms have no case in common for any choice of the axes left out"}
+    for name, message in messages.items():
+        yield f"terms.{name}.case", message
+
+
+def _unknown_cases(
+    term_levels: Mapping[str, Mapping[str, str]], cases: Sequence[Mapping[str, str]], single: bool = False
+) -> dict[str, str]:
+    """Return the messages of `unknown_case` by term, without the terms that have none."""
+    messages = {}
+    for name, levels in term_levels.items():
+        message = unknown_case(levels, cases, single)
+        if message:
+            messages[name] = message
+    return messages

@@ -35,169 +35,229 @@ _BASE = "base"  # level of an axis that is not varied
 
 
 def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
-    """Return the bounds of a statement, NaN where there is none; runs: behind a NEES or a ratio of root mean squares,
-    whose bounds they set.
+    """Return the bounds of a statement, NaN for none.
+
+    runs : number of runs, which sets the bounds of a NEES or of a ratio of root mean squares
 
     The NEES of a run is correlated from time to time: its mean over a phase has the bound of a single time.
     """
-    low, high = (np.nan if stated.get(name) is None else float(stated[name]) for name in ("at_least", "at_most"))
+    low = np.nan if stated.get("at_least") is None else float(stated["at_least"])
+    high = np.nan if stated.get("at_most") is None else float(stated["at_most"])
+    n = max(runs, 1)
     if stated.get("probability") is not None:
-        freedom = 3.0 * max(runs, 1)
+        freedom = 3.0 * n
         high = float(stats.chi2.ppf(float(stated["probability"]), freedom) / freedom)
     if stated.get("of_runs") is not None:
-        tails = 0.5 * (1.0 - float(stated["of_runs"])), 0.5 * (1.0 + float(stated["of_runs"]))
-        low, high = (float(np.sqrt(stats.chi2.ppf(tail, max(runs, 1)) / max(runs, 1))) for tail in tails)
+        probability = float(stated["of_runs"])
+        low = float(np.sqrt(stats.chi2.ppf(0.5 * (1.0 - probability), n) / n))
+        high = float(np.sqrt(stats.chi2.ppf(0.5 * (1.0 + probability), n) / n))
     return low, high
 
 
 def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield a row of the table of references for each reading of a statement: each choice of the axes left open."""
-    wanted = {
-        name: {**(stated.get("case") or {}), **(term.get("case") or {})} for name, term in stated["terms"].items()
-    }
     along = stated.get("along") or ""
-    locus = _locus(tables, stated, wanted, along) if along else {}
-    found_any = False
-    for levels, found in _read(tables, stated, wanted):
-        found_any = True
-        low, high = bounds(stated, found.runs or int((tables.campaign.get("monte_carlo") or {}).get("runs") or 1))
-        tested = found if stated.get("of_runs") is None else found._replace(low=np.nan, high=np.nan)
-        word = verdict(tested, low, high, stated.get("tested_by") or NUMBERS)  # bounds of the runs have their interval
-        remarks = [str(stated.get("remark") or ""), *found.remarks]
-        if not found.runs and "monte_carlo" in (stated.get("tested_by") or NUMBERS):
-            remarks.append(
-                "without an interval" if found.monte_carlo == found.monte_carlo else "linear covariance alone"
-            )
-        open_levels = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
-        names = stated.get("tested_by") or NUMBERS
-        crossing = where_bound(locus.get(open_levels, ()), low, high, names) if word != HOLDS else ""
-        remarks.append(f"bound reached at {along} = {crossing}" if crossing else "")
-        ours = next((v for v in (found.monte_carlo, found.true, found.formal) if v == v), np.nan)
+    tested_by = stated.get("tested_by") or NUMBERS
+    term_levels = _term_levels(stated)
+    values_along = _values_along(tables, stated, along) if along else {}
+    planned_runs = int((tables.campaign.get("monte_carlo") or {}).get("runs") or 1)
+    is_read = False
+    for levels, value in _read_values(tables, stated, term_levels):
+        is_read = True
+        low, high = bounds(stated, value.runs or planned_runs)
+        tested = value
+        if stated.get("of_runs") is not None:  # these bounds include the interval of the runs
+            tested = value._replace(low=np.nan, high=np.nan)
+        word = verdict(tested, low, high, tested_by)
+        remarks = [str(stated.get("remark") or ""), *value.remarks]
+        if not value.runs and "monte_carlo" in tested_by:
+            remarks.append("linear covariance alone" if np.isnan(value.monte_carlo) else "without an interval")
+        if word != HOLDS:
+            open_levels = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
+            crossing = where_bound(values_along.get(open_levels, ()), low, high, tested_by)
+            if crossing:
+                remarks.append(f"bound reached at {along} = {crossing}")
         yield {
-            **_named(stated),
+            **_identity_cells(stated),
             "case": case_named(stated.get("case") or {}, levels),
-            "metric": _name(stated),
+            "metric": _metric_text(stated),
             "unit": stated.get("unit") or "-",
-            **{key: getattr(found, key) for key in (*NUMBERS, "low", "high")},
-            "ours": ours,
+            **{key: getattr(value, key) for key in (*NUMBERS, "low", "high")},
+            "ours": _best_number(value),
             "band_low": low,
             "band_high": high,
             "in_band": word == HOLDS,
             "verdict": word,
             "remark": "; ".join(dict.fromkeys(remark for remark in remarks if remark)),
         }
-    if not found_any:
-        missing = {"case": "", "metric": _name(stated), "unit": stated.get("unit") or "-", "in_band": False}
-        yield {**_named(stated), **missing, "verdict": NOT_FLOWN, "remark": "its cases are not among the results"}
+    if not is_read:
+        yield {
+            **_identity_cells(stated),
+            "case": "",
+            "metric": _metric_text(stated),
+            "unit": stated.get("unit") or "-",
+            "in_band": False,
+            "verdict": NOT_FLOWN,
+            "remark": "its cases are not among the results",
+        }
 
 
-def _named(stated: Mapping[str, Any]) -> dict[str, str]:
+def _term_levels(stated: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return the levels that each term names, with those of the whole statement."""
+    common = stated.get("case") or {}
+    return {name: {**common, **(term.get("case") or {})} for name, term in stated["terms"].items()}
+
+
+def _best_number(value: ExpressionValue) -> float:
+    """Return the number by the runs, or else by linear covariance, or else by formal sigma."""
+    for number in (value.monte_carlo, value.true, value.formal):
+        if not np.isnan(number):
+            return number
+    return np.nan
+
+
+def _identity_cells(stated: Mapping[str, Any]) -> dict[str, str]:
     return {key: str(stated.get(key) or "") for key in ("id", "source", "item")} | marks(stated, "statement")
 
 
 def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
     """Return the levels that a statement names, and those it is read at; of many axes, each varied alone, the one."""
-    off = {axis: level for axis, level in levels.items() if level != _BASE}
-    named = ", ".join(f"{axis}={level}" for axis, level in {**stated, **off}.items())
-    return named or (_BASE if levels else "")
+    varied = {axis: level for axis, level in levels.items() if level != _BASE}
+    text = ", ".join(f"{axis}={level}" for axis, level in {**stated, **varied}.items())
+    return text or (_BASE if levels else "")
 
 
-def _read(
-    tables: Tables, stated: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]]
+def _read_values(
+    tables: Tables, stated: Mapping[str, Any], term_levels: Mapping[str, Mapping[str, str]]
 ) -> Iterator[tuple[dict[str, str], ExpressionValue]]:
+    """Yield the levels of the open axes and the value of a statement, for each of its readings."""
     cases = list(tables.levels)
+    case_levels = list(tables.levels.values())
     unit = str(stated.get("unit") or "-")
-    known = list(tables.levels.values())
-    whole = {name: {**levels, **_first(known, stated["terms"][name])} for name, levels in wanted.items()}
-    for levels, chosen in readings(known, whole):
-        terms = {name: _over(tables, cases[k], stated["terms"][name], unit) for name, k in chosen.items()}
+    complete_levels = {}
+    for name, levels in term_levels.items():
+        complete_levels[name] = {**levels, **_first_levels(case_levels, stated["terms"][name])}
+    for levels, case_numbers in readings(case_levels, complete_levels):
+        terms = {}
+        for name, number in case_numbers.items():
+            terms[name] = _term_value(tables, cases[number], stated["terms"][name], unit)
         yield levels, value_of(str(stated["value"]), terms)
 
 
-def _first(known: Sequence[Mapping[str, str]], term: Mapping[str, Any]) -> dict[str, str]:
-    """Return the first levels of the axes over which a term takes the median or all runs: they stand for all levels."""
+def _first_levels(case_levels: Sequence[Mapping[str, str]], term: Mapping[str, Any]) -> dict[str, str]:
+    """Return the first levels of the axes over which a term takes the median or all runs; they represent all levels."""
     axes = [axis for axis in (str(term.get("over") or ""), *axes_of(term)) if axis]
-    return {axis: known[0][axis] for axis in axes} if known else {}
+    return {axis: case_levels[0][axis] for axis in axes} if case_levels else {}
 
 
-def _over(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> MetricValue:
+def _term_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> MetricValue:
     """Return the numbers of a term: of its case, or the median over all levels of an axis."""
     over = str(term.get("over") or "")
     if term.get("minus") is not None:
-        wanted = {**tables.levels[case], **term["minus"]}
-        others = cases_of(tables, wanted, ())
-        return difference(tables, case, others[0], term, unit) if others else MetricValue(remark="no such case")
+        subtracted = cases_of(tables, {**tables.levels[case], **term["minus"]}, ())
+        if not subtracted:
+            return MetricValue(remark="no such case")
+        return difference(tables, case, subtracted[0], term, unit)
     if not over:
-        whole = evaluate(tables, case, term, unit)
-        if term.get("statistic") == "formal":  # one number, whatever it is compared with
-            each, level = (np.full(len(one), whole.formal**2) for one in (whole.runs, whole.levels))
-            whole = whole._replace(true=whole.formal, monte_carlo=whole.formal, runs=each, levels=level)
-        together = len(members(tables, case, axes_of(term))) if axes_of(term) else 0
-        words = f"{together} levels of {', '.join(axes_of(term))} together" if together else ""
-        return whole._replace(remark="; ".join(text for text in (whole.remark, words) if text))
-    mine = {axis: level for axis, level in tables.levels[case].items() if axis != over}
-    cases = [other for other, levels in tables.levels.items() if mine.items() <= levels.items()]
+        return _case_value(tables, case, term, unit)
+    fixed_levels = {axis: level for axis, level in tables.levels[case].items() if axis != over}
+    cases = [name for name, levels in tables.levels.items() if fixed_levels.items() <= levels.items()]
     if term["metric"] == REACQUIRED:
-        times = np.concatenate([reacquisition_times(tables, one, str(term.get("at") or "injection")) for one in cases])
+        instant = str(term.get("at") or "injection")
+        times = np.concatenate([reacquisition_times(tables, member, instant) for member in cases])
         scale = parse(f"1 {unit}", "s") if unit != "-" else 1.0
-        return MetricValue(np.nan, float(np.median(times)) / scale, np.nan, f"median of {len(times)} acquisitions")
-    found = [evaluate(tables, one, term, unit) for one in cases]
-    formal, true, runs = (float(np.median([getattr(one, number) for one in found])) for number in NUMBERS)
-    return MetricValue(formal, true, runs, f"median of {len(found)} cases")
+        return MetricValue(
+            true=float(np.median(times)) / scale,
+            remark=f"median of {len(times)} acquisitions",
+        )
+    values = [evaluate(tables, member, term, unit) for member in cases]
+    return MetricValue(
+        formal=float(np.median([value.formal for value in values])),
+        true=float(np.median([value.true for value in values])),
+        monte_carlo=float(np.median([value.monte_carlo for value in values])),
+        remark=f"median of {len(values)} cases",
+    )
 
 
-def _name(stated: Mapping[str, Any]) -> str:
-    named = dict.fromkeys(name_of(term) for term in stated["terms"].values())
-    return f"{stated['value']}: {'; '.join(named)}"
+def _case_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> MetricValue:
+    """Return the numbers of a term of one case or pool."""
+    value = evaluate(tables, case, term, unit)
+    if term.get("statistic") == "formal":  # one number, whatever it is compared with
+        square = value.formal**2
+        value = value._replace(
+            true=value.formal,
+            monte_carlo=value.formal,
+            runs=np.full(len(value.runs), square),
+            levels=np.full(len(value.levels), square),
+        )
+    pool = axes_of(term)
+    if not pool:
+        return value
+    pool_remark = f"{len(members(tables, case, pool))} levels of {', '.join(pool)} together"
+    return value._replace(remark=f"{value.remark}; {pool_remark}" if value.remark else pool_remark)
+
+
+def _metric_text(stated: Mapping[str, Any]) -> str:
+    names = dict.fromkeys(name_of(term) for term in stated["terms"].values())
+    return f"{stated['value']}: {'; '.join(names)}"
 
 
 def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, ExpressionValue]]]]:
     """Return the values of a statement along its axis, level by level, for each choice of the other axes left open."""
-    wanted = {
-        name: {**(stated.get("case") or {}), **(term.get("case") or {})} for name, term in stated["terms"].items()
-    }
-    found = _locus(tables, stated, wanted, str(stated.get("along") or ""))
-    return [(", ".join(f"{axis}={level}" for axis, level in key), values) for key, values in found.items()]
+    values_by_choice = []
+    for choice, values in _values_along(tables, stated, str(stated.get("along") or "")).items():
+        values_by_choice.append((", ".join(f"{axis}={level}" for axis, level in choice), values))
+    return values_by_choice
 
 
-def _locus(
-    tables: Tables, stated: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]], along: str
+def _values_along(
+    tables: Tables, stated: Mapping[str, Any], along: str
 ) -> dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]]:
-    known = list(tables.levels.values())
-    named = {name: levels[along] for name, levels in wanted.items() if along in levels}
-    here = (stated.get("case") or {}).get(along, next(iter(named.values()), None))
-    fixed = {name for name, level in named.items() if level != here}  # what the others are held against
-    found: dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]] = {}
-    for level in dict.fromkeys(levels[along] for levels in known):
-        moved = {name: {**levels, along: level} for name, levels in wanted.items() if name not in fixed}
-        there = {name: levels for name, levels in moved.items() if matching(known, levels)}
-        if there:  # a term that has no case there stays where it is
-            asked = {**wanted, **there}
-            for levels, value in _read(tables, stated, asked):
-                found.setdefault(tuple(sorted(levels.items())), []).append((level, value))
-    return found
+    """Return the values of `locus`, by the levels of the other open axes.
+
+    A term that names another level of the axis than the statement is what the others are compared with; it does not
+    move along the axis, nor does a term without a case at a level.
+    """
+    case_levels = list(tables.levels.values())
+    term_levels = _term_levels(stated)
+    named = {name: levels[along] for name, levels in term_levels.items() if along in levels}
+    statement_level = (stated.get("case") or {}).get(along, next(iter(named.values()), None))
+    fixed = {name for name, level in named.items() if level != statement_level}
+    values_by_choice: dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]] = {}
+    for level in dict.fromkeys(levels[along] for levels in case_levels):
+        moved = {}
+        for name, levels in term_levels.items():
+            levels_there = {**levels, along: level}
+            if name not in fixed and matching(case_levels, levels_there):
+                moved[name] = levels_there
+        if moved:
+            for levels, value in _read_values(tables, stated, {**term_levels, **moved}):
+                values_by_choice.setdefault(tuple(sorted(levels.items())), []).append((level, value))
+    return values_by_choice
 
 
 def where_bound(
     values: Sequence[tuple[str, ExpressionValue]], low: float, high: float, tested_by: Sequence[str] = ("true",)
 ) -> str:
-    """Return the level at which the true error first reaches a bound, interpolated between levels that are numbers; if
-    it never does, that at which another of the numbers that are tested does, and which.
+    """Return the level at which the true error first reaches a bound, interpolated between levels that are numbers.
+
+    If it never does, the level and the name of another tested number that does; empty if none does.
     """
-    points = [(size, value, level) for level, value in values if (size := _size(level)) is not None]
+    points = []
+    for level, value in values:
+        number = _NUMBER.match(level)
+        if number:
+            points.append((float(number[0]), value, level))
     points.sort(key=lambda point: point[0])
     for name in sorted(tested_by, key=lambda name: name != "true"):
         for (x0, first, level), (x1, second, _) in pairwise(points):
             y0, y1 = getattr(first, name), getattr(second, name)
             for bound in (low, high):
                 if (y0 - bound) * (y1 - bound) < 0.0:
-                    part = (bound - y0) / (y1 - y0)
-                    x = x0 * (x1 / x0) ** part if x0 > 0.0 else x0 + part * (x1 - x0)
-                    which = "" if name == "true" else f" ({name.replace('_', ' ')})"
-                    return f"{x:.3g}{_NUMBER.sub('', level, count=1)}{which}"
+                    fraction = (bound - y0) / (y1 - y0)
+                    # positive levels are mostly spaced by factors: interpolate their logarithm
+                    x = x0 * (x1 / x0) ** fraction if x0 > 0.0 else x0 + fraction * (x1 - x0)
+                    unit = _NUMBER.sub("", level, count=1)
+                    suffix = "" if name == "true" else f" ({name.replace('_', ' ')})"
+                    return f"{x:.3g}{unit}{suffix}"
     return ""
-
-
-def _size(level: str) -> float | None:
-    found = _NUMBER.match(level)
-    return float(found[0]) if found else None

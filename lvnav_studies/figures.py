@@ -13,23 +13,27 @@ from lvnav_trade.api.measures import NUMBERS, Tables
 def bound(tables: Tables, stated: Mapping[str, Any]) -> Figure:
     """Draw the value of a statement over its axis, by formal sigma, true error and runs, with its bounds as lines."""
     figure, ax = panel(3.0)
-    runs, shown = 1, (*(stated.get("tested_by") or NUMBERS), "true")
-    for number, (others, values) in enumerate(locus(tables, stated)):
+    runs = 1
+    columns = (*(stated.get("tested_by") or NUMBERS), "true")
+    for number, (open_levels, values) in enumerate(locus(tables, stated)):
         names = [level for level, _ in values]
-        sizes, kind = level_sizes(names)
-        runs = max(runs, *(value.runs for _, value in values))
+        sizes, unit_of_axis = level_sizes(names)
+        runs = max([runs, *(value.runs for _, value in values)])
         for column, style in (("formal", ":"), ("true", "-"), ("monte_carlo", "--")):
             y = [getattr(value, column) for _, value in values]
-            if column in shown and np.isfinite(y).any():
-                words = column.replace("_", " ")
-                label = f"{others}: {words}" if others else words
+            if column in columns and np.isfinite(y).any():
+                column_name = column.replace("_", " ")
+                label = f"{open_levels}: {column_name}" if open_levels else column_name
                 ax.plot(sizes, y, marker="o", ms=3.5, label=label, color=line_of(number)["color"], ls=style)
-        mark_levels(ax, sizes, names, kind)
+        mark_levels(ax, sizes, names, unit_of_axis)
     for limit in bounds(stated, runs):
         if np.isfinite(limit):
             ax.axhline(limit, color=PALETTE[1], lw=1.2, label="bound")
     unit = str(stated.get("unit") or "-")
-    axis = str(stated["along"]).replace("_", " ") + (f" ({kind})" if kind else "")
-    ax.set(xlabel=axis, ylabel=f"{stated['value']} ({unit})")
+    axis = str(stated["along"]).replace("_", " ")
+    ax.set(
+        xlabel=f"{axis} ({unit_of_axis})" if unit_of_axis else axis,
+        ylabel=f"{stated['value']} ({unit})",
+    )
     widen_covered(figure)
     return figure

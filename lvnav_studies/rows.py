@@ -30,7 +30,7 @@ _BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
 
 
 def claim_rows(tables: Tables, claims: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of what a study claims of one campaign (`claims.Claims`, as JSON), beside our numbers.
+    """Return the rows of the claims of a study on one campaign (`claims.Claims`, as JSON), compared with our numbers.
 
     Orders: published is empty, ours the largest ratio of a case to the next, which must lie in the band. Innovations:
     ours the largest autocorrelation. Statements: a row for each choice of the axes that they leave open, ours the value
@@ -47,44 +47,55 @@ def claim_rows(tables: Tables, claims: Mapping[str, Any]) -> list[dict[str, Any]
 def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the largest ratio of a case to the next of an order, smallest first."""
     pool = axes_of(stated)
-    groups = [cases_of(tables, wanted, pool) for wanted in stated["cases"]]
-    alone = all(len(group) == 1 for group in groups)
-    found = [in_own_unit(tables, group[0], stated) for group in groups] if alone else []
-    values = np.array([one.value for one in found])
-    worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
-    unit = written_unit(tables, str(stated["metric"])).replace("-", "")
-    sizes = f"{', '.join(f'{value:.3g}' for value in values)} {unit}".rstrip()
-    text = sizes if len(values) else "not one case each"
-    terms = {f"a{k}": evaluate(tables, group[0], stated, "-") for k, group in enumerate(groups)} if alone else {}
-    largest = f"max({', '.join(f'a{k} / a{k + 1}' for k in range(len(terms) - 1))})"
+    groups = [cases_of(tables, levels, pool) for levels in stated["cases"]]
+    labels = [label_of(tables, group[0], pool) if group else "?" for group in groups]
+    worst_ratio = np.nan
+    value = None
+    remarks = ["not one case each"]
+    if all(len(group) == 1 for group in groups):
+        cases = [group[0] for group in groups]
+        singles = [in_own_unit(tables, case, stated) for case in cases]
+        sizes = np.array([single.value for single in singles])
+        worst_ratio = float(np.max(sizes[:-1] / sizes[1:]))
+        unit = written_unit(tables, str(stated["metric"])).replace("-", "")
+        size_list = ", ".join(f"{size:.3g}" for size in sizes)
+        remarks = [f"{size_list} {unit}".rstrip(), *dict.fromkeys(single.remark for single in singles)]
+        terms = {f"a{k}": evaluate(tables, case, stated, "-") for k, case in enumerate(cases)}
+        ratios = [f"a{k} / a{k + 1}" for k in range(len(cases) - 1)]
+        value = value_of(f"max({', '.join(ratios)})", terms)
     yield published_row(
         stated,
-        (text, *dict.fromkeys(one.remark for one in found)),
+        remarks,
         (0.0, float(stated.get("factor") or 1.0)),
-        worst,
-        value_of(largest, terms) if terms else None,
-        case=_SMALLER.join(label_of(tables, group[0], pool) if group else "?" for group in groups),
+        worst_ratio,
+        value,
+        case=_SMALLER.join(labels),
         metric=name_of(stated) + ", ratio to the next",
-        ours=worst,
+        ours=worst_ratio,
     )
 
 
 def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
-    words, bound, white = str(stated.get("channels") or ""), float(stated.get("largest", 0.15)), stated["white"]
-    together = members(tables, case, axes_of(stated)) if case is not None else []
-    found = [_most_correlated(tables, one, words) for one in together]
-    sizes = np.array([size for size, _ in found])
-    largest, text = np.nan, "no runs" if case is not None else "no such case"
-    if len(sizes) and np.isfinite(sizes).any():
-        largest = float(np.nanmedian(sizes))  # the runs of one case are one number here
-        text = found[int(np.nanargmin(np.abs(sizes - largest)))][1]
+    """Return the row of a statement on innovations: the median of the largest autocorrelation over the pooled cases."""
+    channels = str(stated.get("channels") or "")
+    bound = float(stated.get("largest", 0.15))
+    is_white = stated["white"]
+    label, largest, text = "", np.nan, "no such case"
+    if case is not None:
+        label, text = label_of(tables, case, axes_of(stated)), "no runs"
+        pool = members(tables, case, axes_of(stated))
+        correlations = [_most_correlated(tables, member, channels) for member in pool]
+        sizes = np.array([size for size, _ in correlations])
+        if np.isfinite(sizes).any():
+            largest = float(np.nanmedian(sizes))  # the runs of one case are one number here
+            _, text = correlations[int(np.nanargmin(np.abs(sizes - largest)))]
     return published_row(
         stated,
-        (f"published: {'white' if white else 'correlated'}", text),
-        (0.0, bound) if white else (bound, np.inf),  # an unbiased estimate may be above one
+        (f"published: {'white' if is_white else 'correlated'}", text),
+        (0.0, bound) if is_white else (bound, np.inf),  # an unbiased estimate may be above one
         largest,
-        case=label_of(tables, case, axes_of(stated)) if case is not None else "",
-        metric=f"{words} innovations, largest autocorrelation".strip(),
+        case=label,
+        metric=f"{channels} innovations, largest autocorrelation".strip(),
         monte_carlo=largest,
         ours=largest,
     )
@@ -94,7 +105,7 @@ def _most_correlated(tables: Tables, case: str, words: str) -> tuple[float, str]
     """Return the largest autocorrelation of the channels of a case that `words` name, and where it is."""
     rows = whiteness(tables)
     rows = rows[rows.case == tables.labels[case]]
-    rows = rows[[_named(name, words) for name in rows.channel]]
+    rows = rows[[_is_named(name, words) for name in rows.channel]]
     if rows.empty:
         return float("nan"), ""
     worst = rows.loc[rows.largest_ratio.abs().idxmax()]
@@ -102,8 +113,15 @@ def _most_correlated(tables: Tables, case: str, words: str) -> tuple[float, str]
     return abs(float(worst.largest_ratio)), text
 
 
-def _named(channel: str, words: str) -> bool:
+def _is_named(channel: str, words: str) -> bool:
     """Whether a channel such as ``G05 range rate`` or ``position x`` is meant: its words without satellite and axis."""
-    first, *rest = channel.split(" ")
-    kind = [first, *rest[1:]] if first == "receiver" else [first] if first in _BY_AXIS else rest
-    return not words or " ".join(kind) == words
+    if not words:
+        return True
+    first, *following = channel.split(" ")
+    if first == "receiver":
+        measurement = [first, *following[1:]]
+    elif first in _BY_AXIS:
+        measurement = [first]
+    else:
+        measurement = following
+    return " ".join(measurement) == words

@@ -63,53 +63,56 @@ class Publication(StudyScript):
         blocks : callable, optional
             Makes further tables and figures of a campaign.
         """
-        drawn = StudyFigure(self._draw_bound, "The value of a statement along its axis, and its bounds.", self._unbound)
-        super().__init__(folder, {"bound": drawn, **(figures or {})})
+        bound_figure = StudyFigure(
+            self._draw_bound, "The value of a statement along its axis, and its bounds.", self._bound_faults
+        )
+        super().__init__(folder, {"bound": bound_figure, **(figures or {})})
         add_metrics(metrics)
-        self._make = blocks
-        place = self.folder / STATEMENTS
-        files = sorted(place.glob("*.yaml"))
-        self.claims: dict[str, InputFile[Claims]] = {
-            file.stem: read_input(file, Claims) for file in files if file.stem != STUDY
-        }
-        whole = place / f"{STUDY}.yaml"
-        self.of_study = read_input(whole, OfStudy).content if whole.is_file() else OfStudy()
+        self._make_blocks = blocks
+        statement_folder = self.folder / STATEMENTS
+        self.claims: dict[str, InputFile[Claims]] = {}
+        for file in sorted(statement_folder.glob("*.yaml")):
+            if file.stem != STUDY:
+                self.claims[file.stem] = read_input(file, Claims)
+        study_file = statement_folder / f"{STUDY}.yaml"
+        self.of_study = read_input(study_file, OfStudy).content if study_file.is_file() else OfStudy()
 
     def of(self, campaign: str) -> Claims:
-        """Return what is claimed of a campaign; nothing where it has no file."""
-        found = self.claims.get(campaign)
-        return Claims() if found is None else found.content
+        """Return the claims on a campaign; empty if it has no file."""
+        file = self.claims.get(campaign)
+        return Claims() if file is None else file.content
 
     def mistakes(self, questions: Sequence[StudySection]) -> Iterator[Mistake]:
-        """Yield what is claimed of cases that are not there, and files of no campaign."""
+        """Yield claims on cases that do not exist, and files without a campaign."""
         yield from super().mistakes(questions)
-        campaigns = {one.campaign.name: one.campaign for one in questions}
+        campaigns = {section.campaign.name: section.campaign for section in questions}
         for name, file in self.claims.items():
             if name not in campaigns:
-                known = ", ".join(campaigns)
-                yield file.mistake("", f"no campaign of the study has the name {name!r} (known: {known})")
-            else:
-                yield from (file.mistake(path, text) for path, text in faults(file.content, campaigns[name]))
+                names = ", ".join(campaigns)
+                yield file.mistake("", f"no campaign of the study has the name {name!r} (known: {names})")
+                continue
+            for path, text in faults(file.content, campaigns[name]):
+                yield file.mistake(path, text)
 
     def mistakes_in_flight(self, campaign: Campaign, events: Mapping[str, Mapping[str, float]]) -> Iterator[Mistake]:
         """Yield the events that are named and that no flight has."""
         file = self.claims.get(campaign.name)
         if file is not None:
-            found = dict.fromkeys(faults_in_flight(file.content, events))
-            yield from (file.mistake(path, text) for path, text in found)
+            for path, text in dict.fromkeys(faults_in_flight(file.content, events)):
+                yield file.mistake(path, text)
 
     def references(self, campaign: str) -> Sequence[Mapping[str, Any]]:
         """Return published numbers of metrics that the script adds."""
-        found: list[Mapping[str, Any]] = self.of(campaign).model_dump(mode="json")["references"]
-        return found
+        references: list[Mapping[str, Any]] = self.of(campaign).model_dump(mode="json")["references"]
+        return references
 
     def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
-        """Return what the files of statements say of a campaign, by list; of no campaign where the name is empty."""
+        """Return the claims on a campaign by list; for an empty name the statements that belong to no campaign."""
         if campaign:
-            whole: dict[str, list[dict[str, Any]]] = self.of(campaign).model_dump(mode="json", exclude={"flown"})
-            return whole
-        apart = (*self.of_study.not_set_up, *self.of_study.elsewhere)
-        return {"statements": [one.model_dump(mode="json") for one in apart]}
+            claims: dict[str, list[dict[str, Any]]] = self.of(campaign).model_dump(mode="json", exclude={"flown"})
+            return claims
+        statements = [*self.of_study.not_set_up, *self.of_study.elsewhere]
+        return {"statements": [statement.model_dump(mode="json") for statement in statements]}
 
     def rows(self, campaign: str, tables: Tables) -> list[dict[str, Any]]:
         """Return the rows of orders, statements on innovations, and expressions."""
@@ -123,38 +126,42 @@ class Publication(StudyScript):
 
     def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
         """Return the rows of statements that no campaign answers, or that has not been run."""
-        return further_rows(self.of_study, {one.name: self.of(one.name).statements for one in unflown})
+        statements = {campaign.name: self.of(campaign.name).statements for campaign in unflown}
+        return further_rows(self.of_study, statements)
 
     def is_statement(self, rows: pd.DataFrame) -> pd.Series:
         """Whether each row is of an expression, or of a statement that no campaign answers."""
-        names = {
-            one.id or f"{campaign} {STATEMENTS} {number}"
-            for campaign, file in self.claims.items()
-            for number, one in enumerate(file.content.statements, 1)
-        }
-        return rows.id.isin(names) | (rows["case"] == "")
+        ids = set()
+        for campaign, file in self.claims.items():
+            for number, statement in enumerate(file.content.statements, 1):
+                ids.add(statement.id or f"{campaign} {STATEMENTS} {number}")
+        return rows.id.isin(ids) | (rows["case"] == "")
 
     def verdicts(self, rows: pd.DataFrame) -> list[Block]:
         """Return how many statements hold, and a table of the rows of each verdict."""
         return verdicts(rows)
 
     def blocks(self, answered: StudyResult) -> list[Block]:
-        """Return what the script makes of a campaign."""
-        return [] if self._make is None else self._make(answered, self.of(answered.campaign.name))
+        """Return the further tables and figures of a campaign."""
+        if self._make_blocks is None:
+            return []
+        return self._make_blocks(answered, self.of(answered.campaign.name))
 
     def _statement(self, campaign: str, figure: FigureEntry) -> Statement | None:
-        wanted = figure.settings.get("statement")
-        return next((one for one in self.of(campaign).statements if one.id == wanted), None)
+        for statement in self.of(campaign).statements:
+            if statement.id == figure.settings.get("statement"):
+                return statement
+        return None
 
-    def _draw_bound(self, one: StudyResult, figure: FigureEntry) -> Any:
-        found = self._statement(one.campaign.name, figure)
-        return None if found is None else bound(one.tables, found.model_dump(mode="json"))
+    def _draw_bound(self, result: StudyResult, figure: FigureEntry) -> Any:
+        statement = self._statement(result.campaign.name, figure)
+        return None if statement is None else bound(result.tables, statement.model_dump(mode="json"))
 
-    def _unbound(self, figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
-        found = self._statement(question.campaign.name, figure)
-        if found is None or not found.along:
-            named = figure.settings.get("statement")
-            yield "settings.statement", f"no statement {named!r} that is along an axis"
+    def _bound_faults(self, figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
+        statement = self._statement(question.campaign.name, figure)
+        if statement is None or not statement.along:
+            name = figure.settings.get("statement")
+            yield "settings.statement", f"no statement {name!r} that is along an axis"
 
 
 def main(study: StudyScript, arguments: Sequence[str] | None = None) -> int:
@@ -183,27 +190,31 @@ def main(study: StudyScript, arguments: Sequence[str] | None = None) -> int:
         "--campaigns", nargs="+", metavar="NAME", help="run only these, and update them in the kept report"
     )
     parser.add_argument("--jobs", type=int, default=-1, help="worker processes, -1 for all cores")
-    asked = parser.parse_args(arguments)
-    if asked.campaigns and (asked.recount or asked.only_page):
+    options = parser.parse_args(arguments)
+    if options.campaigns and (options.recount or options.only_page):
         parser.error("--campaigns runs campaigns; leave out --recount and --only-page")
     try:
-        if asked.recount:
-            print(f"kept: {recount(study, asked.keep)}")
+        if options.recount:
+            print(f"kept: {recount(study, options.keep)}")
             return api.MET
         watch = api.StudyWatch(on_campaign=_show)
-        if asked.campaigns:
-            found = renew(study, asked.keep, asked.campaigns, asked.runs, asked.out, asked.jobs, asked.fresh, watch)
+        if options.campaigns:
+            outcome = renew(
+                study, options.keep, options.campaigns, options.runs, options.out, options.jobs, options.fresh, watch
+            )
         else:
-            found = api.study(study, asked.keep, asked.runs, asked.out, asked.jobs, asked.fresh, asked.only_page, watch)
+            outcome = api.study(
+                study, options.keep, options.runs, options.out, options.jobs, options.fresh, options.only_page, watch
+            )
     except InputError as error:
         print(error, file=sys.stderr)
         return api.USAGE
-    for line in found.failures:
+    for line in outcome.failures:
         print(f"failed: {line}")
-    for name, (stated, hold) in found.campaigns.items():
-        print(f"{name}: {hold} of {stated} as published")
-    print(f"kept: {found.page}")
-    return api.FAILED if found.failures else api.MET
+    for name, (n_stated, n_reproduced) in outcome.campaigns.items():
+        print(f"{name}: {n_reproduced} of {n_stated} as published")
+    print(f"kept: {outcome.page}")
+    return api.FAILED if outcome.failures else api.MET
 
 
 def _show(name: str, results: Any) -> None:

@@ -20,8 +20,15 @@ _HEADINGS = {
     NOT_SET_UP: "Statements that are not set up, and what is missing.",
     NOT_FLOWN: "Statements whose campaign has no results yet.",
 }
+_SUMMARY_TEXTS = {
+    HOLDS: "hold in every evaluation",
+    FAILS: "do not hold here",
+    UNDECIDED: "are undecided",
+    NOT_SET_UP: "are not set up",
+    NOT_FLOWN: "are not flown yet",
+}
 # Columns of these tables, as `lvnav_trade.api.pages.shown` reads them
-_LEFT_OUT = "item | remark"
+_UNANSWERED_COLUMNS = "item | remark"
 _COLUMNS = (
     "item | campaign and case = case | formal: number | true: number | Monte Carlo = monte_carlo: number | "
     "95 % = low to high: number | bounds = band_low to band_high: number | below (%) = percentile: .0f | remark"
@@ -32,27 +39,46 @@ def further_rows(study: OfStudy, unflown: Mapping[str, Sequence[Statement]]) -> 
     """Return a row for each statement that no campaign answers, for those of campaigns without results (by their name),
     and for those that a number from elsewhere answers.
     """
-    rows: list[tuple[PublishedStatement, str, str]] = [(one, NOT_SET_UP, one.remark) for one in study.not_set_up]
-    rows += [
-        (one, NOT_FLOWN, f"campaign {campaign}; {one.remark}".removesuffix("; "))
-        for campaign, statements in unflown.items()
-        for one in statements
-    ]
-    left = {"case": "", "metric": "", "unit": "-", "in_band": False}
-    found = [{**_named(one), **left, "verdict": word, "remark": remark} for one, word, remark in rows]
-    return [*found, *map(_of_number, study.elsewhere)]
+    rows = [_unanswered_row(statement, NOT_SET_UP, statement.remark) for statement in study.not_set_up]
+    for campaign, statements in unflown.items():
+        for statement in statements:
+            remark = f"campaign {campaign}; {statement.remark}".removesuffix("; ")
+            rows.append(_unanswered_row(statement, NOT_FLOWN, remark))
+    rows += [_number_row(statement) for statement in study.elsewhere]
+    return rows
 
 
-def _named(one: PublishedStatement) -> dict[str, str]:
-    return {"id": one.id, "source": one.source, "item": one.item, **marks(one.model_dump(), "statement")}
+def _unanswered_row(statement: PublishedStatement, verdict: str, remark: str) -> dict[str, Any]:
+    return {**_identity_cells(statement), "in_band": False, "verdict": verdict, "remark": remark}
 
 
-def _of_number(one: Elsewhere) -> dict[str, Any]:
-    low, high = (np.nan if bound is None else bound for bound in (one.at_least, one.at_most))
-    holds = not (one.value < low or one.value > high)
-    known = {**_named(one), "case": "", "metric": "", "unit": "-"}
-    numbers = {"monte_carlo": one.value, "ours": one.value, "band_low": low, "band_high": high, "in_band": holds}
-    return {**known, **numbers, "verdict": HOLDS if holds else FAILS, "remark": one.remark}
+def _identity_cells(statement: PublishedStatement) -> dict[str, str]:
+    """Return the cells that identify the row of a statement without a case."""
+    return {
+        "id": statement.id,
+        "source": statement.source,
+        "item": statement.item,
+        **marks(statement.model_dump(), "statement"),
+        "case": "",
+        "metric": "",
+        "unit": "-",
+    }
+
+
+def _number_row(statement: Elsewhere) -> dict[str, Any]:
+    low = np.nan if statement.at_least is None else statement.at_least
+    high = np.nan if statement.at_most is None else statement.at_most
+    is_inside = not (statement.value < low or statement.value > high)
+    return {
+        **_identity_cells(statement),
+        "monte_carlo": statement.value,
+        "ours": statement.value,
+        "band_low": low,
+        "band_high": high,
+        "in_band": is_inside,
+        "verdict": HOLDS if is_inside else FAILS,
+        "remark": statement.remark,
+    }
 
 
 def verdicts(frame: pd.DataFrame) -> list[Block]:
@@ -62,26 +88,25 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     """
     if frame.empty:
         return []
-    number = frame["item"].str.split(" ").str[0].where(frame["item"].str.startswith("#"), frame["item"])
+    item = frame["item"]
+    number = item.str.split(" ").str[0].where(item.str.startswith("#"), item)
+    blocks: list[Block] = [Text(_summary(frame.verdict.groupby(number, sort=False)))]
     order = number.str.extract(r"(\d+)", expand=False).astype(float)
-    groups = frame.verdict.groupby(number, sort=False).agg(
-        lambda words: frozenset(words) - {NOT_FLOWN} or frozenset(words)
-    )
-    only = {word: int((groups == frozenset([word])).sum()) for word in _HEADINGS}
-    said = {
-        HOLDS: "hold in every evaluation",
-        FAILS: "do not hold here",
-        UNDECIDED: "are undecided",
-        NOT_SET_UP: "are not set up",
-        NOT_FLOWN: "are not flown yet",
-    }
-    counts = [f"{only[word]} {said[word]}" for word in said if only[word]]
-    if mixed := len(groups) - sum(only.values()):
-        counts.append(f"{mixed} hold in part: for some readings or some of their conditions")
-    blocks: list[Block] = [Text(f"Of {len(groups)} statements {', '.join(counts)}.")]
     rows = short_cases(frame).assign(order=order).sort_values("order", kind="stable").dropna(axis="columns", how="all")
-    for word, heading in _HEADINGS.items():
-        mine = rows[rows.verdict == word]
-        if len(mine):
-            blocks.append(table(mine, heading, _LEFT_OUT if word in (NOT_SET_UP, NOT_FLOWN) else _COLUMNS))
+    for verdict, heading in _HEADINGS.items():
+        verdict_rows = rows[rows.verdict == verdict]
+        if len(verdict_rows):
+            columns = _UNANSWERED_COLUMNS if verdict in (NOT_SET_UP, NOT_FLOWN) else _COLUMNS
+            blocks.append(table(verdict_rows, heading, columns))
     return blocks
+
+
+def _summary(verdicts_by_number: Any) -> str:
+    """Return how many statements have each verdict, from the verdicts of the rows grouped by statement."""
+    verdict_sets = verdicts_by_number.agg(lambda words: frozenset(words) - {NOT_FLOWN} or frozenset(words))
+    counts = {verdict: int((verdict_sets == frozenset([verdict])).sum()) for verdict in _HEADINGS}
+    texts = [f"{counts[verdict]} {text}" for verdict, text in _SUMMARY_TEXTS.items() if counts[verdict]]
+    mixed = len(verdict_sets) - sum(counts.values())
+    if mixed:
+        texts.append(f"{mixed} hold in part: for some readings or some of their conditions")
+    return f"Of {len(verdict_sets)} statements {', '.join(texts)}."

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from lvnav_studies import rows
-from lvnav_studies.rows import _named, claim_rows
+from lvnav_studies.rows import _is_named, claim_rows
 from lvnav_trade.api.measures import COLUMNS, FRAMES, whiteness
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
@@ -53,11 +53,11 @@ def test_an_unbiased_autocorrelation_above_one_is_correlated(good, monkeypatch):
 
 
 def test_the_channels_of_the_receivers_own_filter_are_meant_by_its_name():
-    assert _named("receiver G05 range rate", "receiver range rate")
-    assert not _named("receiver G05 range rate", "range rate")
-    assert _named("G05 range rate", "range rate")
-    assert _named("position x", "position")
-    assert not _named("receiver G05 range", "position")
+    assert _is_named("receiver G05 range rate", "receiver range rate")
+    assert not _is_named("receiver G05 range rate", "range rate")
+    assert _is_named("G05 range rate", "range rate")
+    assert _is_named("position x", "position")
+    assert not _is_named("receiver G05 range", "position")
 
 
 def test_a_metric_of_modes_may_be_an_order_and_a_statement(tmp_path):

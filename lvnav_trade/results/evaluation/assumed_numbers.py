@@ -14,7 +14,7 @@ from lvnav_trade.results.tables.read import Tables
 ASSUMPTIONS = ["case", "place", "card", "field", "mark", "value_text", "reason"]
 DEVICES = ("imu", "receiver", "sensors")
 """Sections of a scenario that describe products."""
-_OF_RESOURCES = ("cost", "mass", "power", "volume", "mtbf")
+_RESOURCES = ("cost", "mass", "power", "volume", "mtbf")
 
 
 @once
@@ -24,11 +24,19 @@ def assumptions(tables: Tables) -> pd.DataFrame:
     Columns: case, place (dotted path of the card below the base), card (its name), field (dotted path within it), mark
     (assumed, second hand), value_text (in the unit of data sheets), reason. Without marks the table is empty.
     """
-    rows = [
-        (label, marked.card, marked.name, marked.field, marked.mark, in_people(marked.value), marked.reason)
-        for case, label in tables.labels.items()
-        for marked in marks_in(scenario_of(tables, case))
-    ]
+    rows = []
+    for case, label in tables.labels.items():
+        for marked in marks_in(scenario_of(tables, case)):
+            row = {
+                "case": label,
+                "place": marked.card,
+                "card": marked.name,
+                "field": marked.field,
+                "mark": marked.mark,
+                "value_text": in_people(marked.value),
+                "reason": marked.reason,
+            }
+            rows.append(row)
     return pd.DataFrame(rows, columns=ASSUMPTIONS)
 
 
@@ -39,30 +47,40 @@ def compared_by(tables: Tables) -> pd.DataFrame:
     Columns: device (such as imu), field (within the device), mark, marked (number of cases with the mark), cases
     (number of all cases).
     """
-    by_field: dict[tuple[str, str, str], set[str]] = {}
+    cases_by_field: dict[tuple[str, str, str], set[str]] = {}
     scenarios = {label: scenario_of(tables, case) for case, label in tables.labels.items()}
     for label, scenario in scenarios.items():
-        for marked in marks_in({name: scenario[name] for name in DEVICES if scenario.get(name)}):
-            device = ".".join(marked.card.split(".")[: 2 if marked.card.startswith("sensors.") else 1])
+        devices = {name: scenario[name] for name in DEVICES if scenario.get(name)}
+        for marked in marks_in(devices):
+            depth = 2 if marked.card.startswith("sensors.") else 1
+            device = ".".join(marked.card.split(".")[:depth])
             path = f"{marked.card}.{marked.field}".removeprefix(f"{device}.")
-            for field in _single(path, marked.value):
-                by_field.setdefault((device, field, marked.mark), set()).add(label)
-    rows = [
-        (device, field, mark, len(labels), len(scenarios))
-        for (device, field, mark), labels in by_field.items()
-        if len({str(_at(scenario, f"{device}.{field}")) for scenario in scenarios.values()}) > 1
-    ]
+            for field in _marked_fields(path, marked.value):
+                cases_by_field.setdefault((device, field, marked.mark), set()).add(label)
+    rows = []
+    for (device, field, mark), labels in cases_by_field.items():
+        values = {str(_value_at(scenario, f"{device}.{field}")) for scenario in scenarios.values()}
+        if len(values) > 1:
+            row = {
+                "device": device,
+                "field": field,
+                "mark": mark,
+                "marked": len(labels),
+                "cases": len(scenarios),
+            }
+            rows.append(row)
     return pd.DataFrame(rows, columns=["device", "field", "mark", "marked", "cases"])
 
 
-def _single(field: str, value: Any) -> list[str]:
+def _marked_fields(field: str, value: Any) -> list[str]:
     """Return the fields to which a mark applies: a mark on resources applies to each of them, others to one field."""
     if field.rpartition(".")[2] != "resources" or not isinstance(value, Mapping):
         return [field]
-    return [f"{field}.{name}" for name in _OF_RESOURCES if value.get(name) is not None]
+    return [f"{field}.{name}" for name in _RESOURCES if value.get(name) is not None]
 
 
-def _at(data: Any, path: str) -> Any:
+def _value_at(data: Any, path: str) -> Any:
+    """Return the value at a dotted path of plain data; None if there is none."""
     for step in path.split("."):
         if isinstance(data, list):
             data = data[int(step)] if step.isdigit() and int(step) < len(data) else None
@@ -111,43 +129,46 @@ def configuration(tables: Tables) -> pd.DataFrame:
     the number of estimated states. Without a base scenario the table is empty.
     """
     states = tables.cases.set_index("case").nees_dof_count
-    rows = [
-        (label, *row)
-        for case, label in tables.labels.items()
-        for device, kind, card in _devices(scenario_of(tables, case))
-        for row in _rows(device, kind, card, int(states[case]))
-    ]
+    rows = []
+    for case, label in tables.labels.items():
+        for device, device_type, card in _devices(scenario_of(tables, case)):
+            for row in _configuration_rows(device, device_type, card, int(states[case])):
+                rows.append((label, *row))
     return pd.DataFrame(rows, columns=CONFIGURATION)
 
 
 def _devices(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Yield name, kind and card of the devices of a scenario."""
+    """Yield name, type and card of the devices of a scenario."""
     imu = scenario.get("imu") or {}
-    units = imu.get("units") or [imu] * bool(imu)
-    for number, unit in enumerate(units, 1):
-        yield f"IMU {number}" if len(units) > 1 else "IMU", "IMU", unit
-    for kind in ("receiver", "filter"):
-        if scenario.get(kind):
-            yield kind, kind, scenario[kind]
+    imus = imu.get("units") or ([imu] if imu else [])
+    for number, card in enumerate(imus, 1):
+        yield f"IMU {number}" if len(imus) > 1 else "IMU", "IMU", card
+    for name in ("receiver", "filter"):
+        if scenario.get(name):
+            yield name, name, scenario[name]
 
 
-def _rows(device: str, kind: str, card: Mapping[str, Any], states: int) -> Iterator[tuple[Any, ...]]:
+def _configuration_rows(
+    device: str, device_type: str, card: Mapping[str, Any], states: int
+) -> Iterator[tuple[Any, ...]]:
+    """Yield the values of `CONFIGURATION` from the device on."""
     name = str(card.get("name") or "")
-    if kind == "filter":
+    if device_type == "filter":
         yield device, name, "estimated states", str(states), float(states), ""
         yield device, name, "coupling", _coupling(card.get("measurements") or ()), None, ""
-    for term, path in _TERMS[kind].items():
+    for term, path in _TERMS[device_type].items():
         value: Any = card
         for step in path.split("."):
             value = value.get(step) if isinstance(value, Mapping) else None
         number, unit = split(value) or (None, "")
-        yield device, name, term, "none" if number == 0.0 else in_people(value) or "–", number, unit
+        text = "none" if number == 0.0 else in_people(value) or "–"
+        yield device, name, term, text, number, unit
 
 
 def _coupling(measurements: Any) -> str:
     """Return the coupling with the receiver: loose (solution), tight (ranges), or inertial (none)."""
-    taken = set(measurements)
-    if taken & {"position", "velocity"}:
+    names = set(measurements)
+    if names & {"position", "velocity"}:
         return "loose"
     tight = {"pseudorange", "range_rate", "carrier_phase", "tdcp", "delta_pseudorange"}
-    return "tight" if taken & tight else "inertial"
+    return "tight" if names & tight else "inertial"

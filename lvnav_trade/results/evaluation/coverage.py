@@ -43,22 +43,27 @@ def covered(tables: Tables, case: str, event: str, quantity: str) -> CoveragePro
 
     The first two use the formal sigmas of the nominal flight, the last the RMS over the runs of their formal sigmas.
     """
-    assumed, law = formal_covariance(tables, case, event, quantity), gaussian(tables, case, event, quantity, "3d")
-    formal, true = np.nan, np.nan
-    if assumed is not None and law is not None:
-        limits = SIGMAS * np.sqrt(np.diagonal(assumed))
-        formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*law[:2], limits)
-    return CoverageProbability(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
+    formal = true = np.nan
+    covariance = formal_covariance(tables, case, event, quantity)
+    law = gaussian(tables, case, event, quantity, "3d")
+    if covariance is not None and law is not None:
+        limits = SIGMAS * np.sqrt(np.diagonal(covariance))
+        formal = box_probability(np.zeros(3), covariance, limits)
+        true = box_probability(law.mean, law.covariance, limits)
+    all_within = _within_sigmas(tables, case, event, quantity).all(axis=1)
+    return CoverageProbability(formal, true, all_within.astype(float))
 
 
 def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> CoverageProbability:
     """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN."""
-    outputs, errors = pick(tables.outputs, case=case, quantity=quantity), errors_by_axis(tables, case, event, quantity)
+    outputs = pick(tables.outputs, case=case, quantity=quantity)
+    errors = errors_by_axis(tables, case, event, quantity)
     if errors.empty or outputs.empty:
         return CoverageProbability(np.nan, np.nan, np.empty(0))
     size = np.linalg.norm(errors.drop(columns="failure").to_numpy(dtype=float), axis=1)
-    small = (size < units.parse(limit, str(outputs.unit.iloc[0]))) & (errors.failure == "").to_numpy()
-    return CoverageProbability(np.nan, np.nan, small.astype(float))
+    limit_si = units.parse(limit, str(outputs.unit.iloc[0]))
+    is_below = (size < limit_si) & (errors.failure == "").to_numpy()
+    return CoverageProbability(np.nan, np.nan, is_below.astype(float))
 
 
 def coverage(tables: Tables) -> pd.DataFrame:
@@ -69,17 +74,17 @@ def coverage(tables: Tables) -> pd.DataFrame:
     Pearson); honest: whether the interval reaches 0.9919, the probability of three independent Gaussian axes. Sigma is
     the RMS over the runs of their formal sigmas.
     """
-    rows = [
-        {"case": label, "event": event} | inside
-        for case, label in tables.labels.items()
-        for event in flight_events(tables, case).event
-        for quantity in NAVIGATION
-        if (inside := _inside(tables, case, event, quantity))
-    ]
+    rows = []
+    for case, label in tables.labels.items():
+        for event in flight_events(tables, case).event:
+            for quantity in NAVIGATION:
+                values = _coverage_values(tables, case, event, quantity)
+                if values:
+                    rows.append({"case": label, "event": event} | values)
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _within(tables: Tables, case: str, event: str, quantity: str) -> Bools:
+def _within_sigmas(tables: Tables, case: str, event: str, quantity: str) -> Bools:
     """Return whether each error of the runs at an event is within three formal sigmas, (n_run, 3); failed runs are not.
 
     The array is empty (0, 3) if the results do not have the errors.
@@ -90,22 +95,25 @@ def _within(tables: Tables, case: str, event: str, quantity: str) -> Bools:
         return np.zeros((0, 3), dtype=bool)
     t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
     sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
-    small = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
-    return np.asarray(small.to_numpy() & (runs.failure == "").to_numpy()[:, None])
+    is_within = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
+    is_sound = (runs.failure == "").to_numpy()
+    return np.asarray(is_within.to_numpy() & is_sound[:, None])
 
 
-def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
-    within = _within(tables, case, event, quantity)
+def _coverage_values(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
+    """Return the values of `COLUMNS` from the time on; empty if the results do not have the errors."""
+    within = _within_sigmas(tables, case, event, quantity)
     if not len(within):
         return {}
-    whole, n = within.all(axis=1), len(within)
-    low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
+    n = len(within)
+    all_within = within.all(axis=1)
+    low, high = success_bounds(n, int(n - all_within.sum()), 1.0 - _TAIL)
     return {
         "t_s": float(pick(tables.runs, case=case, event=event).t_s.iloc[0]),
         "quantity": quantity,
         "run_count": n,
         "inside_ratio": float(within.mean()),
-        "all_inside_ratio": float(whole.mean()),
+        "all_inside_ratio": float(all_within.mean()),
         "low_ratio": low,
         "high_ratio": high,
         "honest": bool(high >= GAUSSIAN**3),

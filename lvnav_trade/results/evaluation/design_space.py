@@ -1,17 +1,17 @@
-"""What many designs show together: which axes matter, what share of the designs meets the requirements where."""
+"""Effects of the axes of a design space on the errors, and fractions of the designs that meet the requirements."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.evaluation.designs import AXIS, designs, name_and_end, requirement_columns, slug, unit_of
 from lvnav_trade.results.metric import NAVIGATION_UNITS
@@ -35,8 +35,8 @@ EFFECTS = [
 REGIONS = ["requirement", "axis", "level", "low", "high", "unit", "designs", "met", "share", "share_low", "share_high"]
 ALL = "all requirements"
 BINS = 5  # parts of a numeric axis, with as many designs in each
-_FINE = 12  # parts of a numeric axis whose means give its share of the variance
-_FEWEST = 8  # designs of which anything is said
+_FINE = 12  # bins of a numeric axis whose means give its share of the variance
+_FEWEST = 8  # smallest number of designs for an effect, and for a bin
 CONFIDENCE = 0.95
 """Of all intervals of designs that are drawn at random."""
 OVERCONFIDENT = 2.0
@@ -56,10 +56,22 @@ def possible(tables: Tables) -> pd.DataFrame:
 
 def errors_of(tables: Tables, frame: pd.DataFrame) -> dict[str, str]:
     """Return the column of the error of each requirement by its name; without requirements those of navigation."""
-    stated = tables.campaign.get("requirements") or ()
-    named = {str(one["name"]): requirement_columns(one)[0] for one in stated}
-    named = named or {f"{name} error": f"{name}_{unit_suffix(unit)}" for name, unit in NAVIGATION_UNITS.items()}
-    return {name: column for name, column in named.items() if column in frame}
+    columns = {}
+    for requirement in tables.campaign.get("requirements") or ():
+        error, _, _ = requirement_columns(requirement)
+        columns[str(requirement["name"])] = error
+    if not columns:
+        columns = {f"{name} error": f"{name}_{unit_suffix(unit)}" for name, unit in NAVIGATION_UNITS.items()}
+    return {name: column for name, column in columns.items() if column in frame}
+
+
+def _verdict_columns(tables: Tables) -> dict[str, str]:
+    """Return the column of the verdict on each requirement by its name."""
+    columns = {}
+    for requirement in tables.campaign.get("requirements") or ():
+        _, _, verdict = requirement_columns(requirement)
+        columns[str(requirement["name"])] = verdict
+    return columns
 
 
 @once
@@ -69,53 +81,70 @@ def effects(tables: Tables) -> pd.DataFrame:
 
     rank_correlation: Spearman's, of numeric axes. low, high: its 95 % interval (Bonett and Wright 2000), of designs
     that are drawn at random; a grid is no sample.
-    first_order: part of the variance of the error's logarithm that the axis explains alone, from means over parts of
-    the axis with as many designs each, what chance explains taken off.
+    first_order: share of the variance of the error's logarithm that the axis explains alone, by the means over bins of
+    the axis with equal numbers of designs, without the share expected by chance.
     sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`fitted`),
     of samples over numeric axes alone; predicted: how well the fit predicts left-out designs (1: exactly).
     """
-    rows: list[tuple[Any, ...]] = []
+    rows: list[dict[str, Any]] = []
     if tables.has_designs:
         frame = possible(tables)
         for name, column in errors_of(tables, frame).items():
-            rows += _effects(frame, name, column, tables.is_sampled)
+            rows += [{"requirement": name, **row} for row in _requirement_effects(frame, column, tables.is_sampled)]
     return pd.DataFrame(rows, columns=EFFECTS)
 
 
-def _effects(frame: pd.DataFrame, requirement: str, column: str, is_sampled: bool) -> Iterator[tuple[Any, ...]]:
+def _requirement_effects(frame: pd.DataFrame, column: str, is_sampled: bool) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `effects` for one requirement; `column`: its error in the table of designs."""
     error = frame[column].to_numpy(dtype=float)
-    sobol = _sobol(frame, error) if is_sampled else {}
+    indices = _sobol_indices(frame, error) if is_sampled else {}
     for axis in axes_of(frame):
-        known = np.isfinite(error) & (error > 0.0) & frame[axis].notna().to_numpy()
-        if known.sum() < _FEWEST:
+        is_usable = np.isfinite(error) & (error > 0.0) & frame[axis].notna().to_numpy()
+        if is_usable.sum() < _FEWEST:
             continue
-        level, log = frame[axis][known], np.log(error[known])
+        level = frame[axis][is_usable]
+        log_error = np.log(error[is_usable])
         low = high = correlation = np.nan
         if is_numeric(frame, axis):
-            correlation = float(stats.spearmanr(level, log).statistic)
-            low, high = _interval(correlation, len(log)) if is_sampled else (np.nan, np.nan)
-            parts = _parts(level.to_numpy(dtype=float), _FINE)
+            correlation = float(stats.spearmanr(level, log_error).statistic)
+            if is_sampled:
+                low, high = _interval(correlation, len(log_error))
+            bins = _bins(level.to_numpy(dtype=float), _FINE)
         else:
-            parts = level.map({name: k for k, name in enumerate(dict.fromkeys(level))}).to_numpy()
-        shares = sobol.get(axis, (np.nan,) * 3)
-        yield requirement, axis, correlation, low, high, _first_order(parts, log, is_sampled), int(known.sum()), *shares
+            numbers = {name: k for k, name in enumerate(dict.fromkeys(level))}
+            bins = level.map(numbers).to_numpy()
+        sobol_first, sobol_total, predicted_share = indices.get(axis, (np.nan, np.nan, np.nan))
+        yield {
+            "axis": axis,
+            "rank_correlation": correlation,
+            "low": low,
+            "high": high,
+            "first_order": _first_order(bins, log_error, is_sampled),
+            "designs": int(is_usable.sum()),
+            "sobol_first": sobol_first,
+            "sobol_total": sobol_total,
+            "predicted": predicted_share,
+        }
 
 
-def _sobol(frame: pd.DataFrame, error: Floats) -> dict[str, tuple[float, float, float]]:
-    """Return first-order and total index of each axis, and how well the fit behind them predicts; nothing where an axis
-    has no numbers, or the designs are too few for the fit.
+def _sobol_indices(frame: pd.DataFrame, error: Floats) -> dict[str, tuple[float, float, float]]:
+    """Return for each axis its first-order and total index, and the share of the variance that their fit predicts.
+
+    The result is empty if an axis is not numeric, or if there are too few designs for the fit.
     """
-    axes, known = axes_of(frame), np.isfinite(error) & (error > 0.0)
-    count = int(known.sum())
+    axes = axes_of(frame)
+    is_usable = np.isfinite(error) & (error > 0.0)
+    count = int(is_usable.sum())
     if not all(is_numeric(frame, axis) for axis in axes) or count < 2 * len(basis(len(axes))):
         return {}
-    ranks = np.argsort(
-        np.argsort(frame[axes].to_numpy(dtype=float)[known], axis=0, kind="stable"), axis=0, kind="stable"
-    )
-    u, square = 2.0 * (ranks + 0.5) / count - 1.0, error[known] ** 2
-    first, whole = fitted_indices(fitted(u, square)[None], len(axes))[:, 0]
-    well = predicted(u, square)
-    return {axis: (float(first[k]), float(whole[k]), well) for k, axis in enumerate(axes)}
+    levels = frame[axes].to_numpy(dtype=float)[is_usable]
+    order = np.argsort(levels, axis=0, kind="stable")
+    ranks = np.argsort(order, axis=0, kind="stable")
+    u = 2.0 * (ranks + 0.5) / count - 1.0
+    square = error[is_usable] ** 2
+    first, total = fitted_indices(fitted(u, square)[None], len(axes))[:, 0]
+    predicted_share = predicted(u, square)
+    return {axis: (float(first[k]), float(total[k]), predicted_share) for k, axis in enumerate(axes)}
 
 
 def is_numeric(frame: pd.DataFrame, axis: str) -> bool:
@@ -127,33 +156,34 @@ def _interval(correlation: float, n: int) -> tuple[float, float]:
     """Return the 95 % interval of a rank correlation by Fisher's transformation (Bonett and Wright 2000)."""
     if n <= 3 or not abs(correlation) < 1.0:
         return correlation, correlation
-    half = stats.norm.isf(0.5 * (1.0 - CONFIDENCE)) * np.sqrt((1.0 + 0.5 * correlation**2) / (n - 3))
-    middle = np.arctanh(correlation)
-    return float(np.tanh(middle - half)), float(np.tanh(middle + half))
+    sigma = np.sqrt((1.0 + 0.5 * correlation**2) / (n - 3))
+    half = stats.norm.isf(0.5 * (1.0 - CONFIDENCE)) * sigma
+    centre = np.arctanh(correlation)
+    return float(np.tanh(centre - half)), float(np.tanh(centre + half))
 
 
-def _parts(values: Floats, count: int) -> Any:
-    """Return in which of some parts a value (n,) lies: in one for each level where there are few, else in one of
-    `count` with as many values each. Equal values lie in one part.
+def _bins(values: Floats, count: int) -> Any:
+    """Return the number of the bin of each value (n,): a bin for each level if there are few levels, else `count` bins
+    with equal numbers of values. Equal values are in the same bin.
     """
-    levels, part = np.unique(values, return_inverse=True)
+    levels, bins = np.unique(values, return_inverse=True)
     if len(levels) <= count and 2 * len(levels) <= len(values):  # a level is of several designs, not of one by chance
-        return part
+        return bins
     rank = stats.rankdata(values) - 0.5
-    parts = (rank * min(count, max(1, len(values) // _FEWEST)) / len(values)).astype(int)
-    return np.unique(parts, return_inverse=True)[1]  # none is empty
+    n_bin = min(count, max(1, len(values) // _FEWEST))
+    bins = (rank * n_bin / len(values)).astype(int)
+    _, consecutive = np.unique(bins, return_inverse=True)  # no bin is empty
+    return consecutive
 
 
-def _first_order(parts: Any, value: Floats, is_sampled: bool) -> float:
-    """Return the part of the variance between parts; of a sample what parts by chance would have taken off (omega
-    squared).
-    """
-    n, k = len(value), int(parts.max()) + 1
+def _first_order(bins: Any, value: Floats, is_sampled: bool) -> float:
+    """Return the share of the variance between bins; of a sample, without the share due to chance (omega squared)."""
+    n, k = len(value), int(bins.max()) + 1
     total = float(np.sum((value - value.mean()) ** 2))
     if k < 2 or n <= k or total == 0.0:
         return 0.0
-    count = np.bincount(parts, minlength=k)
-    mean = np.bincount(parts, weights=value, minlength=k) / np.maximum(count, 1)
+    count = np.bincount(bins, minlength=k)
+    mean = np.bincount(bins, weights=value, minlength=k) / np.maximum(count, 1)
     between = float(np.sum(count * (mean - value.mean()) ** 2))
     within = (total - between) / (n - k) if is_sampled else 0.0
     return float(np.clip((between - (k - 1) * within) / (total + within), 0.0, 1.0))
@@ -167,32 +197,45 @@ def regions(tables: Tables) -> pd.DataFrame:
     share_high: exact binomial 95 % interval, of designs that are drawn at random. No rows of results without many
     designs.
     """
-    rows: list[tuple[Any, ...]] = []
-    stated = tables.campaign.get("requirements") or ()
-    if tables.has_designs and stated:
+    rows: list[dict[str, Any]] = []
+    columns = _verdict_columns(tables)
+    if tables.has_designs and columns:
         frame = possible(tables)
-        columns = {str(one["name"]): requirement_columns(one)[2] for one in stated}
+        axes = axes_of(frame) if len(frame) else []
         for name, column in {**columns, ALL: "verdict"}.items():
-            for axis in axes_of(frame) if len(frame) else ():
-                rows += _regions(frame, name, column, axis)
-    found = pd.DataFrame(rows, columns=REGIONS)
-    return found if tables.is_sampled else found.assign(share_low=np.nan, share_high=np.nan)
+            is_met = (frame[column] == "met").to_numpy()
+            for axis in axes:
+                rows += [{"requirement": name, "axis": axis, **row} for row in _axis_regions(frame, is_met, axis)]
+    regions_frame = pd.DataFrame(rows, columns=REGIONS)
+    return regions_frame if tables.is_sampled else regions_frame.assign(share_low=np.nan, share_high=np.nan)
 
 
-def _regions(frame: pd.DataFrame, name: str, column: str, axis: str) -> Iterator[tuple[Any, ...]]:
-    met = (frame[column] == "met").to_numpy()
+def _axis_regions(frame: pd.DataFrame, is_met: Bools, axis: str) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `regions` from the level on, for one axis and designs that meet a requirement or not."""
     if is_numeric(frame, axis):
         values = frame[axis].to_numpy(dtype=float)
-        parts = _parts(values, BINS)
-        groups: Sequence[tuple[str, Any]] = [("", parts == k) for k in range(int(parts.max()) + 1)]
+        bins = _bins(values, BINS)
+        groups: list[tuple[str, Any]] = [("", bins == k) for k in range(int(bins.max()) + 1)]
     else:
         values = np.full(len(frame), np.nan)
         groups = [(str(level), (frame[axis] == level).to_numpy()) for level in dict.fromkeys(frame[axis])]
-    for level, inside in groups:
-        count, good = int(inside.sum()), int(met[inside].sum())
-        if count:
-            ends = (np.nan, np.nan) if level else (values[inside].min(), values[inside].max())
-            yield name, axis, level, *map(float, ends), unit_of(axis), count, good, good / count, *interval(good, count)
+    for level, is_inside in groups:
+        count = int(is_inside.sum())
+        if not count:
+            continue
+        n_met = int(is_met[is_inside].sum())
+        share_low, share_high = interval(n_met, count)
+        yield {
+            "level": level,
+            "low": np.nan if level else float(values[is_inside].min()),
+            "high": np.nan if level else float(values[is_inside].max()),
+            "unit": unit_of(axis),
+            "designs": count,
+            "met": n_met,
+            "share": n_met / count,
+            "share_low": share_low,
+            "share_high": share_high,
+        }
 
 
 def interval(good: int, count: int) -> tuple[float, float]:
@@ -203,14 +246,18 @@ def interval(good: int, count: int) -> tuple[float, float]:
 
 def counts_of(tables: Tables, frame: pd.DataFrame) -> dict[str, int]:
     """Return how many of some designs meet each requirement, by its name."""
-    stated = tables.campaign.get("requirements") or ()
-    columns = {str(one["name"]): requirement_columns(one)[2] for one in stated}
-    return {name: int((frame[column] == "met").sum()) for name, column in columns.items() if column in frame}
+    counts = {}
+    for name, column in _verdict_columns(tables).items():
+        if column in frame:
+            counts[name] = int((frame[column] == "met").sum())
+    return counts
 
 
 def overconfident(frame: pd.DataFrame) -> int:
     """Return how many of some designs have an overconfident filter."""
-    return int((frame.nees_per_state_ratio > OVERCONFIDENT).sum()) if "nees_per_state_ratio" in frame else 0
+    if "nees_per_state_ratio" not in frame:
+        return 0
+    return int((frame.nees_per_state_ratio > OVERCONFIDENT).sum())
 
 
 _PEOPLE = {"rad": ("mrad", 1e3)}
@@ -227,37 +274,51 @@ def range_text(tables: Tables, column: str, low: float, high: float) -> str:
     then.
     """
     unit, factor = people_of(tables, column)
-    first, last = (f"{float(f'{end * factor:.2e}'):g}" for end in (low, high))
-    return f"{first if first == last else f'{first} to {last}'} {unit}".rstrip()
+    first, last = (f"{_rounded(end * factor):g}" for end in (low, high))
+    text = first if first == last else f"{first} to {last}"
+    return f"{text} {unit}".rstrip()
+
+
+def _rounded(number: float) -> float:
+    """Return a number rounded to three digits."""
+    return float(f"{number:.2e}")
 
 
 def people_of(tables: Tables, column: str) -> tuple[str, float]:
     """Return a unit for people and its factor per SI unit, for a column of designs: that in which the campaign states
     an axis, mrad of an attitude, else the SI unit.
     """
-    si = unit_at_end(column)[1]
+    _, si = unit_at_end(column)
     if column.startswith(AXIS):
-        stated = _stated_units(tables).get(column, "")
-        shown = re.sub(r"sqrt\((\w+)\)", r"√\1", stated)
-        return (shown, 1.0 / parse(f"1 {stated}", si)) if stated and si else (shown or si, 1.0)
-    return _PEOPLE.get(si, (si or _OTHERS.get(name_and_end(column)[1], ""), 1.0))
+        unit = _campaign_units(tables).get(column, "")
+        shown_unit = re.sub(r"sqrt\((\w+)\)", r"√\1", unit)
+        if unit and si:
+            return shown_unit, 1.0 / parse(f"1 {unit}", si)
+        return shown_unit or si, 1.0
+    if si in _PEOPLE:
+        return _PEOPLE[si]
+    _, end = name_and_end(column)
+    return si or _OTHERS.get(end, ""), 1.0
 
 
 @once
-def _stated_units(tables: Tables) -> dict[str, str]:
+def _campaign_units(tables: Tables) -> dict[str, str]:
     """Return the unit in which the campaign states each axis of numbers, by column."""
     names = list(json.loads(tables.designs["axes"].iloc[0])) if tables.has_designs else []
-    frame, found = designs(tables), {}
-    columns = {_name_in(frame, column): column for column in axes_of(frame)}
+    frame = designs(tables)
+    columns = {_axis_name(frame, column): column for column in axes_of(frame)}
+    units = {}
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
-        stated = (axis.get("between") or axis.get("labels") or [""])[0]
-        unit = str(stated).partition(" ")[2]
+        level = (axis.get("between") or axis.get("labels") or [""])[0]
+        _, _, unit = str(level).partition(" ")
         if slug(name) in columns:
-            found[columns[slug(name)]] = unit
-    return found
+            units[columns[slug(name)]] = unit
+    return units
 
 
-def _name_in(frame: pd.DataFrame, column: str) -> str:
-    """Return the name of an axis in its column, which ends with a unit where it has numbers."""
+def _axis_name(frame: pd.DataFrame, column: str) -> str:
+    """Return the name of an axis in its column, which ends with a unit if the axis is numeric."""
     name = column.removeprefix(AXIS)
-    return unit_at_end(name)[0] if is_numeric(frame, column) else name
+    if is_numeric(frame, column):
+        name, _ = unit_at_end(name)
+    return name

@@ -16,7 +16,15 @@ from lvnav_trade.results.requirements import confirmation
 from lvnav_trade.results.requirements.improvements import expected
 from lvnav_trade.results.requirements.limit_crossings import si_axes
 from lvnav_trade.results.requirements.margins import worst
-from lvnav_trade.results.statistics.select import NAVIGATION, final_event, flight_events, history_columns, once, pick
+from lvnav_trade.results.statistics.select import (
+    NAVIGATION,
+    at_time,
+    final_event,
+    flight_events,
+    history_columns,
+    once,
+    pick,
+)
 from lvnav_trade.results.tables.dictionary import SUFFIXES, unit_at_end, unit_suffix
 from lvnav_trade.results.tables.read import Tables
 
@@ -59,38 +67,42 @@ def designs(tables: Tables) -> pd.DataFrame:
     (``NAME_verdict``).
     """
     if tables.has_designs:
-        return _of_many(tables)
-    frame = pd.DataFrame({"case": list(tables.labels), "label": list(tables.labels.values())})
-    frame = pd.concat([frame, _axes(tables), _runs(tables), _navigation(tables), *_requirements(tables)], axis=1)
-    return _with_totals(tables, frame)
+        return _stored_designs(tables)
+    frames = [
+        pd.DataFrame({"case": list(tables.labels), "label": list(tables.labels.values())}),
+        _axis_levels(tables),
+        tables.cases[["run_count", "failed_count"]].reset_index(drop=True),
+        pd.DataFrame([_navigation_errors(tables, case) for case in tables.labels], index=range(len(tables.labels))),
+        *_requirement_results(tables),
+    ]
+    return _add_totals(tables, pd.concat(frames, axis=1))
 
 
-def _of_many(tables: Tables) -> pd.DataFrame:
+def _stored_designs(tables: Tables) -> pd.DataFrame:
     """Return the designs of a design space, with JSON objects in texts as columns.
 
     All numbers and verdicts are by linear covariance, also those of designs that are simulated: results of their runs
     are in the other tables.
     """
     stored = tables.designs
-    numbers = [str(name) for name in stored.select_dtypes("number") if name != "design_number"]
-    levels = pd.DataFrame([json.loads(text) for text in stored["axes"]])
-    numeric = {name.removeprefix(AXIS) for name in numbers if name.startswith(AXIS)}
-    texts = {name: slug(str(name)) for name in levels}
-    texts = {name: text for name, text in texts.items() if not any(_is_of(text, column) for column in numeric)}
+    number_columns = [str(name) for name in stored.select_dtypes("number") if name != "design_number"]
+    numeric_axes = set()
+    for column in number_columns:
+        if column.startswith(AXIS):
+            name, _ = unit_at_end(column.removeprefix(AXIS))
+            numeric_axes.add(name)
     frame = stored[["design_number", "case", "label"]].copy()
-    for name, text in texts.items():
-        frame[f"{AXIS}{text}"] = levels[name].to_numpy()
-    frame = pd.concat([frame, stored[numbers]], axis=1)
-    words = pd.DataFrame([json.loads(text or "{}") for text in stored.verdicts], index=stored.index)
+    levels = pd.DataFrame([json.loads(text) for text in stored["axes"]])
+    for name in levels:
+        if slug(str(name)) not in numeric_axes:
+            frame[f"{AXIS}{slug(str(name))}"] = levels[name].to_numpy()
+    frame = pd.concat([frame, stored[number_columns]], axis=1)
+    verdicts = pd.DataFrame([json.loads(text or "{}") for text in stored.verdicts], index=stored.index)
     for requirement in tables.campaign.get("requirements") or ():
         name = requirement["name"]
-        frame[requirement_columns(requirement)[2]] = words[name].fillna("") if name in words else ""
+        _, _, column = requirement_columns(requirement)
+        frame[column] = verdicts[name].fillna("") if name in verdicts else ""
     return frame.assign(limiting_requirement=stored.limiting_requirement, verdict=stored.verdict, reason=stored.reason)
-
-
-def _is_of(name: str, column: str) -> bool:
-    """Whether a column (without ``axis_``) is the numeric axis with a name, followed by its unit."""
-    return unit_at_end(column)[0] == name
 
 
 def slug(name: str) -> str:
@@ -115,101 +127,108 @@ def at_event(column: str, event: str) -> str:
 def name_and_end(column: str) -> tuple[str, str]:
     """Return a column's name without the suffix of its unit, and this suffix with its underscore."""
     ends = [f"_{end}" for end in SUFFIXES if column.endswith(f"_{end}")]
-    name = min(column.removesuffix(max(ends, key=len, default="")), unit_at_end(column)[0], key=len)
+    without_suffix = column.removesuffix(max(ends, key=len, default=""))
+    without_unit, _ = unit_at_end(column)
+    name = min(without_suffix, without_unit, key=len)
     return name, column[len(name) :]
 
 
 def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return column, unit and meaning of every column of `designs`."""
-    known = dict(MEANINGS)
+    column_meanings = dict(MEANINGS)
     for requirement in requirements:
         name = requirement["name"]
         error, probability, verdict = requirement_columns(requirement)
-        known[error] = f"{name}: error that the fraction of flights asked for stays below"
-        known[probability] = f"{name}: probability by linear covariance that the limit is kept"
-        known[verdict] = f"{name}: verdict"
-    rows = [(name, unit_of(name), known.get(name) or _meaning(name, known)) for name in map(str, frame.columns)]
+        column_meanings[error] = f"{name}: error that the fraction of flights asked for stays below"
+        column_meanings[probability] = f"{name}: probability by linear covariance that the limit is kept"
+        column_meanings[verdict] = f"{name}: verdict"
+    rows = []
+    for name in map(str, frame.columns):
+        meaning = column_meanings.get(name) or _derived_meaning(name, column_meanings)
+        rows.append({"column": name, "unit": unit_of(name), "meaning": meaning})
     return pd.DataFrame(rows, columns=["column", "unit", "meaning"])
 
 
-def _meaning(column: str, known: Mapping[str, str]) -> str:
-    """Return the meaning of the column of an axis, or of a known column at another event."""
+def _derived_meaning(column: str, column_meanings: Mapping[str, str]) -> str:
+    """Return the meaning of the column of an axis, or of another column at another event."""
     name, end = name_and_end(column)
-    of, _, event = name.partition("_at_")
-    is_elsewhere = bool(event) and not column.startswith(AXIS) and f"{of}{end}" in known
-    return f"the same as {of}{end}, at the event {event}" if is_elsewhere else "level of the axis"
+    quantity, _, event = name.partition("_at_")
+    if event and not column.startswith(AXIS) and f"{quantity}{end}" in column_meanings:
+        return f"the same as {quantity}{end}, at the event {event}"
+    return "level of the axis"
 
 
 def unit_of(column: str) -> str:
     """Return the unit at the end of a column's name, in words; empty for text, counts and plain numbers."""
-    end = name_and_end(column)[1].removeprefix("_")
-    return "" if end in ("count", "number") else SUFFIXES.get(end) or unit_at_end(column)[1]
+    _, end = name_and_end(column)
+    suffix = end.removeprefix("_")
+    if suffix in ("count", "number"):
+        return ""
+    _, unit = unit_at_end(column)
+    return SUFFIXES.get(suffix) or unit
 
 
-def _axes(tables: Tables) -> pd.DataFrame:
+def _axis_levels(tables: Tables) -> pd.DataFrame:
+    """Return the level of every axis in every case: numbers in SI, or labels."""
     numeric = {axis.name: axis for axis in si_axes(tables)}
     columns: dict[str, Any] = {}
     for name in next(iter(tables.levels.values()), {}):
-        levels = [of_case[name] for of_case in tables.levels.values()]
+        labels = [levels[name] for levels in tables.levels.values()]
         if name in numeric:
             axis = numeric[name]
-            numbers = [axis.values.get(level, np.nan) for level in levels]
+            numbers = [axis.values.get(label, np.nan) for label in labels]
             columns[f"{AXIS}{slug(name)}_{unit_suffix(axis.unit)}"] = numbers
         else:
-            columns[f"{AXIS}{slug(name)}"] = levels
+            columns[f"{AXIS}{slug(name)}"] = labels
     return pd.DataFrame(columns)
 
 
-def _runs(tables: Tables) -> pd.DataFrame:
-    return tables.cases[["run_count", "failed_count"]].reset_index(drop=True)
-
-
-def _navigation(tables: Tables) -> pd.DataFrame:
-    """Return the errors of every case at injection (or its last event)."""
-    return pd.DataFrame([_errors_of(tables, case) for case in tables.labels], index=range(len(tables.labels)))
-
-
 @once
-def _errors_of(tables: Tables, case: str) -> dict[str, float]:
+def _navigation_errors(tables: Tables, case: str) -> dict[str, float]:
+    """Return the errors of a case at injection (or its last event), by column."""
     event = final_event(tables, case)
-    times = flight_events(tables, case).set_index("event").t_s
-    found: dict[str, float] = {}
+    if not event:
+        return {}
+    t_event = flight_events(tables, case).set_index("event").t_s[event]
+    errors: dict[str, float] = {}
     for quantity in NAVIGATION:
         names = ("t_s", "lincov_true_si", "lincov_mean_si", "lincov_formal_si")
         t, true, mean, formal = history_columns(tables, case, quantity, "3d", *names)
-        if event and t.size:
-            at = int(np.argmin(np.abs(t - times[event])))
-            end = unit_suffix(NAVIGATION_UNITS[quantity])
-            found[f"{quantity}_{end}"] = float(np.hypot(true[at], mean[at]))
-            found[f"{quantity}_formal_{end}"] = float(formal[at])
+        if t.size:
+            nearest = int(np.argmin(np.abs(t - t_event)))
+            suffix = unit_suffix(NAVIGATION_UNITS[quantity])
+            errors[f"{quantity}_{suffix}"] = float(np.hypot(true[nearest], mean[nearest]))
+            errors[f"{quantity}_formal_{suffix}"] = float(formal[nearest])
     rows = pick(tables.consistency, case=case)
-    if event and len(rows):
-        row = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - times[event])))]
-        found["nees_per_state_ratio"] = float(row.expected_nees_ratio) / float(row.nees_dof_count)
-    return found
+    if len(rows):
+        row = at_time(rows, t_event)
+        errors["nees_per_state_ratio"] = float(row.expected_nees_ratio) / float(row.nees_dof_count)
+    return errors
 
 
-def _requirements(tables: Tables) -> list[pd.DataFrame]:
+def _requirement_results(tables: Tables) -> list[pd.DataFrame]:
     """Return the columns of every requirement, and those of all requirements together."""
     requirements = tables.campaign.get("requirements") or ()
     if not requirements or not tables.labels:
         return []
-    by_name = ["requirement", "case"]
-    verdicts, by_covariance = (rows.set_index(by_name) for rows in (confirmation.verdicts(tables), expected(tables)))
+    labels = list(tables.labels.values())
+    all_verdicts = confirmation.verdicts(tables).set_index(["requirement", "case"])
+    all_expected = expected(tables).set_index(["requirement", "case"])
     columns: dict[str, Any] = {}
     ratios: dict[str, Any] = {}
-    words: dict[str, Any] = {}
+    verdicts: dict[str, Any] = {}
     for requirement in requirements:
         name = requirement["name"]
         error, probability, verdict = requirement_columns(requirement)
-        rows = verdicts.loc[name].reindex(list(tables.labels.values()))
+        rows = all_verdicts.loc[name].reindex(labels)
         si = metric_of(str(requirement["metric"])).unit
-        columns[error] = rows.estimate.to_numpy(dtype=float) * [_in_si(unit, si) for unit in rows.unit]
-        expectation = by_covariance.loc[name].reindex(rows.index)
-        columns[probability] = expectation.expected_probability.to_numpy(dtype=float)
-        columns[verdict] = words[name] = rows.verdict.to_numpy()
+        columns[error] = rows.estimate.to_numpy(dtype=float) * [_si_factor(unit, si) for unit in rows.unit]
+        expected_rows = all_expected.loc[name].reindex(labels)
+        columns[probability] = expected_rows.expected_probability.to_numpy(dtype=float)
+        columns[verdict] = rows.verdict.to_numpy()
+        verdicts[name] = rows.verdict.to_numpy()
         ratios[name] = (rows.estimate / rows.limit).to_numpy(dtype=float)
-    return [pd.DataFrame(columns), together(pd.DataFrame(ratios), pd.DataFrame(words))]
+    return [pd.DataFrame(columns), together(pd.DataFrame(ratios), pd.DataFrame(verdicts))]
 
 
 def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
@@ -218,27 +237,33 @@ def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
     ratios : error over limit, one row per design, one column per requirement; NaN if not known
     verdicts : verdicts, with the same rows and columns
     """
-    known = ratios.notna().all(axis=1)
-    whole = ratios.fillna(-np.inf)
+    is_complete = ratios.notna().all(axis=1)
+    comparable = ratios.fillna(-np.inf)  # idxmax refuses a row without numbers
     return pd.DataFrame(
         {
-            "error_ratio": whole.max(axis=1).where(known),
-            "limiting_requirement": whole.idxmax(axis=1).where(known, ""),
+            "error_ratio": comparable.max(axis=1).where(is_complete),
+            "limiting_requirement": comparable.idxmax(axis=1).where(is_complete, ""),
             "verdict": [worst(pd.Series(row)) for row in verdicts.itertuples(index=False)],
         }
     )
 
 
-def _in_si(unit: str, si: str) -> float:
+def _si_factor(unit: str, si: str) -> float:
     """Return the factor from a unit to SI; 1 for a number without unit."""
-    return 1.0 if unit in ("", "-", si) or si in ("-", "%") else parse(f"1 {unit}", si)
+    if unit in ("", "-", si) or si in ("-", "%"):
+        return 1.0
+    return parse(f"1 {unit}", si)
 
 
-def _with_totals(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
+def _add_totals(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
     """Return the designs with cost, mass, power and volume of their devices, as far as these are given."""
-    by_case = resource_totals(tables).set_index("case")
+    totals = resource_totals(tables).set_index("case")
     for name in ("cost", "mass_kg", "power_w", "volume_l"):
-        values = by_case[name].reindex(frame.label).to_numpy(dtype=float)
-        if np.isfinite(values).any():
-            frame = frame.assign(**({"volume_m3": _LITRE * values} if name == "volume_l" else {name: values}))
+        values = totals[name].reindex(frame.label).to_numpy(dtype=float)
+        if not np.isfinite(values).any():
+            continue
+        if name == "volume_l":
+            frame = frame.assign(volume_m3=_LITRE * values)
+        else:
+            frame = frame.assign(**{name: values})
     return frame

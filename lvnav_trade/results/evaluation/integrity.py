@@ -1,7 +1,7 @@
 """Results of tests for faults: false alarms, detection, isolation, recovery, with exact intervals."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -39,10 +39,12 @@ def expected(fault: str) -> str:
 
     It is empty if no test of ranges can detect the fault.
     """
-    kind = fault.split()[0]
-    if kind in _CLOCK:
+    name = fault.split()[0]
+    if name in _CLOCK:
         return "clock"
-    return "channel" if kind in _CHANNEL else "inertial" if kind.startswith(_UNIT) else ""
+    if name in _CHANNEL:
+        return "channel"
+    return "inertial" if name.startswith(_UNIT) else ""
 
 
 class AppliedFaults(NamedTuple):
@@ -77,8 +79,9 @@ def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
     # excluding one of several IMUs isolates the inertial fault; an alarm of solution separation names a satellite
     kinds = set(rows.isolated_element.replace({"unit": "inertial", "separation": "channel"}))
     satellites = {name.split()[0] for name in rows.channel[rows.isolated_element != "unit"].dropna() if name}
-    any_may_be = "channel" in faults.kinds and not faults.satellites
-    if kinds - faults.kinds or (satellites - faults.satellites and not any_may_be):
+    satellites_are_known = "channel" not in faults.kinds or bool(faults.satellites)
+    excludes_healthy = satellites_are_known and bool(satellites - faults.satellites)
+    if kinds - faults.kinds or excludes_healthy:
         return WRONG
     return ISOLATED if kinds == faults.kinds and faults.satellites <= satellites else IN_PART
 
@@ -108,22 +111,22 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
     (n_run,) array, float
         1 for each run with the outcome, else 0; the same for linear covariance, which decides on the mean.
     """
-    runs = pick(tables.runs, case=case).run_number.unique()
-    found = [
-        _counted(
-            rows[rows.t_s.between(during[0] - SAME_TIME, during[1] + SAME_TIME)], applied_faults(tables, case), metric
-        )
-        for rows in (pick(tables.integrity, case=case), pick(tables.nominal_integrity, case=case))
-    ]
-    return np.isin(np.sort(runs), list(found[0])).astype(float), float(len(found[1]) > 0)
+    faults = applied_faults(tables, case)
+    first, last = during[0] - SAME_TIME, during[1] + SAME_TIME
+    rows = pick(tables.integrity, case=case)
+    counted = _counted_runs(rows[rows.t_s.between(first, last)], faults, metric)
+    nominal_rows = pick(tables.nominal_integrity, case=case)
+    nominal_counted = _counted_runs(nominal_rows[nominal_rows.t_s.between(first, last)], faults, metric)
+    runs = np.sort(pick(tables.runs, case=case).run_number.unique())
+    return np.isin(runs, list(counted)).astype(float), float(len(nominal_counted) > 0)
 
 
-def _counted(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
+def _counted_runs(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
     """Return the numbers of the runs with the outcome that a rate counts."""
     if rows.empty or metric in ("false_alarm_rate", "detection_rate"):
         return pd.Index(rows.run_number.unique())
-    found = outcomes(rows, faults)
-    return found.index[found == (ISOLATED if metric == "isolation_rate" else WRONG)]
+    outcome = outcomes(rows, faults)
+    return outcome.index[outcome == (ISOLATED if metric == "isolation_rate" else WRONG)]
 
 
 @once
@@ -138,24 +141,46 @@ def integrity(tables: Tables) -> pd.DataFrame:
     position and velocity are below three times the RMS error of the case without the fault at every later event, if the
     campaign has that case.
     """
-    found: list[tuple[Any, ...]] = []
-    chosen = tables.cases[tables.cases.integrity.eq(True) & (tables.cases.run_count > 0)]
-    for case in chosen.itertuples():
-        faults, runs = applied_faults(tables, case.case), int(case.run_count)
-        rows, nominal = (
-            _episodes(pick(table, case=case.case), faults, _interval(tables, case.case))
-            for table in (tables.integrity, tables.nominal_integrity)
-        )
-        of_case = pick(tables.integrity, case=case.case)
-        alarms = of_case[of_case.t_s < faults.start - SAME_TIME].run_number.nunique()
-        counted = [("false alarm", alarms, np.nan, np.nan)]
+    rows = []
+    tested_cases = tables.cases[tables.cases.integrity.eq(True) & (tables.cases.run_count > 0)]
+    for case in tested_cases.itertuples():
+        faults = applied_faults(tables, case.case)
+        runs = int(case.run_count)
+        alarms = pick(tables.integrity, case=case.case)
+        false_alarms = alarms[alarms.t_s < faults.start - SAME_TIME].run_number.nunique()
+        counts = [_OutcomeCount("false alarm", false_alarms, np.nan, np.nan)]
         if faults.names:
-            counted += _found(rows, nominal, faults, runs) + _recovered(tables, case.case, faults)
-        found += [(case.label, faults.names, name, runs, n, *share(n, runs), t, own) for name, n, t, own in counted]
-    return pd.DataFrame(found, columns=_COLUMNS)
+            counts += _fault_outcomes(tables, case.case, faults, runs)
+            counts += _recovered_runs(tables, case.case, faults)
+        for outcome in counts:
+            ratio, low, high = share(outcome.runs, runs)
+            row = {
+                "case": case.label,
+                "fault": faults.names,
+                "outcome": outcome.name,
+                "run_count": runs,
+                "outcome_count": outcome.runs,
+                "share_ratio": ratio,
+                "low_ratio": low,
+                "high_ratio": high,
+                "median_s": outcome.median,
+                "lincov_s": outcome.lincov,
+            }
+            rows.append(row)
+    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
-def _interval(tables: Tables, case: str) -> float:
+class _OutcomeCount(NamedTuple):
+    """Number of runs with an outcome; times in s after the start of the fault."""
+
+    name: str
+    runs: int
+    median: float  # median time of the outcome
+    lincov: float  # its time by linear covariance
+
+
+def _epoch_interval(tables: Tables, case: str) -> float:
+    """Return the median interval (s) between the epochs of a case."""
     t = np.unique(pick(tables.innovations, case=case).t_s)
     return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
 
@@ -167,56 +192,61 @@ def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.
     return after[since < (EPISODE - 0.5) * interval]
 
 
-def _found(
-    rows: pd.DataFrame, nominal: pd.DataFrame, faults: AppliedFaults, runs: int
-) -> list[tuple[str, int, float, float]]:
-    """Return outcome, count, median time and time by linear covariance: detected, isolated, missed."""
-    first, nominal_first = (each.groupby("run_number").t_s.min() - faults.start for each in (rows, nominal))
-    by_run, nominal_outcome = (
-        outcomes(each, faults) if len(each) else pd.Series(dtype=object) for each in (rows, nominal)
-    )
-    isolation = [
-        (
-            name,
-            int((by_run == name).sum()),
-            float(first.loc[by_run.index[by_run == name]].median()),
-            float(nominal_first.loc[nominal_outcome.index[nominal_outcome == name]].median()),
-        )
-        for name in (ISOLATED, IN_PART, WRONG)
-    ]
-    detected = ("detected", len(first), float(first.median()), float(nominal_first.median()))
-    return [detected, *isolation, ("missed", runs - len(first), np.nan, np.nan)]
+def _fault_outcomes(tables: Tables, case: str, faults: AppliedFaults, runs: int) -> list[_OutcomeCount]:
+    """Return the counts of the outcomes detected, isolated (also in part, or wrongly) and missed."""
+    interval = _epoch_interval(tables, case)
+    rows = _episodes(pick(tables.integrity, case=case), faults, interval)
+    nominal_rows = _episodes(pick(tables.nominal_integrity, case=case), faults, interval)
+    time = rows.groupby("run_number").t_s.min() - faults.start
+    nominal_time = nominal_rows.groupby("run_number").t_s.min() - faults.start
+    outcome = outcomes(rows, faults) if len(rows) else pd.Series(dtype=object)
+    nominal_outcome = outcomes(nominal_rows, faults) if len(nominal_rows) else pd.Series(dtype=object)
+    counts = [_OutcomeCount("detected", len(time), float(time.median()), float(nominal_time.median()))]
+    for name in (ISOLATED, IN_PART, WRONG):
+        run_numbers = outcome.index[outcome == name]
+        nominal_numbers = nominal_outcome.index[nominal_outcome == name]
+        median = float(time.loc[run_numbers].median())
+        counts.append(_OutcomeCount(name, len(run_numbers), median, float(nominal_time.loc[nominal_numbers].median())))
+    counts.append(_OutcomeCount("missed", runs - len(time), np.nan, np.nan))
+    return counts
 
 
-def _recovered(tables: Tables, case: str, faults: AppliedFaults) -> list[tuple[str, int, float, float]]:
+def _recovered_runs(tables: Tables, case: str, faults: AppliedFaults) -> list[_OutcomeCount]:
     """Return the number and median time of runs that recover; empty without a case without the fault, or events."""
-    other = without_fault(tables, case)
+    faultless = without_fault(tables, case)
     end = flight_events(tables, case).set_index("event").t_s.get(final_event(tables, case), -np.inf)
-    if not other or end <= faults.start:
+    if not faultless or end <= faults.start:
         return []
-    both = [
-        converged(tables, case, quantity, (faults.start, float(end)), f"{TIMES:g} rms", other)
-        for quantity in ("position", "velocity")
+    during, limit = (faults.start, float(end)), f"{TIMES:g} rms"
+    position = converged(tables, case, "position", during, limit, faultless)
+    velocity = converged(tables, case, "velocity", during, limit, faultless)
+    if position is None or velocity is None:
+        return []
+    times = np.maximum(position.times, velocity.times)
+    done = position.done & velocity.done
+    has_recovered = position.expected_done and velocity.expected_done
+    return [
+        _OutcomeCount(
+            name="recovered",
+            runs=int(done.sum()),
+            median=float(np.median(times[done])) if done.any() else np.nan,
+            lincov=max(position.expected, velocity.expected) if has_recovered else np.nan,
+        )
     ]
-    known = [quantity for quantity in both if quantity is not None]
-    if len(known) < 2:
-        return []
-    times = np.max([quantity.times for quantity in known], axis=0)
-    done = np.all([quantity.done for quantity in known], axis=0)
-    median = float(np.median(times[done])) if done.any() else np.nan
-    has_recovered = all(quantity.expected_done for quantity in known)
-    by_covariance = max(quantity.expected for quantity in known) if has_recovered else np.nan
-    return [("recovered", int(done.sum()), median, by_covariance)]
 
 
 def without_fault(tables: Tables, case: str) -> str:
     """Return the case that differs in one axis only and has no fault; empty if there is none."""
-    of_case = tables.levels[case]
-    for other, levels in tables.levels.items():
-        differing = [axis for axis, level in levels.items() if of_case.get(axis) != level]
-        if len(differing) == 1 and pick(tables.events, case=other, kind="fault").empty:
-            return other
+    for candidate in tables.levels:
+        if _differs_once(tables, case, candidate) and pick(tables.events, case=candidate, kind="fault").empty:
+            return candidate
     return ""
+
+
+def _differs_once(tables: Tables, case: str, candidate: str) -> bool:
+    """Whether two cases have different levels of one axis only."""
+    levels, candidate_levels = tables.levels[case], tables.levels[candidate]
+    return sum(levels.get(axis) != level for axis, level in candidate_levels.items()) == 1
 
 
 def decisions(tables: Tables) -> pd.DataFrame:
@@ -229,27 +259,27 @@ def decisions(tables: Tables) -> pd.DataFrame:
     keys = ["case", "t_s", "isolated_element", "satellites"]
     if tables.integrity.empty and tables.nominal_integrity.empty:
         return pd.DataFrame(columns=[*keys, "run_count", "run_ratio", "lincov"])
-    counted, nominal = (
-        _by_epoch(table).groupby(keys, sort=False).size() for table in (tables.integrity, tables.nominal_integrity)
-    )
-    frame = pd.DataFrame({"run_count": counted, "lincov": nominal}).fillna(0)
+    counts = _epoch_decisions(tables.integrity).groupby(keys, sort=False).size()
+    nominal_counts = _epoch_decisions(tables.nominal_integrity).groupby(keys, sort=False).size()
+    frame = pd.DataFrame({"run_count": counts, "lincov": nominal_counts}).fillna(0)
     frame = frame.assign(lincov=frame.lincov > 0)
     frame = frame.reset_index().sort_values(["t_s", "isolated_element", "satellites"], kind="stable")
     runs = frame.case.map(tables.cases.set_index("case").run_count)
     frame = frame.assign(run_count=frame.run_count.astype(int), run_ratio=frame.run_count / runs.where(runs > 0))
-    order = {case: place for place, case in enumerate(tables.labels)}
+    order = {case: number for number, case in enumerate(tables.labels)}
     frame = frame.sort_values("case", key=lambda case: case.map(order), kind="stable").reset_index(drop=True)
     return frame.assign(case=frame.case.map(tables.labels), lincov=frame.lincov.astype(bool))
 
 
-def _by_epoch(rows: pd.DataFrame) -> pd.DataFrame:
+def _epoch_decisions(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row per run and epoch with a decision, with its satellites as one text."""
-    names = rows.channel.fillna("")
-    named = rows.assign(satellites=names.where(rows.isolated_element == "unit", names.str.split(" ").str[0].fillna("")))
-    named = named.drop_duplicates(["case", "run_number", "t_s", "isolated_element", "satellites"])
-    named = named.sort_values(["case", "run_number", "t_s", "satellites"], kind="stable")
-    keys = ["case", "run_number", "t_s", "isolated_element"]
-    return named.groupby(keys, sort=False).satellites.agg(lambda names: " ".join(filter(None, names))).reset_index()
+    channel = rows.channel.fillna("")
+    satellite = channel.str.split(" ").str[0].fillna("")
+    rows = rows.assign(satellites=channel.where(rows.isolated_element == "unit", satellite))
+    rows = rows.drop_duplicates(["case", "run_number", "t_s", "isolated_element", "satellites"])
+    rows = rows.sort_values(["case", "run_number", "t_s", "satellites"], kind="stable")
+    decisions_of_run = rows.groupby(["case", "run_number", "t_s", "isolated_element"], sort=False)
+    return decisions_of_run.satellites.agg(lambda names: " ".join(filter(None, names))).reset_index()
 
 
 def fault_test_errors(tables: Tables) -> pd.DataFrame:
@@ -258,31 +288,46 @@ def fault_test_errors(tables: Tables) -> pd.DataFrame:
     The case without tests differs in one axis only. The errors are those of the runs, or of linear covariance without
     runs.
     """
-    rows, tested = [], tables.cases.set_index("case").integrity.eq(True)
+    rows = []
+    has_tests = tables.cases.set_index("case").integrity.eq(True)
     for case, label in tables.labels.items():
-        other = _alike(tables, case, tested) if tested[case] else ""
+        untested = _untested_case(tables, case, has_tests) if has_tests[case] else ""
+        if not untested:
+            continue
         event = final_event(tables, case)
-        for quantity in ("position", "velocity", "attitude") if other else ():
+        for quantity in ("position", "velocity", "attitude"):
             unit, factor = tables.people[quantity, "3d"]
-            without, with_tests = (_at_event(tables, each, event, quantity) * factor for each in (other, case))
-            head = (label, applied_faults(tables, case).names, event, f"{quantity}_error", unit)
-            rows.append((*head, without, with_tests, with_tests / without if without > 0.0 else np.nan))
+            without = _event_rms(tables, untested, event, quantity) * factor
+            with_tests = _event_rms(tables, case, event, quantity) * factor
+            row = {
+                "case": label,
+                "fault": applied_faults(tables, case).names,
+                "event": event,
+                "metric": f"{quantity}_error",
+                "unit": unit,
+                "without": without,
+                "with_tests": with_tests,
+                "ratio": with_tests / without if without > 0.0 else np.nan,
+            }
+            rows.append(row)
     names = ["case", "fault", "event", "metric", "unit", "without", "with_tests", "ratio"]
     return pd.DataFrame(rows, columns=names)
 
 
-def _alike(tables: Tables, case: str, tested: pd.Series) -> str:
-    """Return the case without tests that differs in one axis only; empty if there is none."""
-    of_case = tables.levels[case]
-    for other, levels in tables.levels.items():
-        if not tested[other] and sum(of_case.get(axis) != level for axis, level in levels.items()) == 1:
-            same = applied_faults(tables, other)[:2] == applied_faults(tables, case)[:2]
-            if same:
-                return other
+def _untested_case(tables: Tables, case: str, has_tests: pd.Series) -> str:
+    """Return the case without tests and with the same faults that differs in one axis only; empty if there is none."""
+    faults = applied_faults(tables, case)
+    for candidate in tables.levels:
+        if has_tests[candidate] or not _differs_once(tables, case, candidate):
+            continue
+        candidate_faults = applied_faults(tables, candidate)
+        if (candidate_faults.names, candidate_faults.start) == (faults.names, faults.start):
+            return candidate
     return ""
 
 
-def _at_event(tables: Tables, case: str, event: str, quantity: str) -> float:
+def _event_rms(tables: Tables, case: str, event: str, quantity: str) -> float:
+    """Return the RMS of the 3-D error (SI) at an event, of the runs or, without runs, by linear covariance."""
     t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
     row = at_time(history_of(tables, case, quantity, "3d"), t)
     return float(row.rms_si) if row.run_count else math.hypot(row.lincov_true_si, row.lincov_mean_si)

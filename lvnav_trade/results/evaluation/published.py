@@ -55,7 +55,8 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
 
 def reference_rows(tables: Tables, stated: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
     """Return the rows of `references`, each as values by column; missing columns are empty."""
-    return rows_of(tables, tables.campaign if stated is None else stated, {"references": of_cases(_number)})
+    campaign = tables.campaign if stated is None else stated
+    return rows_of(tables, campaign, {"references": of_cases(_reference_row)})
 
 
 Rows = Callable[[Tables, Mapping[str, Any]], Iterator[dict[str, Any]]]
@@ -80,20 +81,22 @@ def rows_of(tables: Tables, stated: Mapping[str, Any], makers: Mapping[str, Rows
         Rows; an entry without an id gets one from its place in the list.
     """
     name = str(stated.get("name") or tables.campaign.get("name") or "")
-    return [
-        {**row, "id": entry.get("id") or f"{name} {key} {number}"}
-        for key, make in makers.items()
-        for number, entry in enumerate(stated.get(key) or (), 1)
-        for row in make(tables, entry)
-    ]
+    rows = []
+    for key, make_rows in makers.items():
+        for number, entry in enumerate(stated.get(key) or (), 1):
+            entry_id = entry.get("id") or f"{name} {key} {number}"
+            for row in make_rows(tables, entry):
+                rows.append({**row, "id": entry_id})
+    return rows
 
 
 def of_cases(make: Callable[..., dict[str, Any]]) -> Rows:
     """Return a function that returns a row for each case of a statement; one row without a case if there is none."""
 
     def rows(tables: Tables, statement: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        named = cases_of(tables, statement.get("case") or {}, axes_of(statement))
-        yield from (make(tables, case, statement) for case in named or (None,))
+        cases = cases_of(tables, statement.get("case") or {}, axes_of(statement))
+        for case in cases or (None,):
+            yield make(tables, case, statement)
 
     return rows
 
@@ -126,21 +129,26 @@ def published_row(
     **cells
         Further cells by column.
     """
-    ends, word = sorted(scale * end for end in band), HOLDS if band[0] <= tested <= band[1] else FAILS
+    is_in_band = bool(band[0] <= tested <= band[1])
+    word = HOLDS if is_in_band else FAILS
+    numbers = {}
     if value is not None:
-        word = verdict(value, ends[0], ends[1], (_tested(stated, value),))
+        low, high = sorted(scale * end for end in band)
+        word = verdict(value, low, high, (_tested_number(stated, value),))
+        numbers = {key: getattr(value, key) for key in (*NUMBERS, "low", "high")}
+    all_remarks = [str(stated.get("remark") or ""), *remarks]
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
         **marks(stated, "number" if "published" in cells else "order"),
         "unit": "-",
-        **({key: getattr(value, key) for key in (*NUMBERS, "low", "high")} if value is not None else {}),
+        **numbers,
         "verdict": word if np.isfinite(tested) else NOT_SET_UP,
         **cells,
         "band_low": float(band[0]),
         "band_high": float(band[1]),
-        "in_band": bool(band[0] <= tested <= band[1]),
-        "remark": "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark),
+        "in_band": is_in_band,
+        "remark": "; ".join(remark for remark in all_remarks if remark),
     }
 
 
@@ -154,7 +162,8 @@ def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
     kind : number, order or statement
     """
     by_column = {name: str(stated.get(name) or "") for name in MARKS}
-    return {**by_column, "counts_as": next((name for name in MARKS if by_column[name]), kind)}
+    set_marks = [name for name in MARKS if by_column[name]]
+    return {**by_column, "counts_as": set_marks[0] if set_marks else kind}
 
 
 def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
@@ -167,62 +176,86 @@ def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
 def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dict[str, Any]:
     """Return band and verdict of a row of a published number, by the band that is stated of it now."""
     low, high = band_of(published)
-    formal, true, drawn, least, most = (float(row[key]) for key in (*NUMBERS, "low", "high"))
-    found = ExpressionValue(formal, true, drawn, least, most, 0, ())
-    ends = sorted(float(row["published"]) * end for end in (low, high))
-    known = row["ratio"] == row["ratio"]
-    word = verdict(found, ends[0], ends[1], (_tested(published, found),)) if known else row["verdict"]
-    inside = bool(low <= row["ratio"] <= high)
-    return {"band_low": low, "band_high": high, "in_band": inside, "verdict": word}
+    value = ExpressionValue(
+        formal=float(row["formal"]),
+        true=float(row["true"]),
+        monte_carlo=float(row["monte_carlo"]),
+        low=float(row["low"]),
+        high=float(row["high"]),
+        runs=0,
+        remarks=(),
+    )
+    word = row["verdict"]
+    if not np.isnan(row["ratio"]):
+        least, most = sorted(float(row["published"]) * end for end in (low, high))
+        word = verdict(value, least, most, (_tested_number(published, value),))
+    return {
+        "band_low": low,
+        "band_high": high,
+        "in_band": bool(low <= row["ratio"] <= high),
+        "verdict": word,
+    }
 
 
-def _tested(stated: Mapping[str, Any], value: ExpressionValue) -> str:
+def _tested_number(stated: Mapping[str, Any], value: ExpressionValue) -> str:
     """Return which of the three numbers the statistic of a row asks for."""
-    number = {"formal": "formal", "lincov": "true"}.get(str(stated.get("statistic")), "monte_carlo")
-    return "true" if number == "monte_carlo" and np.isnan(value.monte_carlo) else number
+    statistic = str(stated.get("statistic"))
+    if statistic == "formal":
+        return "formal"
+    return "true" if statistic == "lincov" or np.isnan(value.monte_carlo) else "monte_carlo"
 
 
-def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
-    value, unit, against = float(published["value"]), str(published["unit"]), published.get("against")
-    than, found = published.get("than"), SingleValue(np.nan, "no such case")
-    if case is not None and than is not None:
-        found = _part(in_own_unit(tables, case, published), in_own_unit(tables, case, {**published, "metric": than}))
-    elif case is not None:
-        found = (
-            evaluate_single(tables, case, published, unit)
-            if against is None
-            else _smaller(tables, case, published, against)
-        )
-    words = ", how much smaller" if against is not None else f", how much below {than}" if than is not None else ""
-    ratio = found.value / value
+def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row of a published number for a case; None: no case has the levels of the number."""
+    value, unit = float(published["value"]), str(published["unit"])
+    ours = SingleValue(np.nan, "no such case")
+    label = ""
+    if case is not None:
+        ours = _single_value(tables, case, published)
+        label = label_of(tables, case, axes_of(published))
+    suffix = ""
+    if published.get("against") is not None:
+        suffix = ", how much smaller"
+    elif published.get("than") is not None:
+        suffix = f", how much below {published['than']}"
+    ratio = ours.value / value
     return published_row(
         published,
-        (found.remark,),
+        (ours.remark,),
         band_of(published),
         ratio,
-        _three(tables, case, published),
+        _value_with_interval(tables, case, published),
         value,
-        percentile=_below_published(published, found),
+        percentile=_percentile(published, ours),
         fitted=bool(published.get("fitted")),
-        case=label_of(tables, case, axes_of(published)) if case is not None else "",
-        metric=name_of(published) + words,
+        case=label,
+        metric=name_of(published) + suffix,
         unit=unit,
         published=value,
-        ours=found.value,
+        ours=ours.value,
         ratio=ratio,
     )
 
 
-def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: Mapping[str, str]) -> SingleValue:
-    others = cases_of(tables, against, axes_of(published))
-    if len(others) != 1:
-        return SingleValue(np.nan, f"{len(others)} cases to hold it against")
-    return _part(*(in_own_unit(tables, each, published) for each in (case, others[0])))
+def _single_value(tables: Tables, case: str, published: Mapping[str, Any]) -> SingleValue:
+    """Return our number for a published one: of a case, or its reduction against another metric or case."""
+    other_metric, other_levels = published.get("than"), published.get("against")
+    if other_metric is not None:
+        larger = in_own_unit(tables, case, {**published, "metric": other_metric})
+        return _reduction_percent(in_own_unit(tables, case, published), larger)
+    if other_levels is None:
+        return evaluate_single(tables, case, published, str(published["unit"]))
+    other_cases = cases_of(tables, other_levels, axes_of(published))
+    if len(other_cases) != 1:
+        return SingleValue(np.nan, f"{len(other_cases)} cases to hold it against")
+    larger = in_own_unit(tables, other_cases[0], published)
+    return _reduction_percent(in_own_unit(tables, case, published), larger)
 
 
-def _part(smaller: SingleValue, larger: SingleValue) -> SingleValue:
+def _reduction_percent(smaller: SingleValue, larger: SingleValue) -> SingleValue:
     """Return by how many percent the first number is smaller than the second."""
-    return SingleValue(100.0 * (1.0 - smaller.value / larger.value), smaller.remark or larger.remark)
+    percent = 100.0 * (1.0 - smaller.value / larger.value)
+    return SingleValue(percent, smaller.remark or larger.remark)
 
 
 def in_own_unit(tables: Tables, case: str, stated: Mapping[str, Any]) -> SingleValue:
@@ -238,20 +271,27 @@ def written_unit(tables: Tables, name: str) -> str:
     return metric.unit
 
 
-def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> ExpressionValue | None:
+def _value_with_interval(tables: Tables, case: str | None, published: Mapping[str, Any]) -> ExpressionValue | None:
     """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
-    than, against = published.get("than"), published.get("against")
-    other = cases_of(tables, against, axes_of(published)) if against is not None else [case]
-    if case is None or len(other) != 1:
+    if case is None:
         return None
-    unit = str(published["unit"]) if than is None and against is None else "-"
-    terms = {"a": evaluate(tables, case, published, unit)}
-    if unit == "-" and (than is not None or against is not None):
-        terms["b"] = evaluate(tables, str(other[0]), {**published, "metric": than or published["metric"]}, unit)
-    return value_of("100 * (1 - a / b)" if "b" in terms else "a", terms)
+    other_metric, other_levels = published.get("than"), published.get("against")
+    if other_metric is None and other_levels is None:
+        return value_of("a", {"a": evaluate(tables, case, published, str(published["unit"]))})
+    other_cases = [case]
+    if other_levels is not None:
+        other_cases = cases_of(tables, other_levels, axes_of(published))
+    if len(other_cases) != 1:
+        return None
+    other = {**published, "metric": other_metric or published["metric"]}
+    terms = {
+        "a": evaluate(tables, case, published, "-"),
+        "b": evaluate(tables, other_cases[0], other, "-"),
+    }
+    return value_of("100 * (1 - a / b)", terms)
 
 
-def _below_published(published: Mapping[str, Any], value: SingleValue) -> float:
+def _percentile(published: Mapping[str, Any], value: SingleValue) -> float:
     """Return the percentage of the runs below a published single run; NaN if the number is not of a single run."""
     if not published.get("single") or not len(value.runs):
         return float("nan")
@@ -296,20 +336,26 @@ def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.D
     For each beginning of an item in `order` this is the row with the largest distance from its band; the remaining rows
     follow by their distance.
     """
-    first = [next((k for k, start in enumerate(order) if item.startswith(start)), len(order)) for item in rows["item"]]
-    ranked = rows.assign(place=first, distance=-_distance(rows)).sort_values(["place", "distance"], kind="stable")
-    ranked = ranked.drop_duplicates("item")
-    named = ranked[ranked.place < len(order)].drop_duplicates("place")
-    others = ranked.drop(named.index).sort_values("distance", kind="stable")
-    return pd.concat([named, others]).head(n)[list(rows.columns)]
+    places = []  # place of each item in `order`; items without a place come last
+    for item in rows["item"]:
+        matches = [k for k, start in enumerate(order) if item.startswith(start)]
+        places.append(matches[0] if matches else len(order))
+    ranked = rows.assign(place=places, closeness=-_band_distance(rows))
+    ranked = ranked.sort_values(["place", "closeness"], kind="stable").drop_duplicates("item")
+    first_of_place = ranked[ranked.place < len(order)].drop_duplicates("place")
+    remaining = ranked.drop(first_of_place.index).sort_values("closeness", kind="stable")
+    return pd.concat([first_of_place, remaining]).head(n)[list(rows.columns)]
 
 
-def _distance(rows: pd.DataFrame) -> pd.Series:
+def _band_distance(rows: pd.DataFrame) -> pd.Series:
     """Return the distance of each row from its band: the logarithm of the factor by which the ratio exceeds it.
 
     It is 0 inside the band and infinite without a number.
     """
     ours = rows.ratio.fillna(rows.ours).astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        beyond = np.maximum(np.log(rows.band_low.astype(float) / ours), np.log(ours / rows.band_high.astype(float)))
-    return pd.Series(np.where(ours.isna() | (ours <= 0.0), np.inf, np.maximum(beyond, 0.0)), index=rows.index)
+        below = np.log(rows.band_low.astype(float) / ours)
+        above = np.log(ours / rows.band_high.astype(float))
+    outside = np.maximum(np.maximum(below, above), 0.0)
+    has_no_number = ours.isna() | (ours <= 0.0)
+    return pd.Series(np.where(has_no_number, np.inf, outside), index=rows.index)

@@ -42,7 +42,8 @@ def resource_totals(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        if total := total_of(scenario_of(tables, case)):
+        total = total_of(scenario_of(tables, case))
+        if total:
             rows.append({"case": label, **total})
     return pd.DataFrame(rows, columns=["case", *TOTALLED])
 
@@ -50,31 +51,33 @@ def resource_totals(tables: Tables) -> pd.DataFrame:
 def scenario_of(tables: Tables, case: str) -> dict[str, Any]:
     """Return the resolved scenario of a case as plain data, in the form of a campaign file."""
     data: Any = tables.campaign.get("base") or {}
-    names = list(tables.levels[case])
-    for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
-        level = tables.levels[case][name]
+    levels = tables.levels[case]
+    for level, axis in zip(levels.values(), tables.campaign.get("axes") or (), strict=False):
+        path = str(axis["path"]).split(".")
         if axis.get("between") and level != "base":
-            data = _put(data, str(axis["path"]).split("."), level)
+            data = _replace_field(data, path, level)
         elif level in (axis.get("labels") or ()):
-            data = _put(data, str(axis["path"]).split("."), axis["values"][axis["labels"].index(level)])
+            data = _replace_field(data, path, axis["values"][axis["labels"].index(level)])
     return dict(data)
 
 
-def _put(data: Any, path: Sequence[str], value: Any) -> Any:
+def _replace_field(data: Any, path: Sequence[str], value: Any) -> Any:
+    """Return plain data with another value at a path; marks on the field no longer apply."""
     if not path:
         return value
     if isinstance(data, list):
-        at = int(path[0])
-        return [_put(item, path[1:], value) if k == at else item for k, item in enumerate(data)]
+        index = int(path[0])
+        return [_replace_field(item, path[1:], value) if k == index else item for k, item in enumerate(data)]
     data = unmarked(data or {}, path)
-    return {**data, path[0]: _put(data.get(path[0]), path[1:], value)}
+    return {**data, path[0]: _replace_field(data.get(path[0]), path[1:], value)}
 
 
 def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Yield the resources of the devices of the vehicle, not of the models that a filter assumes."""
     imu = scenario.get("imu") or {}
-    devices = [*(imu.get("units") or [imu]), scenario.get("receiver") or {}, *(scenario.get("sensors") or {}).values()]
-    for device in devices:
+    imus = imu.get("units") or [imu]
+    sensors = (scenario.get("sensors") or {}).values()
+    for device in [*imus, scenario.get("receiver"), *sensors]:
         if device and device.get("resources"):
             yield device["resources"]
 
@@ -85,8 +88,11 @@ def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
 
     def total(name: str) -> float:
         _, si, factor = TOTALS[name]
-        known = [device[name] for device in devices if device.get(name) is not None]
-        numbers = [parse(value, si) if si and isinstance(value, str) else float(value) for value in known]
+        numbers = []
+        for device in devices:
+            value = device.get(name)
+            if value is not None:
+                numbers.append(parse(value, si) if si and isinstance(value, str) else float(value))
         return factor * sum(numbers) if numbers else math.nan
 
     if not devices:
@@ -113,37 +119,45 @@ def pareto(tables: Tables) -> pd.DataFrame:
     such case. Criteria are the error ratio and the totals known for every case, without the time between failures. The
     table is empty without totals or requirements.
     """
-    found = resource_totals(tables)
-    stated = tables.campaign.get("requirements") or ()
-    if found.empty or not stated:
+    totals = resource_totals(tables)
+    if totals.empty or not tables.campaign.get("requirements"):
         return pd.DataFrame(columns=["case"])
-    ratios = _ratios(tables)
-    frame = found.merge(ratios, on="case")
-    used = [name for name in ("cost", "mass_kg", "power_w", "volume_l") if frame[name].notna().all()]
-    values = frame[[*used, "error_ratio"]].to_numpy(dtype=float)
-    by = [dominating(values, k) for k in range(len(values))]
+    frame = totals.merge(_largest_error_ratios(tables), on="case")
+    complete_totals = [name for name in ("cost", "mass_kg", "power_w", "volume_l") if frame[name].notna().all()]
+    criteria = frame[[*complete_totals, "error_ratio"]].to_numpy(dtype=float)
+    dominating_rows = [dominating(criteria, k) for k in range(len(criteria))]
     return frame.assign(
         meets=frame.verdict == "met",
-        front=[k < 0 for k in by],
-        dominated_by=[str(frame.case.iloc[k]) if k >= 0 else "" for k in by],
+        front=[row < 0 for row in dominating_rows],
+        dominated_by=[str(frame.case.iloc[row]) if row >= 0 else "" for row in dominating_rows],
     )
 
 
-def _ratios(tables: Tables) -> pd.DataFrame:
+def _largest_error_ratios(tables: Tables) -> pd.DataFrame:
     """Return for each case the largest ratio of an error to its limit, the limiting requirement, the worst verdict."""
-    verdict = margins(tables).groupby("case").verdict.agg(worst)
-    expected = confirmation.expected_verdicts(tables).set_index(["requirement", "case"])
-    runs = requirements.verdicts(tables).set_index(["requirement", "case"])
+    worst_verdicts = margins(tables).groupby("case").verdict.agg(worst)
+    by_lincov = confirmation.expected_verdicts(tables).set_index(["requirement", "case"])
+    by_runs = requirements.verdicts(tables).set_index(["requirement", "case"])
+    names = list(dict.fromkeys(by_runs.index.get_level_values(0)))
     rows = []
     for label in tables.labels.values():
-        by_name = {}
-        for name in dict.fromkeys(runs.index.get_level_values(0)):
-            chosen = expected.loc[name, label]
-            chosen = chosen if chosen.verdict in ("met", "violated") else runs.loc[name, label]
-            by_name[str(name)] = float(chosen.estimate) / float(chosen.limit)
-        finite = {name: ratio for name, ratio in by_name.items() if ratio == ratio}
-        limiting = max(finite, key=lambda name: finite[name]) if len(finite) == len(by_name) else ""
-        rows.append((label, finite.get(limiting, math.inf), limiting, verdict[label]))
+        ratios = {}
+        for name in names:
+            result = by_lincov.loc[name, label]
+            if result.verdict not in ("met", "violated"):
+                result = by_runs.loc[name, label]
+            ratios[str(name)] = float(result.estimate) / float(result.limit)
+        limiting, largest = "", math.inf  # of a case with an unknown error
+        if not any(math.isnan(ratio) for ratio in ratios.values()):
+            limiting = max(ratios, key=ratios.__getitem__)
+            largest = ratios[limiting]
+        row = {
+            "case": label,
+            "error_ratio": largest,
+            "limiting_requirement": limiting,
+            "verdict": worst_verdicts[label],
+        }
+        rows.append(row)
     return pd.DataFrame(rows, columns=["case", "error_ratio", "limiting_requirement", "verdict"])
 
 
