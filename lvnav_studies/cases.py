@@ -22,11 +22,24 @@ def matching(known: Sequence[Mapping[str, str]], levels: Mapping[str, str]) -> l
 
 
 def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]) -> list[Reading]:
-    """Return the cases of each term for all levels, in turn, of the axes that no term names.
+    """Return the cases of each term for all levels, in turn, of the axes without a name in any term.
 
-    known: level of every axis of each case; wanted: levels that each term names. Axes that vary together (design zip)
-    need not all be named: the fewest are read that leave each term one case, of those that read the most cases (one
-    axis varied at a time: every axis).
+    Parameters
+    ----------
+    known : (n_case,) sequence of mapping
+        Level of every axis of each case.
+    wanted : mapping
+        Levels that each term names, by term.
+
+    Returns
+    -------
+    list of Reading
+        Choices with exactly one case for each term.
+
+    Notes
+    -----
+    Axes that vary together (design zip) need not all be named. Of the subsets of the free axes that give the largest
+    number of readings, the smallest is used. If axes vary one at a time, it has every free axis.
     """
     named_axes = {axis for levels in wanted.values() for axis in levels}
     free_axes = [axis for axis in (known[0] if known else ()) if axis not in named_axes]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from lvnav_studies.cases import readings
-from lvnav_studies.claims import Claims, Statement
+from lvnav_studies.claims import Claims, Ordering, Statement
 from lvnav_trade.api.input import (
     Campaign,
     MeasuredMetric,
@@ -24,20 +24,17 @@ Fault = tuple[str, str]
 
 
 def faults(claims: Claims, campaign: Campaign) -> Iterator[Fault]:
-    """Yield what is claimed of cases and axes that the campaign does not have."""
-    cases, axes = named_cases(campaign), axes_of_errors(campaign)
+    """Yield the claims on cases and axes that the campaign does not have."""
+    cases = named_cases(campaign)
+    axes = axes_of_errors(campaign)
     for key in ("references", "flown"):
-        yield from ((f"{key}.{path}", text) for path, text in reference_faults(campaign, getattr(claims, key)))
+        yield from _below(key, reference_faults(campaign, getattr(claims, key)))
     for index, order in enumerate(claims.orderings):
-        named = {axis: level for case in order.cases for axis, level in case.items()}
-        yield from _below(f"orderings.{index}", pool_faults(order, named, cases))
-        together = pooled_levels(order, cases)
-        for place, case in enumerate(order.cases):
-            if message := unknown_case(case | together, cases, True):
-                yield f"orderings.{index}.cases.{place}", message
+        yield from _below(f"orderings.{index}", _ordering_faults(order, cases))
     for index, claim in enumerate(claims.innovations):
         yield from _below(f"innovations.{index}", pool_faults(claim, claim.case, cases))
-        if message := unknown_case(claim.case, cases):
+        message = unknown_case(claim.case, cases)
+        if message:
             yield f"innovations.{index}.case", message
     ids = [statement.id for statement in claims.statements]
     for index, statement in enumerate(claims.statements):
@@ -45,8 +42,21 @@ def faults(claims: Claims, campaign: Campaign) -> Iterator[Fault]:
             yield f"statements.{index}.id", f"{quoted(statement.id)} is used twice; give another id"
         yield from _below(f"statements.{index}", _statement_faults(statement, cases))
     for path, measured in _measured_metrics(claims):
-        if message := unknown_axis(measured.metric, axes):
+        message = unknown_axis(measured.metric, axes)
+        if message:
             yield f"{path}.metric", message
+
+
+def _ordering_faults(order: Ordering, cases: Sequence[Mapping[str, str]]) -> Iterator[Fault]:
+    named_levels = {}
+    for levels in order.cases:
+        named_levels.update(levels)
+    yield from pool_faults(order, named_levels, cases)
+    pool = pooled_levels(order, cases)
+    for number, levels in enumerate(order.cases):
+        message = unknown_case(levels | pool, cases, True)
+        if message:
+            yield f"cases.{number}", message
 
 
 def faults_in_flight(claims: Claims, events: Mapping[str, Mapping[str, float]]) -> Iterator[Fault]:

@@ -1,4 +1,4 @@
-"""What a study claims of its campaigns: orders of cases, statements on innovations, expressions of metrics."""
+"""Claims of a study on its campaigns: orders of cases, statements on innovations, expressions of metrics."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -99,14 +99,15 @@ class Statement(PublishedStatement):
 
     @field_validator("unit")
     @classmethod
-    def _fits(cls, unit: str, info: ValidationInfo) -> str:
-        for name, term in info.data.get("terms", {}).items() if unit != "-" else ():
-            require_unit(unit, term.metric, f" of the term {name}")
+    def _check_unit(cls, unit: str, info: ValidationInfo) -> str:
+        if unit != "-":
+            for name, term in info.data.get("terms", {}).items():
+                require_unit(unit, term.metric, f" of the term {name}")
         return unit
 
     @field_validator("value")
     @classmethod
-    def _expression(cls, value: str) -> str:
+    def _check_expression(cls, value: str) -> str:
         expression.names(value)
         return value
 
@@ -115,21 +116,24 @@ class Statement(PublishedStatement):
         return self.case | self.terms[name].case
 
     def _faults(self) -> Iterator[str]:
-        named = expression.names(self.value)
-        if set(named) != set(self.terms):
-            odd = sorted(set(named) ^ set(self.terms))
-            yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(odd)})"
-        if (self.at_least, self.at_most, self.probability, self.of_runs) == (None, None, None, None):
+        unshared = sorted(set(expression.names(self.value)) ^ set(self.terms))
+        if unshared:
+            yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(unshared)})"
+        other_bounds = (self.at_least, self.at_most, self.probability)
+        has_bound = any(bound is not None for bound in other_bounds)
+        if self.of_runs is None and not has_bound:
             yield "there is no bound; give at_least, at_most, of_runs, or the probability of a NEES"
-        if self.of_runs is not None and (self.at_least, self.at_most, self.probability) != (None, None, None):
+        if self.of_runs is not None and has_bound:
             yield "of_runs sets both bounds; leave out at_least, at_most and probability"
         if self.of_runs is not None and "monte_carlo" not in self.tested_by:
             yield "of_runs needs monte_carlo among tested_by"
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
             yield f"at_least {self.at_least:g} is above at_most {self.at_most:g}"
-        nees = [isinstance(metric_of(term.metric), Nees) for term in self.terms.values()]
-        if self.probability is not None and (self.at_most is not None or len(nees) != 1 or not all(nees)):
-            yield "probability is the bound of a single NEES, in place of at_most"
+        if self.probability is not None:
+            metrics = [metric_of(term.metric) for term in self.terms.values()]
+            is_single_nees = len(metrics) == 1 and isinstance(metrics[0], Nees)
+            if self.at_most is not None or not is_single_nees:
+                yield "probability is the bound of a single NEES, in place of at_most"
 
 
 class Elsewhere(PublishedStatement):
@@ -147,7 +151,7 @@ class Elsewhere(PublishedStatement):
 
 
 class Claims(Card):
-    """What a study claims of one campaign."""
+    """Claims of a study on one campaign."""
 
     references: tuple[PublishedNumber, ...] = Field(
         (), max_length=STATEMENTS, description="published numbers of metrics that the study's script adds"

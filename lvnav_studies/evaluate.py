@@ -121,7 +121,7 @@ def _identity_cells(stated: Mapping[str, Any]) -> dict[str, str]:
 
 
 def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
-    """Return the levels that a statement names, and those it is read at; of many axes, each varied alone, the one."""
+    """Return the levels that a statement names and those of a reading as text, without axes at the base."""
     varied = {axis: level for axis, level in levels.items() if level != _BASE}
     text = ", ".join(f"{axis}={level}" for axis, level in {**stated, **varied}.items())
     return text or (_BASE if levels else "")
@@ -215,8 +215,8 @@ def _values_along(
 ) -> dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]]:
     """Return the values of `locus`, by the levels of the other open axes.
 
-    A term that names another level of the axis than the statement is what the others are compared with; it does not
-    move along the axis, nor does a term without a case at a level.
+    A term that names another level of the axis than the statement is the reference of the comparison: it stays at its
+    level. So does a term without a case at the level of the others.
     """
     case_levels = list(tables.levels.values())
     term_levels = _term_levels(stated)

@@ -153,20 +153,20 @@ def compare(
 
 def _merge_effects(base: Tables, user_effects: Sequence[Effect]) -> list[Effect]:
     """Return the effects to compare: defaults, then requirements, then the user's; the amount "none" removes one."""
-    requirement_names = {str(requirement["name"]) for requirement in _requirements(base)}
+    allowed_failures = {str(item["name"]): 1.0 - float(item["probability"]) for item in _requirements(base)}
     defaults = [Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS]
     merged: dict[tuple[str, str, str], Effect] = {}
     for effect in [*defaults, *user_effects]:
-        is_counted = effect.metric == FAILED_RUNS or (effect.metric in requirement_names and effect.statistic == "rms")
-        statistic = "beyond" if is_counted else effect.statistic
-        merged[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
+        is_requirement = effect.metric in allowed_failures and effect.statistic == "rms"
+        if is_requirement or effect.metric == FAILED_RUNS:
+            effect = effect._replace(statistic="beyond")
+        merged[effect.metric, effect.at, effect.statistic] = effect
     metrics = {metric for metric, _, _ in merged}
-    for requirement in _requirements(base):
-        name = str(requirement["name"])
+    for name, fraction in allowed_failures.items():
         if name not in metrics:
-            allowed_percent = 100.0 * (1.0 - float(requirement["probability"]))
-            merged[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, f"{allowed_percent:.12g} %")
-    merged.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
+            merged[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, f"{100.0 * fraction:.12g} %")
+    failed_runs = Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT)
+    merged.setdefault((FAILED_RUNS, "", "beyond"), failed_runs)
     return [effect for effect in merged.values() if effect.amount != "none"]
 
 
@@ -216,30 +216,27 @@ class _Task(NamedTuple):
     def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
         """Return the row of the comparison.
 
-        Parameters
-        ----------
-        base, candidate : Tables
-            The two result sets.
-        alpha_low, alpha_high : float
-            Error probabilities of the lower and upper bound on the change.
+        alpha_low, alpha_high : error probabilities of the lower and upper bound on the change
         """
         n = min(len(self.first.size), len(self.second.size))
         if not n:
             return self._filled_row(self._expected_change(base, candidate), 0, "by linear covariance")
-        is_fitted = False
         first, second = self.first.size[:n], self.second.size[:n]
-        finite = np.isfinite(first) & np.isfinite(second)
+        is_finite = np.isfinite(first) & np.isfinite(second)
+        is_fitted = False
         if self.counted:
             change = paired_changes.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
-        elif not finite.any():
+        elif not is_finite.any():
             return self._filled_row(paired_changes.UNKNOWN_CHANGE, 0, "no run is good in both")
         elif self.effect.statistic == "rms":
-            change = paired_changes.rms_change(first[finite], second[finite], self.relative, alpha_low, alpha_high)
+            change = paired_changes.rms_change(
+                first[is_finite], second[is_finite], self.relative, alpha_low, alpha_high
+            )
         else:
             probability = float(self.effect.statistic[1:]) / 100.0
-            is_fitted = not paired_changes.supports(int(finite.sum()), probability)
+            is_fitted = not paired_changes.supports(int(is_finite.sum()), probability)
             find_change = paired_changes.fitted_quantile_change if is_fitted else paired_changes.quantile_change
-            change = find_change(first[finite], second[finite], probability, self.relative, alpha_low, alpha_high)
+            change = find_change(first[is_finite], second[is_finite], probability, self.relative, alpha_low, alpha_high)
         if np.array_equal(first, second):
             same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
             return self._filled_row(same, n, "the same in every run") | {"verdict": "not worse"}
@@ -382,11 +379,13 @@ def _expected_statistic(tables: Tables, case: str, task: _Task) -> float:
     if task.counted:
         rows = pick(expected(tables), requirement=task.effect.metric, case=tables.labels[case])
         return 1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan")
-    rows = history_of(tables, case, *split_metric(task.effect.metric))
-    if rows.empty or task.effect.statistic != "rms":
+    quantity, axis = split_metric(task.effect.metric)
+    history = history_of(tables, case, quantity, axis)
+    if history.empty or task.effect.statistic != "rms":
         return float("nan")
     t = float(flight_events(tables, case).set_index("event").t_s[task.event])
-    return float(at_time(rows.assign(expected=lincov_rms(rows)), t).expected)
+    nearest = at_time(history.assign(rms=lincov_rms(history)), t)
+    return float(nearest.rms)
 
 
 def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:

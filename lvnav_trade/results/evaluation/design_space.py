@@ -270,9 +270,7 @@ def axis_label(column: str) -> str:
 
 
 def range_text(tables: Tables, column: str, low: float, high: float) -> str:
-    """Write the ends of a range of a column in its unit for people, three digits each; one number where they are equal
-    then.
-    """
+    """Return the ends of a range of a column as text, in its display unit with three digits; once if they are equal."""
     unit, factor = people_of(tables, column)
     first, last = (f"{_rounded(end * factor):g}" for end in (low, high))
     text = first if first == last else f"{first} to {last}"

@@ -35,7 +35,7 @@ _COLUMNS = [
 
 
 def expected(fault: str) -> str:
-    """Return what a filter should isolate for a fault (named as in the table `events`): channel, clock or inertial.
+    """Return the element that a filter should isolate for a fault (named as in `events`): channel, clock or inertial.
 
     It is empty if no test of ranges can detect the fault.
     """

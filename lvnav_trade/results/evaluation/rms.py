@@ -234,8 +234,22 @@ class ControlledRms(NamedTuple):
 
 
 def controlled_rms(error: Floats, draws: Floats) -> ControlledRms:
-    """Return the root mean square of errors (n_run, k), its variance reduced by standard normals (n_run, m) drawn once.
+    """Return the root mean square of errors with a variance reduced by control variates.
 
+    Parameters
+    ----------
+    error : (n_run, k) array
+        Errors of the runs.
+    draws : (n_run, m) array
+        Standard normals of the same runs, drawn once per run: turn-on and initial errors.
+
+    Returns
+    -------
+    ControlledRms
+        Root mean square in the unit of `error`, with its 95 % interval; NaN for fewer than two runs.
+
+    Notes
+    -----
     An error follows the draws about linearly, and the mean square of a linear form b . u of standard normals is exactly
     |b|^2. So (b . u)^2 - |b|^2 has mean zero for any b, and subtracting it from the squared error of each run changes
     no expectation. b is fitted on the other folds only and is therefore independent of the draws that it multiplies:

@@ -1,4 +1,4 @@
-"""Satellites: how many are tracked, errors while they are not, why they are lost, how soon they are back."""
+"""Satellites: number tracked, errors during outages, reasons of losses, times of reacquisition."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -77,11 +77,26 @@ def values_of(
     elevation: Sequence[Any] | None = None,
     altitude: Sequence[Any] | None = None,
 ) -> pd.DataFrame:
-    """Return the values of a metric of signals: t_s, value (SI), height (altitude of the vehicle, m); a row for each
-    tracked satellite and epoch, or for each epoch.
+    """Return the values of a metric of signals over time.
 
-    elevation (rad, or with units), altitude (m, or with units): from and to. A change is that of one satellite from an
-    epoch to the next, in size; of the crossing of air it is climb rate times exp(-altitude / 7.5 km).
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    metric : str
+        satellites_tracked; air_crossing_height: climb rate times exp(-altitude / 7.5 km); or a column of the table
+        `satellites` without its unit. A name with ``_change`` is the magnitude of the change of a satellite from an
+        epoch to the next.
+    elevation, altitude : (from, to), optional
+        Ranges of the elevation (rad, or with units) and of the altitude of the vehicle (m, or with units).
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns t_s, value (SI) and height (altitude of the vehicle, m): a row for each tracked satellite and epoch, or
+        for each epoch.
     """
     rows = pick(tables.satellites, case=case)
     if metric == "satellites_tracked":
@@ -117,8 +132,9 @@ def _values_while_tracked(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
 
 
 def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
-    """Return how long (s) after an instant each satellite is tracked again that was tracked before and is lost then;
-    infinite where it never is.
+    """Return the times (n_lost,) s from an instant until each satellite lost at this instant is tracked again.
+
+    A satellite is lost if it was tracked before and is not tracked at the instant. Infinite if it never is again.
     """
     t0 = instant(tables, case, at)
     tracked = tracked_over_time(tables, case)
@@ -203,7 +219,7 @@ def _worst_until_recovery(
 
     An error has recovered when it is below 1.5 times its value before, every satellite that returns after the fault is
     tracked again, and 10 s have passed since its end: an error may grow long after a fault, until its satellites are
-    back. The search ends with the next fault or with the history, where it has not recovered.
+    tracked. Without a recovery the search ends with the next fault or with the history.
 
     errors : t_s, and error in SI, of one norm
     fault : event of that kind, with t_s and t_end_s
@@ -307,8 +323,8 @@ def recovery(tables: Tables) -> pd.DataFrame:
 
     Columns: case, fault, t_start_s, t_end_s, before_count (tracked just before the fault), least_count (in it),
     lost_count (satellites tracked before and not tracked at some time in it), to_fix_s (from its end until four are
-    tracked), to_all_s (until every lost one that ever comes back is), gone_count (that never do: they set meanwhile, or
-    the flight ends). NaN where it does not happen.
+    tracked), to_all_s (until all lost satellites are tracked that are ever tracked again), gone_count (number of those
+    that never are: they set, or the flight ends). NaN for an event that does not happen.
     """
     rows = []
     for case, label in tables.labels.items():

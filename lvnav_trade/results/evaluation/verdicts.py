@@ -19,7 +19,7 @@ _FEWEST_LEVELS = 4  # smallest number of pooled cases for an interval
 
 
 class ExpressionValue(NamedTuple):
-    """Value of an expression; NaN where it is not known."""
+    """Value of an expression; NaN if not known."""
 
     formal: float  # by formal sigmas
     true: float  # by true errors of linear covariance

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy import special
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.statistics.case_results import SAME_TIME, CaseResults, Gaussian
-from lvnav_trade.results.statistics.probability import norm_probability
+from lvnav_trade.results.statistics.probability import norm_probability, probability_between
 from lvnav_trade.results.tables.read import Tables, pick, pick_columns
 
 
@@ -114,7 +113,7 @@ def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: 
     in_phase = (history.t >= first - SAME_TIME) & (history.t <= last + SAME_TIME) & (history.true > 0.0)
     if axis != "3d" and in_phase.any():
         t, sigma, mean = history.t[in_phase], history.true[in_phase], history.mean[in_phase]
-        probabilities = special.ndtr((bound - mean) / sigma) - special.ndtr((-bound - mean) / sigma)
+        probabilities = probability_between((-bound - mean) / sigma, (bound - mean) / sigma)
         k = int(np.argmin(probabilities))
         law = Gaussian(mean[k : k + 1], sigma[k : k + 1, None] ** 2, {})
         candidates.append((float(probabilities[k]), law, f"{t[k]:.0f} s"))

@@ -1,4 +1,4 @@
-"""Number of a case at an event or during a phase: its rows of the history, and the values of the single runs."""
+"""Errors of a case at an event or during a phase: rows of the history, and the value of every run."""
 
 from __future__ import annotations
 

@@ -45,9 +45,9 @@ def ratio_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Flo
 def mean_square_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
     """Return the limits of chi-square divided by its degrees of freedom, exceeded with probability alpha / 2 each."""
     degrees = np.asarray(freedom, dtype=float)
-    usable = np.where(degrees > 0, degrees, np.nan)
-    low = stats.chi2.ppf(alpha / 2.0, usable) / usable
-    high = stats.chi2.ppf(1.0 - alpha / 2.0, usable) / usable
+    degrees = np.where(degrees > 0, degrees, np.nan)
+    low = stats.chi2.ppf(alpha / 2.0, degrees) / degrees
+    high = stats.chi2.ppf(1.0 - alpha / 2.0, degrees) / degrees
     return low, high
 
 
@@ -191,14 +191,21 @@ def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -
         low = np.clip((-1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
         high = np.clip((1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
         x = 0.5 * (high + low) + 0.5 * (high - low) * _NODES
-        density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi) * 0.5 * (high - low) * _WEIGHTS
-        weight = (weight[:, None] * density).ravel()
+        density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
+        probability = density * 0.5 * (high - low) * _WEIGHTS
+        weight = (weight[:, None] * probability).ravel()
         earlier_normals = np.repeat(normals, len(_NODES), axis=0)
         normals = np.column_stack([earlier_normals, x.ravel()])
     conditional_mean = centre[2] + normals @ factor[2, :2]
-    below_high = special.ndtr((1.0 - conditional_mean) / factor[2, 2])
-    below_low = special.ndtr((-1.0 - conditional_mean) / factor[2, 2])
-    return float(np.clip(np.sum(weight * (below_high - below_low)), 0.0, 1.0))
+    sigma = factor[2, 2]
+    last = probability_between((-1.0 - conditional_mean) / sigma, (1.0 - conditional_mean) / sigma)
+    return float(np.clip(np.sum(weight * last), 0.0, 1.0))
+
+
+def probability_between(low: Floats, high: Floats) -> Floats:
+    """Return the probability (n,) that a standard normal lies between two limits (n,)."""
+    probability: Floats = special.ndtr(high) - special.ndtr(low)
+    return probability
 
 
 def _integrate_axis(radius_squared: Floats, weight: Floats, centre: float, sigma: float) -> tuple[Floats, Floats]:
@@ -215,20 +222,22 @@ def _integrate_axis(radius_squared: Floats, weight: Floats, centre: float, sigma
     radius_squared, weight = radius_squared[is_wide], weight[is_wide]
     # x = x_mid + h sin(angle), dx = h cos(angle) d(angle), with the angle from -pi/2 to pi/2
     angle = 0.5 * np.pi * _NODES
+    middle = 0.5 * (high + low)[:, None]
     half = 0.5 * (high - low)[:, None]
-    x = 0.5 * (high + low)[:, None] + half * np.sin(angle)
-    density = np.exp(-0.5 * ((x - centre) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
+    x = middle + half * np.sin(angle)
     step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
+    exponent = -0.5 * ((x - centre) / sigma) ** 2
+    density = np.exp(exponent) / (sigma * np.sqrt(2.0 * np.pi))
     rest_squared = np.maximum(radius_squared[:, None] - x**2, 0.0)
-    return rest_squared.ravel(), (weight[:, None] * density * step).ravel()
+    node_weight = weight[:, None] * density * step
+    return rest_squared.ravel(), node_weight.ravel()
 
 
 def _probability_within(radius: Floats, centre: float, sigma: float) -> Floats:
     """Return the probability (n,) that the last component lies within plus or minus each radius (n,)."""
     if sigma == 0.0:
         return (np.abs(centre) < radius).astype(float)
-    probability: Floats = special.ndtr((radius - centre) / sigma) - special.ndtr((-radius - centre) / sigma)
-    return probability
+    return probability_between((-radius - centre) / sigma, (radius - centre) / sigma)
 
 
 def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
@@ -248,15 +257,9 @@ def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) ->
     """
     centre = np.atleast_1d(np.asarray(mean, dtype=float))
     variance = np.atleast_2d(np.asarray(covariance, dtype=float))
-    # Moments of the squared norm: E = m'm + tr(P), V = 2 tr(P^2) + 4 m'P m
-    expected = float(centre @ centre + np.trace(variance))
-    if expected == 0.0:
+    start = _approximate_quantile(centre, variance, probability)
+    if start == 0.0:
         return 0.0
-    variance_of_square = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
-    start = np.sqrt(expected)
-    if variance_of_square > 0.0:
-        scale = variance_of_square / (2.0 * expected)
-        start = np.sqrt(scale * special.chdtri(expected / scale, 1.0 - probability)) or start
     required = special.ndtri(probability)
 
     def excess(limit: float) -> float:
@@ -272,17 +275,32 @@ def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) ->
     return float(optimize.brentq(excess, low, high, xtol=1e-9 * low, rtol=1e-9))
 
 
+def _approximate_quantile(centre: Floats, variance: Floats, probability: float) -> float:
+    """Return the quantile of |x| with the squared norm taken as a scaled chi-square; 0 for a vector without size."""
+    # Moments of the squared norm: E = m'm + tr(P), V = 2 tr(P^2) + 4 m'P m
+    expected = float(centre @ centre + np.trace(variance))
+    if expected == 0.0:
+        return 0.0
+    variance_of_square = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
+    start = np.sqrt(expected)
+    if variance_of_square > 0.0:
+        scale = variance_of_square / (2.0 * expected)
+        start = np.sqrt(scale * special.chdtri(expected / scale, 1.0 - probability)) or start
+    return start
+
+
 DEGREE = 3
 POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
 
 
 def basis(d: int) -> list[tuple[tuple[int, int], ...]]:
-    """Return the polynomials of `fitted`, each as (variable, degree): single ones to `DEGREE`, and products of two
-    lines.
+    """Return the polynomials of `fitted`, each as factors (variable, degree).
+
+    They are the constant, powers of each variable up to `DEGREE`, and products of two variables.
     """
     constant: tuple[tuple[int, int], ...] = ()
     single = [((k, degree),) for k in range(d) for degree in range(1, DEGREE + 1)]
-    products = [((i, 1), (j, 1)) for i, j in combinations(range(d), 2)]
+    products = [((first, 1), (second, 1)) for first, second in combinations(range(d), 2)]
     return [constant, *single, *products]
 
 
@@ -308,7 +326,7 @@ def fitted(u: Floats, value: Floats) -> Floats:
 
 
 def predicted(u: Floats, value: Floats) -> float:
-    """Return 1 - (mean squared error of values that are left out of the fit, one by one) / variance."""
+    """Return the predicted share of the variance: 1 - (mean squared error of leave-one-out prediction) / variance."""
     design = _polynomials(u)
     log_value = np.log(value)
     # Without point i the residual of point i is r_i / (1 - h_i), h the diagonal of the hat matrix Q Q' (PRESS).

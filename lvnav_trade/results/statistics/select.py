@@ -79,12 +79,16 @@ def ends_of(tables: Tables, case: str) -> tuple[float, float]:
 def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
     """Return name, start and end (s since lift-off) of the flight, of each interval between events, of each event."""
     start, end = ends_of(tables, case)
-    events = [(row.event, row.t_s) for row in flight_events(tables, case).itertuples() if start <= row.t_s <= end]
+    rows = flight_events(tables, case)
+    rows = rows[(rows.t_s >= start) & (rows.t_s <= end)]
+    events = list(zip(rows.event, rows.t_s, strict=True))
+    instants = [("start", start), *events, ("end", end)]
     spans = [("flight", max(start, 0.0), end)]
-    for (first, t_first), (second, t_second) in pairwise([("start", start), *events, ("end", end)]):
+    for (first, t_first), (second, t_second) in pairwise(instants):
         if t_second - t_first > SAME_TIME:
             spans.append((f"{first} to {second}", t_first, t_second))
-    return spans + [(name, t, t) for name, t in events]
+    spans += [(event, t, t) for event, t in events]
+    return spans
 
 
 def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
@@ -138,7 +142,7 @@ def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | No
 
     ends: times (s) of ``start`` and ``end``; by default the ends of the history.
     """
-    return instant_in(text, _events(tables, case), ends or ends_of(tables, case))
+    return instant_in(text, _event_times(tables, case), ends or ends_of(tables, case))
 
 
 def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -146,10 +150,10 @@ def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None
 
     The times are NaN if an event does not occur.
     """
-    return phase_in(text, _events(tables, case), ends or ends_of(tables, case))
+    return phase_in(text, _event_times(tables, case), ends or ends_of(tables, case))
 
 
-def _events(tables: Tables, case: str) -> dict[str, float]:
+def _event_times(tables: Tables, case: str) -> dict[str, float]:
     times: dict[str, float] = flight_events(tables, case).set_index("event").t_s.to_dict()
     return times
 
