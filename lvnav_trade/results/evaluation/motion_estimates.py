@@ -44,8 +44,8 @@ NOZZLE = [
 ]
 _DEG_H = 206264.80624709636
 _SHORTEST = 5.0  # s; shorter phases are omitted
-_SETTLING = 2.0  # s after the start of a phase that are omitted
-_LEAD = 1.0  # s before the end of a phase that are omitted
+_START_GAP = 2.0  # s after the start of a phase that are omitted
+_END_GAP = 1.0  # s before the end of a phase that are omitted
 
 
 def rate_and_acceleration(tables: Tables) -> pd.DataFrame:
@@ -74,7 +74,7 @@ def rate_and_acceleration(tables: Tables) -> pd.DataFrame:
                 continue
             phase = f"{first.event} to {second.event}"
             for pair in pairs:
-                comparison = _compare_errors(tables, pair, first.t_s + _SETTLING, second.t_s - _LEAD)
+                comparison = _compare_errors(tables, pair, first.t_s + _START_GAP, second.t_s - _END_GAP)
                 if comparison:
                     rows.append({"case": label, "phase": phase, **comparison})
     return pd.DataFrame(rows, columns=COLUMNS)
