@@ -33,6 +33,12 @@ NOT_FLOWN = "not flown"
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 _BASE = "base"  # level of an axis that is not varied
 
+Choice = tuple[tuple[str, str], ...]
+"""Levels of the open axes, as sorted pairs of axis and level."""
+
+LevelValues = list[tuple[str, ExpressionValue]]
+"""Levels of an axis with the value of a statement at each."""
+
 
 def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
     """Return the bounds of a statement, NaN for none.
@@ -73,8 +79,8 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         if not value.runs and "monte_carlo" in tested_by:
             remarks.append("linear covariance alone" if np.isnan(value.monte_carlo) else "without an interval")
         if word != HOLDS:
-            open_levels = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
-            crossing = where_bound(values_along.get(open_levels, ()), low, high, tested_by)
+            choice = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
+            crossing = where_bound(values_along.get(choice, ()), low, high, tested_by)
             if crossing:
                 remarks.append(f"bound reached at {along} = {crossing}")
         yield {
@@ -146,8 +152,12 @@ def _read_values(
 
 def _first_levels(case_levels: Sequence[Mapping[str, str]], term: Mapping[str, Any]) -> dict[str, str]:
     """Return the first levels of the axes over which a term takes the median or all runs; they represent all levels."""
-    axes = [axis for axis in (str(term.get("over") or ""), *axes_of(term)) if axis]
-    return {axis: case_levels[0][axis] for axis in axes} if case_levels else {}
+    if not case_levels:
+        return {}
+    axes = list(axes_of(term))
+    if term.get("over"):
+        axes.append(str(term["over"]))
+    return {axis: case_levels[0][axis] for axis in axes}
 
 
 def _term_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> MetricValue:
@@ -202,7 +212,7 @@ def _metric_text(stated: Mapping[str, Any]) -> str:
     return f"{stated['value']}: {'; '.join(names)}"
 
 
-def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, ExpressionValue]]]]:
+def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, LevelValues]]:
     """Return the values of a statement along its axis, level by level, for each choice of the other axes left open."""
     values_by_choice = []
     for choice, values in _values_along(tables, stated, str(stated.get("along") or "")).items():
@@ -210,9 +220,7 @@ def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tup
     return values_by_choice
 
 
-def _values_along(
-    tables: Tables, stated: Mapping[str, Any], along: str
-) -> dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]]:
+def _values_along(tables: Tables, stated: Mapping[str, Any], along: str) -> dict[Choice, LevelValues]:
     """Return the values of `locus`, by the levels of the other open axes.
 
     A term that names another level of the axis than the statement is the reference of the comparison: it stays at its
@@ -223,7 +231,7 @@ def _values_along(
     named = {name: levels[along] for name, levels in term_levels.items() if along in levels}
     statement_level = (stated.get("case") or {}).get(along, next(iter(named.values()), None))
     fixed = {name for name, level in named.items() if level != statement_level}
-    values_by_choice: dict[tuple[tuple[str, str], ...], list[tuple[str, ExpressionValue]]] = {}
+    values_by_choice: dict[Choice, LevelValues] = {}
     for level in dict.fromkeys(levels[along] for levels in case_levels):
         moved = {}
         for name, levels in term_levels.items():
@@ -232,7 +240,8 @@ def _values_along(
                 moved[name] = levels_there
         if moved:
             for levels, value in _read_values(tables, stated, {**term_levels, **moved}):
-                values_by_choice.setdefault(tuple(sorted(levels.items())), []).append((level, value))
+                choice = tuple(sorted(levels.items()))
+                values_by_choice.setdefault(choice, []).append((level, value))
     return values_by_choice
 
 

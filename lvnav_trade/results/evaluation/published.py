@@ -224,7 +224,7 @@ def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any
         (ours.remark,),
         band_of(published),
         ratio,
-        _value_with_interval(tables, case, published),
+        _expression_value(tables, case, published),
         value,
         percentile=_percentile(published, ours),
         fitted=bool(published.get("fitted")),
@@ -271,7 +271,7 @@ def written_unit(tables: Tables, name: str) -> str:
     return metric.unit
 
 
-def _value_with_interval(tables: Tables, case: str | None, published: Mapping[str, Any]) -> ExpressionValue | None:
+def _expression_value(tables: Tables, case: str | None, published: Mapping[str, Any]) -> ExpressionValue | None:
     """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
     if case is None:
         return None

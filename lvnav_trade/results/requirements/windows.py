@@ -273,7 +273,7 @@ def _history_errors(
         return "the error is not reported"
     runs = int(rows.run_count.max())
     has_enough_runs = runs * (1.0 - probability) >= 1.0  # on average at least one beyond the quantile
-    if has_enough_runs and (why_no_lincov or _is_decided_by_runs(tables, case, requirement)):
+    if has_enough_runs and (why_no_lincov or _has_run_verdict(tables, case, requirement)):
         by = RUNS
     else:
         by = EXTRAPOLATED if why_no_lincov else COVARIANCE
@@ -294,7 +294,7 @@ def _history_errors(
     )
 
 
-def _is_decided_by_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) -> bool:
+def _has_run_verdict(tables: Tables, case: str, requirement: Mapping[str, Any]) -> bool:
     """Whether the verdict on a requirement in a case is by runs."""
     rows = pick(verdicts(tables), requirement=requirement["name"], case=tables.labels[case])
     return bool((rows.by == RUNS).all())

@@ -23,7 +23,7 @@ def within(tables: Tables, case: str, rows: pd.DataFrame, statement: Mapping[str
     if statement.get("during"):
         first, last = phase(tables, case, str(statement["during"]))
         return rows_between(rows, first, last)
-    t = instant(tables, case, str(statement.get("at") or "injection"))
+    t = instant(tables, case, _event_named(statement))
     if not np.isfinite(t):
         return rows.iloc[:0]
     nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))
@@ -35,8 +35,12 @@ def of_each(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) 
     quantity, axis = split_metric(str(statement["metric"]))
     if statement.get("during"):
         return per_run(tables, case, statement, rms_column(quantity, axis, unit))
-    event = str(statement.get("at") or "injection")
-    return CaseTables(tables, case).sizes(event, quantity, axis)
+    return CaseTables(tables, case).sizes(_event_named(statement), quantity, axis)
+
+
+def _event_named(statement: Mapping[str, Any]) -> str:
+    """Return the event of a statement, which is injection by default."""
+    return str(statement.get("at") or "injection")
 
 
 def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str) -> Floats:
@@ -62,8 +66,10 @@ def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str
     intervals = rows_between(pick(tables.interval_errors, case=case), first, last, end="t_end_s")
     if intervals.empty or column not in intervals.columns or intervals[column].isna().all():
         return np.empty(0)
-    # Extremes are stored by interval between events: they cover a phase only if it starts and ends at events.
-    if abs(intervals.t_s.min() - first) > SAME_TIME or abs(intervals.t_end_s.max() - last) > SAME_TIME:
+    # Errors are stored by interval between events, which cover a phase only if it starts and ends at events.
+    starts_later = abs(intervals.t_s.min() - first) > SAME_TIME
+    ends_earlier = abs(intervals.t_end_s.max() - last) > SAME_TIME
+    if starts_later or ends_earlier:
         return np.empty(0)
     size = intervals[column].astype(float).mask(intervals.failure != "", np.inf)
     if "_rms_" not in column:
@@ -82,6 +88,6 @@ def signed(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -
     quantity, axis = split_metric(str(statement["metric"]))
     if statement.get("during"):
         return np.empty(0)
-    rows = errors_by_axis(tables, case, str(statement.get("at") or "injection"), quantity)
+    rows = errors_by_axis(tables, case, _event_named(statement), quantity)
     error = rows[error_column(quantity, axis, unit)].astype(float)
     return error.mask(rows.failure != "", np.inf).to_numpy()

@@ -190,7 +190,8 @@ def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -
         conditional_mean = (centre[k] + normals @ factor[k, :k])[:, None]
         low = np.clip((-1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
         high = np.clip((1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
-        x = 0.5 * (high + low) + 0.5 * (high - low) * _NODES
+        middle = 0.5 * (high + low)
+        x = middle + 0.5 * (high - low) * _NODES
         density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
         probability = density * 0.5 * (high - low) * _WEIGHTS
         weight = (weight[:, None] * probability).ravel()

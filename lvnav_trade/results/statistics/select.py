@@ -36,7 +36,8 @@ def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
     outputs = tables.outputs.copy()
     for row in outputs[outputs.quantity.isin(units)].itertuples():
         unit = units[row.quantity]
-        outputs.loc[row.Index, ["label_unit", "label_factor_ratio"]] = unit, 1.0 / parse(f"1 {unit}", row.unit)
+        factor = 1.0 / parse(f"1 {unit}", row.unit)
+        outputs.loc[row.Index, ["label_unit", "label_factor_ratio"]] = unit, factor
     return tables.with_frames(outputs=outputs)
 
 
