@@ -11,7 +11,8 @@ from lvnav_trade.report.figures.style import PALETTE, drawing, message, over_tim
 from lvnav_trade.results.mechanics import mission_errors, orbits, stored_states
 from lvnav_trade.results.mechanics.injection_law import APSIDES, apsis_errors, is_curved, why_no_law
 from lvnav_trade.results.metrics.mission import MISSION
-from lvnav_trade.results.mission.impact import corridor_of, ellipse, run_impacts
+from lvnav_trade.results.mission.corridor import corridor_of
+from lvnav_trade.results.mission.impact import ellipse, run_impacts
 from lvnav_trade.results.mission.impact import impact as impact_points
 from lvnav_trade.results.mission.injection_accuracy import LABELS, injections_of
 from lvnav_trade.results.mission.orbit import costs

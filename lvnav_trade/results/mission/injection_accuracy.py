@@ -1,5 +1,7 @@
 """Injection accuracy of guided ascents: achieved orbit against target, split into knowledge and execution."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -65,8 +67,13 @@ _CONFIDENCE = 0.95
 
 def injections_of(tables: Tables, case: str) -> dict[str, Injections]:
     """Return the runs for each orbital quantity of a case; empty without guidance, or without runs."""
-    by_quantity = {quantity: CaseTables(tables, case).injections(quantity) for quantity in ORBIT}
-    return {quantity: runs for quantity, runs in by_quantity.items() if runs is not None}
+    results = CaseTables(tables, case)
+    injections = {}
+    for quantity in ORBIT:
+        runs = results.injections(quantity)
+        if runs is not None:
+            injections[quantity] = runs
+    return injections
 
 
 def injection(tables: Tables) -> pd.DataFrame:
@@ -83,40 +90,71 @@ def injection(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        runs, law = injections_of(tables, case), CaseTables(tables, case).injection_law()
-        for quantity in ORBIT if runs or law is not None else ():
-            name, factor = LABELS[ORBIT_UNITS[quantity]]
-            statistics = (0, *[np.nan] * 6)
+        runs = injections_of(tables, case)
+        law = CaseTables(tables, case).injection_law()
+        if not runs and law is None:
+            continue
+        for quantity in ORBIT:
+            unit, factor = LABELS[ORBIT_UNITS[quantity]]
+            row: dict[str, Any] = {"case": label, "quantity": quantity, "unit": unit, "runs": 0}
             if quantity in runs and runs[quantity].injected.any():
-                runs_of = runs[quantity]
-                error, knowledge = (
-                    error_of[runs_of.injected] * factor for error_of in (runs_of.error, runs_of.knowledge)
-                )
-                statistics = (error.size, *_split(error, knowledge))
-            rows.append((label, quantity, name, *statistics, *_expected(law, quantity, factor)))
+                row |= _run_columns(runs[quantity], factor)
+            row |= _expected_columns(law, quantity, factor)
+            rows.append(row)
     return pd.DataFrame(rows, columns=INJECTION)
 
 
-def _expected(law: InjectionLaw | None, quantity: str, factor: float) -> tuple[float | str, ...]:
-    """Return mean and sigma by linear covariance, the sigmas of knowledge and execution, and the reason if NaN."""
-    reason = "no linear covariance" if law is None else why_no_law(law, (quantity,))
-    if law is None or reason:
-        return *[np.nan] * 4, reason
-    k = ORBIT.index(quantity)
-    parts = [float(np.sqrt(contribution[:, k].sum())) * factor for contribution in (law.knowledge, law.execution)]
+def _expected_columns(law: InjectionLaw | None, quantity: str, factor: float) -> dict[str, Any]:
+    """Return mean and sigmas of an injection error by linear covariance, or the reason why there are none.
+
+    factor : Factor from SI to the display unit.
+    """
+    if law is None:
+        return {"reason": "no linear covariance"}
+    reason = why_no_law(law, (quantity,))
+    if reason:
+        return {"reason": reason}
     if quantity in APSIDES and is_curved(law, quantity):
-        drawn = apsis_errors(law, quantity) * factor
-        return float(drawn.mean()), float(drawn.std()), np.nan, np.nan, ""
-    return float(law.mean[k]) * factor, float(np.sqrt(law.covariance[:, k, k].sum())) * factor, *parts, ""
+        draws = apsis_errors(law, quantity) * factor
+        return {"lincov_mean": float(draws.mean()), "lincov_sigma": float(draws.std()), "reason": ""}
+    k = ORBIT.index(quantity)
+    return {
+        "lincov_mean": float(law.mean[k]) * factor,
+        "lincov_sigma": float(np.sqrt(law.covariance[:, k, k].sum())) * factor,
+        "lincov_knowledge_sigma": float(np.sqrt(law.knowledge[:, k].sum())) * factor,
+        "lincov_execution_sigma": float(np.sqrt(law.execution[:, k].sum())) * factor,
+        "reason": "",
+    }
 
 
-def _split(error: Floats, knowledge: Floats) -> tuple[float, ...]:
-    """Return mean and sigma of an error, the sigmas of both parts, their correlation, and the quantile of its size."""
+def _run_columns(runs: Injections, factor: float) -> dict[str, Any]:
+    """Return the statistics of an injection error and its parts over the runs that reach their cut-off.
+
+    factor : Factor from SI to the display unit.
+    """
+    error = runs.error[runs.injected] * factor
+    knowledge = runs.knowledge[runs.injected] * factor
     execution = error - knowledge
-    sigmas = [float(values.std(ddof=1)) if values.size > 1 else np.nan for values in (error, knowledge, execution)]
-    product = sigmas[1] * sigmas[2]
-    together = float(np.cov(knowledge, execution)[0, 1]) / product if error.size > 1 and product > 0.0 else np.nan
-    return float(error.mean()), *sigmas, together, float(np.quantile(np.abs(error), 0.997))
+    knowledge_sigma = _standard_deviation(knowledge)
+    execution_sigma = _standard_deviation(execution)
+    product = knowledge_sigma * execution_sigma
+    correlation = np.nan
+    if error.size > 1 and product > 0.0:
+        correlation = float(np.cov(knowledge, execution)[0, 1]) / product
+    return {
+        "runs": error.size,
+        "mean_error": float(error.mean()),
+        "sigma": _standard_deviation(error),
+        "knowledge_sigma": knowledge_sigma,
+        "execution_sigma": execution_sigma,
+        "correlation_ratio": correlation,
+        "q997": float(np.quantile(np.abs(error), 0.997)),
+    }
+
+
+def _standard_deviation(values: Floats) -> float:
+    """Return the standard deviation of a sample (n,); NaN for fewer than two values."""
+    return float(values.std(ddof=1)) if values.size > 1 else np.nan
 
 
 def injection_sources(tables: Tables) -> pd.DataFrame:
@@ -127,37 +165,59 @@ def injection_sources(tables: Tables) -> pd.DataFrame:
 
     For comparison, the table has the standard deviation over the runs, in which all sources act together.
     """
-    rows: list[tuple[object, ...]] = []
+    rows: list[dict[str, Any]] = []
     for case, label in tables.labels.items():
-        runs, law = injections_of(tables, case), CaseTables(tables, case).injection_law()
+        runs = injections_of(tables, case)
+        law = CaseTables(tables, case).injection_law()
+        if law is None:
+            continue
         for k, quantity in enumerate(NUMBERS):
-            sigma = np.zeros(0)
-            if law is not None and not why_no_law(law, (quantity,)):
-                sigma = np.sqrt(law.covariance[:, k, k])
-            if law is None or not sigma.size or not np.all(np.isfinite(sigma)):
+            if why_no_law(law, (quantity,)):
                 continue
-            name, factor = LABELS[INJECTION_UNITS[quantity]]
-            total = float(np.sqrt(np.sum(sigma**2)))
-            for source in np.argsort(-sigma, kind="stable").tolist():
-                origin = "navigation" if source < law.n_navigation else "vehicle"
-                share = (sigma[source] / total) ** 2 if total > 0.0 else np.nan
-                rows.append((label, quantity, name, law.sources[source], origin, sigma[source] * factor, share))
-            rows.append((label, quantity, name, TOGETHER, "", total * factor, 1.0))
-            spread = _spread(runs, quantity)
-            if np.isfinite(spread):
-                rows.append((label, quantity, name, FLOWN, "", spread * factor, np.nan))
+            sigma = np.sqrt(law.covariance[:, k, k])  # of each source
+            if not sigma.size or not np.all(np.isfinite(sigma)):
+                continue
+            unit, factor = LABELS[INJECTION_UNITS[quantity]]
+            name = {"case": label, "quantity": quantity, "unit": unit}
+            rows += [name | row for row in _source_rows(law, sigma, factor)]
+            run_sigma = _run_sigma(runs, quantity)
+            if np.isfinite(run_sigma):
+                rows.append(name | {"source": FLOWN, "source_group": "", "sigma": run_sigma * factor})
     return pd.DataFrame(rows, columns=SOURCES)
 
 
-def _spread(runs: dict[str, Injections], quantity: str) -> float:
-    """Return the standard deviation of an orbital quantity over the runs that reach their cut-off."""
+def _source_rows(law: InjectionLaw, sigma: Floats, factor: float) -> list[dict[str, Any]]:
+    """Return the rows of the sources of an injection error, largest first, and that of all sources together.
+
+    sigma : (n_source,). Sigma by source, SI.
+    """
+    total = float(np.sqrt(np.sum(sigma**2)))
+    rows = []
+    for source in np.argsort(-sigma, kind="stable").tolist():
+        rows.append(
+            {
+                "source": law.sources[source],
+                "source_group": "navigation" if source < law.n_navigation else "vehicle",
+                "sigma": sigma[source] * factor,
+                "share_ratio": (sigma[source] / total) ** 2 if total > 0.0 else np.nan,
+            }
+        )
+    rows.append({"source": TOGETHER, "source_group": "", "sigma": total * factor, "share_ratio": 1.0})
+    return rows
+
+
+def _run_sigma(runs: dict[str, Injections], quantity: str) -> float:
+    """Return the standard deviation of an injection quantity over the runs that reach their cut-off."""
     if not runs:
         return np.nan
     injections = runs.get(quantity, runs[ORBIT[0]])
-    values = {"cutoff_time": injections.t, "propellant_left": injections.left}.get(quantity, injections.error)[
-        injections.injected
-    ]
-    return float(values.std(ddof=1)) if values.size > 1 else np.nan
+    if quantity == "cutoff_time":
+        values = injections.t
+    elif quantity == "propellant_left":
+        values = injections.left
+    else:
+        values = injections.error
+    return _standard_deviation(values[injections.injected])
 
 
 def cutoff(tables: Tables) -> pd.DataFrame:
@@ -169,35 +229,62 @@ def cutoff(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         law = CaseTables(tables, case).injection_law()
-        first_quantity = list(injections_of(tables, case).values())[:1]
-        if not first_quantity and law is None:
+        injections = list(injections_of(tables, case).values())
+        if not injections and law is None:
             continue
-        runs: tuple[float, ...] = (0, 0, 0, 0, *[np.nan] * 8)
-        for injections in first_quantity:
-            n, empty = injections.outcome.size, int(np.sum(injections.outcome == OUTCOMES[1]))
-            good = int(injections.injected.sum())
-            low, high = success_bounds(n, empty, 0.5 + 0.5 * _CONFIDENCE)
-            share = (empty / n, 1.0 - high, 1.0 - low)
-            at = [_moments(values[injections.injected]) for values in (injections.t, injections.left)]
-            least = float(injections.left[injections.injected].min()) if good else np.nan
-            runs = (n, good, empty, n - good - empty, *share, *at[0], *at[1], least)
-        rows.append((label, *runs, *_expected_end(law)))
+        row: dict[str, Any] = {
+            "case": label,
+            "runs": 0,
+            "injected_count": 0,
+            "depleted_count": 0,
+            "failed_count": 0,
+        }
+        if injections:  # the end of a run is the same for all quantities
+            row |= _end_columns(injections[0])
+        row |= _expected_end(law)
+        rows.append(row)
     return pd.DataFrame(rows, columns=CUTOFF)
 
 
-def _expected_end(law: InjectionLaw | None) -> tuple[float, ...]:
-    """Return the probability of depletion, then cut-off time and residual propellant with sigmas, by linear covariance.
+def _end_columns(runs: Injections) -> dict[str, Any]:
+    """Return how runs end: counts, share of depletion with its interval, cut-off time and residual propellant."""
+    n_run = runs.outcome.size
+    n_depleted = int(np.sum(runs.outcome == OUTCOMES[1]))
+    n_injected = int(runs.injected.sum())
+    success_low, success_high = success_bounds(n_run, n_depleted, 0.5 + 0.5 * _CONFIDENCE)
+    cutoff_time = runs.t[runs.injected]
+    propellant = runs.left[runs.injected]
+    return {
+        "runs": n_run,
+        "injected_count": n_injected,
+        "depleted_count": n_depleted,
+        "failed_count": n_run - n_injected - n_depleted,
+        "depleted_ratio": n_depleted / n_run,
+        "low_ratio": 1.0 - success_high,
+        "high_ratio": 1.0 - success_low,
+        "cutoff_s": float(cutoff_time.mean()) if n_injected else np.nan,
+        "cutoff_sigma_s": _standard_deviation(cutoff_time),
+        "propellant_left_kg": float(propellant.mean()) if n_injected else np.nan,
+        "propellant_left_sigma_kg": _standard_deviation(propellant),
+        "propellant_left_minimum_kg": float(propellant.min()) if n_injected else np.nan,
+    }
 
-    NaN where linear covariance does not apply.
+
+def _expected_end(law: InjectionLaw | None) -> dict[str, float]:
+    """Return the probability of depletion, cut-off time and residual propellant with sigmas, by linear covariance.
+
+    Columns to which linear covariance does not apply are missing.
     """
     if law is None or law.why:
-        return (np.nan,) * 5
-    ends: list[float] = []
-    for name in ("cutoff_time", "propellant_left"):
-        k = NUMBERS.index(name)
-        is_valid = not why_no_law(law, (name,))
-        ends += [float(law.mean[k]), float(np.sqrt(law.covariance[:, k, k].sum()))] if is_valid else [np.nan, np.nan]
-    return share_depleted(law), *ends
+        return {}
+    columns = {"lincov_depleted_ratio": share_depleted(law)}
+    for quantity, column in (("cutoff_time", "cutoff"), ("propellant_left", "propellant_left")):
+        if not why_no_law(law, (quantity,)):
+            k = NUMBERS.index(quantity)
+            unit = INJECTION_UNITS[quantity]
+            columns[f"lincov_{column}_{unit}"] = float(law.mean[k])
+            columns[f"lincov_{column}_sigma_{unit}"] = float(np.sqrt(law.covariance[:, k, k].sum()))
+    return columns
 
 
 def failed_injections(tables: Tables) -> pd.DataFrame:
@@ -207,19 +294,22 @@ def failed_injections(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         ends = pick(tables.injections, case=case, quantity=ORBIT[0])
-        drawn = pick(tables.failed_injection_draws, case=case)
+        case_draws = pick(tables.failed_injection_draws, case=case)
         for run in ends[ends.outcome != OUTCOMES[0]].itertuples():
-            draws = drawn[drawn.run_number == run.run_number]
-            largest = draws.iloc[np.argsort(-draws.draw_ratio.abs(), kind="stable")[:_SHOWN_DRAWS]]
+            draws = case_draws[case_draws.run_number == run.run_number]
+            order = np.argsort(-draws.draw_ratio.abs(), kind="stable")
+            largest = draws.iloc[order[:_SHOWN_DRAWS]]
             texts = [
                 f"{draw.source.replace('_', ' ')} {draw.draw_number + 1}: {draw.draw_ratio:+.1f}"
                 for draw in largest.itertuples()
             ]
-            rows.append((label, run.run_number, run.outcome, float(run.t_s), ", ".join(texts)))
+            rows.append(
+                {
+                    "case": label,
+                    "run_number": run.run_number,
+                    "outcome": run.outcome,
+                    "t_s": float(run.t_s),
+                    "draws": ", ".join(texts),
+                }
+            )
     return pd.DataFrame(rows, columns=LOST)
-
-
-def _moments(values: Floats) -> tuple[float, float]:
-    if not values.size:
-        return np.nan, np.nan
-    return float(values.mean()), float(values.std(ddof=1)) if values.size > 1 else np.nan

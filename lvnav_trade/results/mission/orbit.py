@@ -1,6 +1,6 @@
 """Orbit at injection, its errors and the delta-v of their correction, by linear covariance and by runs."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -8,6 +8,7 @@ from scipy import stats
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.mechanics import impulses, mission_errors, orbits, stored_states
+from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 from lvnav_trade.results.metrics.mission import MISSION
 from lvnav_trade.results.statistics.probability import holm
 from lvnav_trade.results.statistics.select import final_event, flight_events, once
@@ -78,16 +79,16 @@ def orbit(tables: Tables) -> pd.DataFrame:
 
     An element below `LEAST` is written as 0.
     """
-    rows = [
-        {"case": label, "event": state.event} | row
-        for case, label in tables.labels.items()
-        for state in orbital_states(tables, case)
-        for row in _rows(tables, case, state)
-    ]
+    rows: list[dict[str, Any]] = []
+    for case, label in tables.labels.items():
+        for state in orbital_states(tables, case):
+            name = {"case": label, "event": state.event}
+            rows += [name | row for row in _element_rows(tables, case, state)]
+            rows += [name | row for row in _height_rows(tables, case, state)]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def orbital_states(tables: Tables, case: str) -> list[stored_states.State]:
+def orbital_states(tables: Tables, case: str) -> list[State]:
     """Return the states at the final event, and at earlier events whose orbit clears the ground.
 
     Events at the time of the final event are omitted.
@@ -98,60 +99,111 @@ def orbital_states(tables: Tables, case: str) -> list[stored_states.State]:
         return []
     clear = []
     for event in flight_events(tables, case).event:
-        state = last if event == final else stored_states.state_at(tables, case, str(event))
-        if state is None or (event != final and abs(state.t - last.t) < 1e-6):
+        is_final = event == final
+        state = last if is_final else stored_states.state_at(tables, case, str(event))
+        if state is None:
+            continue
+        if not is_final and abs(state.t - last.t) < 1e-6:
             continue
         average = mission_errors.mean_orbit(state)
-        if float(average.perigee) > 0.0 or (event == final and bool(average.elliptic)):
+        clears_ground = float(average.perigee) > 0.0
+        if clears_ground or (is_final and bool(average.elliptic)):
             clear.append(state)
     return clear
 
 
 def values(orbit_of: orbits.OrbitVectors) -> dict[str, float]:
     """Return the elements of an orbit (SI) by the names of `QUANTITIES`."""
+    h_unit = orbit_of.h_i / np.linalg.norm(orbit_of.h_i)
     node = np.array([np.cos(orbit_of.node), np.sin(orbit_of.node), 0.0])
-    ahead = np.cross(orbit_of.h_i / np.linalg.norm(orbit_of.h_i), node)
-    elements = (
-        orbit_of.semi_major_axis,
-        orbit_of.perigee,
-        orbit_of.apogee,
-        orbit_of.eccentricity,
-        orbit_of.e_i @ node,
-        orbit_of.e_i @ ahead,
-        orbit_of.inclination,
-        orbit_of.node,
-    )
-    return {name: float(value) for name, value in zip(QUANTITIES, elements, strict=True)}
+    ahead = np.cross(h_unit, node)
+    return {
+        "semi-major axis": float(orbit_of.semi_major_axis),
+        "perigee height": float(orbit_of.perigee),
+        "apogee height": float(orbit_of.apogee),
+        "eccentricity": float(orbit_of.eccentricity),
+        "eccentricity along the node": float(orbit_of.e_i @ node),
+        "eccentricity ahead of the node": float(orbit_of.e_i @ ahead),
+        "inclination": float(orbit_of.inclination),
+        "node": float(orbit_of.node),
+    }
 
 
-def _rows(tables: Tables, case: str, state: stored_states.State) -> list[dict[str, Any]]:
+def _element_rows(tables: Tables, case: str, state: State) -> list[dict[str, Any]]:
+    """Return a row for each element of the orbit at an event, with its error by linear covariance and by the runs."""
     law = stored_states.law_at(tables, case, state.event)
-    now, average = values(orbits.osculating(state.r_i, state.v_i)), values(mission_errors.mean_orbit(state))
-    good = stored_states.good_errors(tables, case, state)
-    of_runs, drawn = (
-        mission_errors.orbit_errors(state, some) for some in (good, mission_errors.draws(law.mean, law.true))
-    )
+    run_errors = stored_states.good_errors(tables, case, state)
+    run_differences = mission_errors.orbit_errors(state, run_errors)
+    draw_differences = mission_errors.orbit_errors(state, mission_errors.draws(law.mean, law.true))
+    osculating = values(orbits.osculating(state.r_i, state.v_i))
+    averaged = values(mission_errors.mean_orbit(state))
+
     rows: list[dict[str, Any]] = []
-    for name, (metric, component) in QUANTITIES.items():
-        unit, factor = MISSION[metric].label_unit, MISSION[metric].label_factor
-        columns = {"osculating": now[name] * factor, "averaged": average[name] * factor}
-        columns = {column: value if abs(value) >= LEAST else 0.0 for column, value in columns.items()}
-        row = {"quantity": name, "unit": unit, **columns}
-        row["remark"] = mission_errors.applies(state, metric, law.true)
+    for quantity, (metric, component) in QUANTITIES.items():
+        unit = MISSION[metric].label_unit
+        factor = MISSION[metric].label_factor
+        row: dict[str, Any] = {
+            "quantity": quantity,
+            "unit": unit,
+            "osculating": _without_residual(osculating[quantity] * factor),
+            "averaged": _without_residual(averaged[quantity] * factor),
+            "lincov_q99": _quantile(draw_differences[metric][:, component]) * factor,
+            "runs": len(run_errors),
+            "remark": mission_errors.applies(state, metric, law.true),
+        }
         if not row["remark"]:
             slope = mission_errors.jacobian(state, metric)[component]
-            sigma, formal = (float(np.sqrt(slope @ covariance @ slope)) for covariance in (law.true, law.formal))
-            bias = float(mission_errors.resolved(slope @ law.mean, sigma))
-            row |= {"lincov_sigma": sigma * factor, "filter_sigma": formal * factor, "lincov_bias": bias * factor}
-        row |= {"lincov_q99": _quantile(drawn[metric][:, component]) * factor, "runs": len(good)}
-        if len(good):
-            errors = of_runs[metric][:, component] * factor
-            spread = float(errors.std(ddof=1)) if len(good) > 1 else float("nan")
-            row |= {"mc_sigma": spread, "mc_bias": float(errors.mean()), "mc_q99": _quantile(errors)}
+            row |= _first_order_columns(slope, law, factor)
+        if len(run_errors):
+            row |= _run_columns(run_differences[metric][:, component] * factor)
         rows.append(row)
-    heights = zip(("lowest height", "highest height"), orbits.extremes(state.r_i, state.v_i), strict=True)
-    end = {"unit": "km", "runs": len(good), "remark": ""}
-    return rows + [{"quantity": name, "averaged": float(height) * 1e-3} | end for name, height in heights]
+    return rows
+
+
+def _height_rows(tables: Tables, case: str, state: State) -> list[dict[str, Any]]:
+    """Return the rows of the lowest and the highest altitude over the revolution after an event."""
+    lowest, highest = orbits.extremes(state.r_i, state.v_i)
+    n_run = len(stored_states.good_errors(tables, case, state))
+    return [
+        {
+            "quantity": quantity,
+            "averaged": float(height) * 1e-3,
+            "unit": "km",
+            "runs": n_run,
+            "remark": "",
+        }
+        for quantity, height in (("lowest height", lowest), ("highest height", highest))
+    ]
+
+
+def _without_residual(element: float) -> float:
+    """Return an element, or zero if it is smaller than `LEAST`."""
+    return element if abs(element) >= LEAST else 0.0
+
+
+def _first_order_columns(slope: Floats, law: ErrorGaussian, factor: float) -> dict[str, float]:
+    """Return sigmas and bias of an element to first order in the state error: variance s'Ps, mean s'm.
+
+    slope : (6,). Derivative s of the element with respect to velocity and position.
+    factor : Factor from SI to the display unit.
+    """
+    sigma = float(np.sqrt(slope @ law.true @ slope))
+    filter_sigma = float(np.sqrt(slope @ law.formal @ slope))
+    bias = float(mission_errors.resolved(slope @ law.mean, sigma))
+    return {
+        "lincov_sigma": sigma * factor,
+        "filter_sigma": filter_sigma * factor,
+        "lincov_bias": bias * factor,
+    }
+
+
+def _run_columns(errors: Floats) -> dict[str, float]:
+    """Return standard deviation, mean and 99 % quantile of the errors (n_run,) of an element."""
+    return {
+        "mc_sigma": float(errors.std(ddof=1)) if len(errors) > 1 else float("nan"),
+        "mc_bias": float(errors.mean()),
+        "mc_q99": _quantile(errors),
+    }
 
 
 @once
@@ -168,23 +220,58 @@ def normality(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         for state in orbital_states(tables, case)[-1:]:
-            good = stored_states.good_errors(tables, case, state)
-            if len(good) < _LEAST_RUNS:
+            run_errors = stored_states.good_errors(tables, case, state)
+            if len(run_errors) < _LEAST_RUNS:
                 continue
-            errors = mission_errors.orbit_errors(state, good)
-            each = {name: errors[metric][:, component] for name, (metric, component) in QUANTITIES.items()}
-            each = {name: error for name, error in each.items() if np.isfinite(error).all() and np.ptp(error) > 0.0}
-            shapes = {
-                name: (float(stats.skew(error)), float(stats.kurtosis(error)), float(stats.normaltest(error).pvalue))
-                for name, error in each.items()
-            }
-            if {*_PAIR} <= set(each):
-                shapes[" with ".join(_PAIR)] = mardia(np.stack([each[name] for name in _PAIR], axis=1))
-            for (name, shape), p in zip(
-                shapes.items(), holm([shape_of[-1] for shape_of in shapes.values()]), strict=True
-            ):
-                rows.append((label, state.event, name, len(good), *shape[:2], float(p), bool(p >= NORMALITY_ALPHA)))
+            tests = _normality_tests(state, run_errors)
+            adjusted = holm([test.p for test in tests.values()])
+            for (quantity, test), p in zip(tests.items(), adjusted, strict=True):
+                rows.append(
+                    {
+                        "case": label,
+                        "event": state.event,
+                        "quantity": quantity,
+                        "runs": len(run_errors),
+                        "skewness": test.skewness,
+                        "excess_kurtosis": test.excess_kurtosis,
+                        "p_ratio": float(p),
+                        "gaussian": bool(p >= NORMALITY_ALPHA),
+                    }
+                )
     return pd.DataFrame(rows, columns=NORMALITY)
+
+
+class _NormalityTest(NamedTuple):
+    """Shape of a sample and the p-value of a test whether it is Gaussian."""
+
+    skewness: float
+    excess_kurtosis: float
+    p: float
+
+
+def _normality_tests(state: State, run_errors: Floats) -> dict[str, _NormalityTest]:
+    """Return the tests of each element of the orbit, and that of perigee and apogee together.
+
+    Elements without a finite error in every run, or with the same error in every run, are not tested.
+    """
+    differences = mission_errors.orbit_errors(state, run_errors)
+    samples: dict[str, Floats] = {}
+    for quantity, (metric, component) in QUANTITIES.items():
+        sample = differences[metric][:, component]
+        if np.isfinite(sample).all() and np.ptp(sample) > 0.0:
+            samples[quantity] = sample
+
+    tests = {}
+    for quantity, sample in samples.items():
+        tests[quantity] = _NormalityTest(
+            skewness=float(stats.skew(sample)),
+            excess_kurtosis=float(stats.kurtosis(sample)),
+            p=float(stats.normaltest(sample).pvalue),
+        )
+    if all(quantity in samples for quantity in _PAIR):
+        pair = np.stack([samples[quantity] for quantity in _PAIR], axis=1)
+        tests[" with ".join(_PAIR)] = _NormalityTest(*mardia(pair))
+    return tests
 
 
 def mardia(sample: Floats) -> tuple[float, float, float]:
@@ -195,17 +282,22 @@ def mardia(sample: Floats) -> tuple[float, float, float]:
     """
     n, k = sample.shape
     centred = sample - sample.mean(axis=0)
-    products = centred @ np.linalg.solve(centred.T @ centred / n, centred.T)
-    skewness, kurtosis = float(np.mean(products**3)), float(np.mean(np.diagonal(products) ** 2)) - k * (k + 2)
-    chances = (
-        float(stats.chi2.sf(n * skewness / 6.0, k * (k + 1) * (k + 2) // 6)),
-        2.0 * float(stats.norm.sf(abs(kurtosis) / np.sqrt(8.0 * k * (k + 2) / n))),
-    )
-    return skewness, kurtosis, min(1.0, 2.0 * min(chances))
+    covariance = centred.T @ centred / n
+    products = centred @ np.linalg.solve(covariance, centred.T)  # (n, n), x_i' S^-1 x_j
+    skewness = float(np.mean(products**3))
+    excess_kurtosis = float(np.mean(np.diagonal(products) ** 2)) - k * (k + 2)
+
+    # Of a Gaussian: n skewness / 6 is chi-squared, the kurtosis normal with variance 8 k (k + 2) / n.
+    n_freedom = k * (k + 1) * (k + 2) // 6
+    p_skewness = float(stats.chi2.sf(n * skewness / 6.0, n_freedom))
+    p_kurtosis = 2.0 * float(stats.norm.sf(abs(excess_kurtosis) / np.sqrt(8.0 * k * (k + 2) / n)))
+    return skewness, excess_kurtosis, min(1.0, 2.0 * min(p_skewness, p_kurtosis))
 
 
 def _quantile(error: Floats) -> float:
-    return float(np.quantile(np.abs(error), 0.99)) if np.isfinite(error).all() else float("nan")
+    if not np.isfinite(error).all():
+        return float("nan")
+    return float(np.quantile(np.abs(error), 0.99))
 
 
 @once
@@ -221,12 +313,25 @@ def orbit_correction(tables: Tables) -> pd.DataFrame:
     q50, q95, q99 : quantiles
     velocity_q99, position_q99 : 99 % quantile with the error of velocity, or of position, alone
     """
-    rows = [
-        (label, state.event, "m/s", by, cost.shape[1], *_quantiles(cost))
-        for case, label in tables.labels.items()
-        for state in orbital_states(tables, case)[-1:]
-        for by, cost in costs(tables, case, state.event).items()
-    ]
+    rows = []
+    for case, label in tables.labels.items():
+        for state in orbital_states(tables, case)[-1:]:
+            for method, (total, velocity, position) in costs(tables, case, state.event).items():
+                rows.append(
+                    {
+                        "case": label,
+                        "event": state.event,
+                        "unit": "m/s",
+                        "by": method,
+                        "draw_count": len(total),
+                        "mean_delta_v": float(total.mean()),
+                        "q50": float(np.quantile(total, 0.5)),
+                        "q95": float(np.quantile(total, 0.95)),
+                        "q99": float(np.quantile(total, 0.99)),
+                        "velocity_q99": float(np.quantile(velocity, 0.99)),
+                        "position_q99": float(np.quantile(position, 0.99)),
+                    }
+                )
     return pd.DataFrame(rows, columns=CORRECTION)
 
 
@@ -240,19 +345,16 @@ def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
     state = stored_states.state_at(tables, case, event)
     assert state is not None
     law = stored_states.law_at(tables, case, event)
-    of = {
-        "linear covariance": mission_errors.draws(law.mean, law.true, _DRAWS),
-        "Monte Carlo": stored_states.good_errors(tables, case, state),
-    }
-    masks = np.array([np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)])[:, None]
-    errors = np.concatenate([error * masks for error in of.values()], axis=1)
-    least = impulses.least_at(state.r_i, state.v_i, errors.reshape(-1, 6)).delta_v.reshape(3, -1)
-    parts = np.split(least, np.cumsum([len(error) for error in of.values()])[:-1], axis=1)
-    return {by: delta_v for by, delta_v in zip(of, parts, strict=True) if delta_v.size}
+    draws = mission_errors.draws(law.mean, law.true, _DRAWS)
+    runs = stored_states.good_errors(tables, case, state)
 
-
-def _quantiles(cost: Floats) -> list[float]:
-    """Return the values of the columns `CORRECTION`, from the mean on, for costs (3, n)."""
-    total, velocity, position = cost
-    columns = [(total, 0.5), (total, 0.95), (total, 0.99), (velocity, 0.99), (position, 0.99)]
-    return [float(total.mean()), *(float(np.quantile(cost_of, probability)) for cost_of, probability in columns)]
+    # All errors are corrected in one call, which takes hardly longer than that of a single sample.
+    velocity_only = np.repeat([1.0, 0.0], 3)
+    position_only = np.repeat([0.0, 1.0], 3)
+    masks = np.array([np.ones(6), velocity_only, position_only])[:, None]
+    errors = np.concatenate([draws * masks, runs * masks], axis=1)
+    delta_v = impulses.least_at(state.r_i, state.v_i, errors.reshape(-1, 6)).delta_v.reshape(3, -1)
+    cost_by_method = {"linear covariance": delta_v[:, : len(draws)]}
+    if len(runs):
+        cost_by_method["Monte Carlo"] = delta_v[:, len(draws) :]
+    return cost_by_method

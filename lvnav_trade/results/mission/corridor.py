@@ -1,0 +1,186 @@
+"""Corridor of the impact point on the ground: geometry, probability and the runs outside."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import special
+
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.results.mechanics import free_fall, stored_states
+from lvnav_trade.results.mechanics.stored_states import State
+from lvnav_trade.results.statistics.case_results import number_in
+from lvnav_trade.results.tables.read import Tables
+
+
+class Corridor(NamedTuple):
+    """Corridor on the ground that the impact point must not leave.
+
+    corners : (m, 2), rad. Latitude and longitude, longitudes unwrapped.
+    probability : Required probability.
+    confidence : Confidence required of the runs.
+    """
+
+    corners: Floats
+    probability: float
+    confidence: float
+
+
+def corridor_of(tables: Tables) -> Corridor | None:
+    """Return the corridor of a campaign; None if it has none."""
+    card: dict[str, Any] | None = tables.campaign.get("corridor")
+    if not card:
+        return None
+    corners = np.array([[number_in(value, "rad") for value in corner] for corner in card["polygon"]])
+    corners[:, 1] = np.unwrap(corners[:, 1])  # an edge takes the shorter way around the Earth
+    return Corridor(
+        corners=corners,
+        probability=float(card.get("probability", 0.999)),
+        confidence=float(card.get("confidence", 0.9)),
+    )
+
+
+def unwrapped_longitude(longitude: ArrayLike, corners: Floats) -> Floats:
+    """Return longitudes (...,) in rad, shifted by full turns to the range of the corridor."""
+    middle = 0.5 * (corners[:, 1].min() + corners[:, 1].max())
+    turns = np.round((middle - np.asarray(longitude)) / (2.0 * np.pi))
+    return np.asarray(longitude + 2.0 * np.pi * turns)
+
+
+def metres(latitude: float) -> Floats:
+    """Return metres per radian of latitude and of longitude on the ellipsoid, (2,).
+
+    latitude : rad
+    """
+    w2 = 1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2
+    meridian_radius = SEMI_MAJOR * (1.0 - ECCENTRICITY_2) / w2**1.5
+    parallel_radius = SEMI_MAJOR * np.cos(latitude) / np.sqrt(w2)
+    return np.array([meridian_radius, parallel_radius])
+
+
+def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> tuple[float, float]:
+    """Return the probability that a Gaussian point lies in a polygon, and the margin of its mean.
+
+    Parameters
+    ----------
+    polygon : (m, 2) array
+        Corners.
+    mean : (2,) array
+        Mean, in the unit of the polygon.
+    covariance : (2, 2) array
+        Covariance, in its square.
+
+    Returns
+    -------
+    probability : float
+        Exact also in the far tails. In the whitened plane it is the winding number less two values of Owen's T function
+        for each edge (Annals of Mathematical Statistics 27, 1956).
+    margin : float
+        Mahalanobis distance (sigmas) from the mean to the nearest edge; negative outside.
+    """
+    # Corners in the whitened plane, where the point is a standard Gaussian
+    root = np.linalg.cholesky(np.asarray(covariance, dtype=float))
+    offset = np.asarray(polygon, dtype=float) - np.asarray(mean, dtype=float)
+    start = np.linalg.solve(root, offset.T).T
+    end = np.roll(start, -1, axis=0)
+    length = np.linalg.norm(end - start, axis=1)
+    is_edge = length > 0.0
+    start = start[is_edge]
+    end = end[is_edge]
+
+    # Edges by the signed distance of their line from the mean, and the positions of their ends along it
+    along = (end - start) / length[is_edge][:, None]
+    distance = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]
+    first = np.sum(start * along, axis=1)
+    last = np.sum(end * along, axis=1)
+
+    off_mean = distance != 0.0
+    h = np.abs(distance[off_mean])
+    sign = np.sign(distance[off_mean])
+    a = first[off_mean] / h
+    b = last[off_mean] / h
+    turns = (np.arctan(b) - np.arctan(a)) / (2.0 * np.pi)
+    winding = float(np.sum(sign * turns))
+    outside = float(np.sum(sign * (special.owens_t(h, b) - special.owens_t(h, a))))
+
+    area = np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0])
+    orientation = np.sign(area)
+    inside = float(np.clip(orientation * (winding - outside), 0.0, 1.0))
+    margin = float(np.hypot(np.clip(0.0, first, last), distance).min())
+    if orientation * winding > 0.5:
+        return inside, margin
+    return inside, -margin
+
+
+def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
+    """Return which points (n, 2) lie in a polygon (m, 2): a ray from such a point crosses an odd number of edges."""
+    start = np.asarray(polygon, dtype=float)
+    end = np.roll(start, -1, axis=0)
+    points = np.asarray(points, dtype=float)
+    x = points[:, :1]
+    y = points[:, 1:]
+    is_crossed = (start[:, 1] > y) != (end[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (y - start[:, 1]) / (end[:, 1] - start[:, 1])
+        crossing_x = start[:, 0] + share * (end[:, 0] - start[:, 0])
+    crossings = np.sum(is_crossed & (x < crossing_x), axis=1)
+    return np.asarray(crossings % 2 == 1)
+
+
+def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
+    """Return the number of runs that failed or were outside the corridor at an event, and the number of all runs."""
+    failures = []
+    for state in stored_states.states(tables, case):
+        if state.event:
+            error, failed = stored_states.run_errors(tables, case, state)
+            failures.append(failed | outside_corridor(state, error, corridor))
+    if not failures:
+        return 0, 0
+    return int(np.any(failures, axis=0).sum()), len(failures[0])
+
+
+def outside_corridor(state: State, error: Floats, corridor: Corridor) -> Bools:
+    """Return which estimated points are outside the corridor; none if the true state has no impact point.
+
+    error : (n, 6). Errors of velocity (m/s) and position (m), frame i.
+    """
+    is_outside = np.zeros(len(error), dtype=bool)
+    is_finite = np.isfinite(error).all(axis=1)
+    if not is_finite.any():
+        return is_outside
+    true = free_fall.impact(state.r_i, state.v_i, state.earth_angle)
+    if not np.isfinite(true.fall[0]):
+        return is_outside
+    estimated = free_fall.impact(
+        state.r_i - error[is_finite, 3:],
+        state.v_i - error[is_finite, :3],
+        state.earth_angle,
+        lowest=0.0,
+    )
+    longitude = unwrapped_longitude(estimated.longitude, corridor.corners)
+    points = np.stack([estimated.latitude, longitude], axis=1)
+    is_outside[is_finite] = ~contains(corridor.corners, points)
+    return is_outside
+
+
+def probability_inside(
+    corridor: Corridor,
+    point: free_fall.Impact,
+    covariance: Floats,
+    bias: Floats,
+) -> tuple[float, float]:
+    """Return the probability that the estimated point is in the corridor, and the margin, as `probability`.
+
+    The estimated point is the true point less the error. Edges of the corridor are straight lines in latitude and
+    longitude.
+
+    covariance, bias : (2, 2) in km^2 and (2,) in km. Of the error, down-range and cross-range.
+    """
+    c = np.cos(point.heading)
+    s = np.sin(point.heading)
+    north_east = np.array([[c, -s], [s, c]])
+    true_point = np.array([point.latitude, unwrapped_longitude(point.longitude, corridor.corners)])
+    corners_km = (corridor.corners - true_point) * metres(float(point.latitude)) * 1e-3
+    regular = 1e-12 * np.eye(2)  # a millimetre, so that the matrix is regular
+    return probability(corners_km, -north_east @ bias, north_east @ covariance @ north_east.T + regular)
