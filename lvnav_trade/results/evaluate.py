@@ -61,14 +61,22 @@ def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any],
     those of `evaluate`; a run that failed in either case has an infinite difference and is not averaged.
     """
     quantity, axis = split_metric(str(stated["metric"]))
-    both = [errors_by_axis(tables, each, event_of(stated), quantity) for each in (case, other)]
-    failed = (both[0].failure != "") | (both[1].failure != "")
-    first, second = (errors.drop(columns="failure") for errors in both)
-    chosen = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
-    si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]) if chosen else ""
+    event = event_of(stated)
+    first = errors_by_axis(tables, case, event, quantity)
+    second = errors_by_axis(tables, other, event, quantity)
+    failed = (first.failure != "") | (second.failure != "")
+    first = first.drop(columns="failure")
+    second = second.drop(columns="failure")
+
+    columns = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
+    si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]) if columns else ""
     scale = scale_of(unit, si)
-    if scale is None or not chosen or first.empty:
-        return MetricValue(remark="no runs" if scale else no_fit(unit))
-    squares = ((first[chosen] - second[chosen]) ** 2).sum(axis=1).mask(failed, np.inf).to_numpy() / scale**2
-    sound = squares[np.isfinite(squares)]
-    return MetricValue(monte_carlo=float(np.sqrt(sound.mean())) if len(sound) else np.nan, runs=squares)
+    if scale is None:
+        return MetricValue(remark=no_fit(unit))
+    if not columns or first.empty:
+        return MetricValue(remark="no runs")
+    sum_of_squares = ((first[columns] - second[columns]) ** 2).sum(axis=1)
+    squares = sum_of_squares.mask(failed, np.inf).to_numpy() / scale**2
+    good_squares = squares[np.isfinite(squares)]
+    root_mean_square = float(np.sqrt(good_squares.mean())) if len(good_squares) else np.nan
+    return MetricValue(monte_carlo=root_mean_square, runs=squares)

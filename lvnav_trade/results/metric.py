@@ -31,6 +31,14 @@ NAVIGATION_UNITS = {"attitude": "rad", "velocity": "m/s", "position": "m"}
 # Kinds of bounds: on the length of a vector, on a signed error in both directions, on a number without a sign
 LENGTH, TWO_SIDED, ONE_SIDED = "norm", "two-sided", "one-sided"
 MISSING, NOT_IN_FLIGHT = "not among our results", "not in our flight"
+# Words for a statistic in a label
+_STATISTICS = {
+    "rms": "",
+    "worst": "worst ",
+    "least": "least ",
+    "formal": "filter's own sigma of ",
+    "mean": "mean ",
+}
 
 
 class MetricValue(NamedTuple):
@@ -177,7 +185,8 @@ class Metric:
         """
         value = self.value(tables, case, stated, unit)
         number = value.true if np.isnan(value.monte_carlo) else value.monte_carlo
-        return SingleValue(number, value.remark, np.sort(np.sqrt(value.runs) if value.is_root else value.runs))
+        runs = np.sqrt(value.runs) if value.is_root else value.runs
+        return SingleValue(number, value.remark, np.sort(runs))
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the quantity bounded by a requirement in each run, infinite in a failed run; None if not available."""
@@ -191,9 +200,10 @@ class Metric:
 
     def label(self, stated: Mapping[str, Any]) -> str:
         """Return a label: the statistic unless it is the root mean square, the metric, and its event or phase."""
-        words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of ", "mean": "mean "}
-        first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
-        return f"{first}{self.name}{f', {during}' if during else f' at {event_of(stated)}'}"
+        statistic = _STATISTICS.get(stated.get("statistic", "rms"), "linear covariance of ")
+        phase = stated.get("during")
+        place = f", {phase}" if phase else f" at {event_of(stated)}"
+        return f"{statistic}{self.name}{place}"
 
     def is_mean(self, stated: Mapping[str, Any]) -> bool:
         """Whether a statement refers to a mean over the runs and not to a root mean square."""

@@ -19,13 +19,16 @@ from lvnav_trade.results.metrics.state_errors import StateError, error_named
 @lru_cache(maxsize=1)
 def registry() -> dict[str, Metric]:
     """Return all metrics by name, family by family; metrics that a requirement can name come first."""
-    names = sorted(module.name for module in pkgutil.iter_modules(families.__path__))
-    modules = [importlib.import_module(f"{families.__name__}.{name}") for name in names]
-    metrics: list[Metric] = [metric for module in modules for metric in module.METRICS]
-    by_name = {metric.name: metric for metric in sorted(metrics, key=lambda metric: metric.named_by == STATEMENTS)}
-    if len(by_name) < len(metrics):
+    module_names = sorted(module.name for module in pkgutil.iter_modules(families.__path__))
+    metrics: list[Metric] = []
+    for name in module_names:
+        module = importlib.import_module(f"{families.__name__}.{name}")
+        metrics += module.METRICS
+    metrics.sort(key=lambda metric: metric.named_by == STATEMENTS)
+    metric_by_name = {metric.name: metric for metric in metrics}
+    if len(metric_by_name) < len(metrics):
         raise ValueError("two metrics have the same name")
-    return by_name
+    return metric_by_name
 
 
 def add_metrics(metrics: Iterable[Metric]) -> None:
@@ -41,9 +44,9 @@ def add_metrics(metrics: Iterable[Metric]) -> None:
     ValueError
         A name is already used by another metric.
     """
-    known = registry()
+    registered = registry()
     for metric in metrics:
-        if known.setdefault(metric.name, metric) != metric:
+        if registered.setdefault(metric.name, metric) != metric:
             raise ValueError(f"another metric has the name {metric.name}")
 
 

@@ -44,16 +44,25 @@ class ConvergenceTime(Metric):
         from lvnav_trade.results.evaluation.convergence import convergence
         from lvnav_trade.results.statistics.select import cases_of
 
-        other_case = [""]
-        if stated.get("sigma_of") is not None:
-            other_case = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
-        result = convergence(tables, case, stated, other_case[0]) if other_case else None
+        reference = ""  # case whose sigma is the limit; empty for a fixed limit
+        result = None
+        if stated.get("sigma_of") is None:
+            result = convergence(tables, case, stated, reference)
+        else:
+            references = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
+            if references:
+                reference = references[0]
+                result = convergence(tables, case, stated, reference)
         if result is None:
             return MetricValue(remark="no runs, or no events in this phase")
-        scale, median = scale_of(unit, self.unit) or np.nan, float(np.median(result.times))
+        scale = scale_of(unit, self.unit) or np.nan
+        median = float(np.median(result.times))
         always = ", half the runs are below the limit throughout" if median == 0.0 else ""
-        true = result.expected / scale if other_case[0] else np.nan
-        return MetricValue(np.nan, true, median / scale, f"median, at {result.n_event} events{always}")
+        return MetricValue(
+            true=result.expected / scale if reference else np.nan,
+            monte_carlo=median / scale,
+            remark=f"median, at {result.n_event} events{always}",
+        )
 
 
 METRICS = tuple(

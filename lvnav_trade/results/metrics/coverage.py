@@ -39,10 +39,21 @@ class Coverage(Metric):
         """Return the share: formal, by linear covariance and by the runs; for a limit by the runs only."""
         from lvnav_trade.results.evaluation.coverage import below, covered
 
-        about, limit = (tables, case, event_of(stated), self.quantity), stated.get("below")
-        formal, true, runs = covered(*about) if limit is None else below(*about, str(limit))
-        remark, drawn = ("", float(runs.mean())) if len(runs) else ("no runs at that event", np.nan)
-        return MetricValue(formal, true, drawn, remark, runs, is_root=False, is_share=True)
+        event = event_of(stated)
+        limit = stated.get("below")
+        if limit is None:
+            formal, true, runs = covered(tables, case, event, self.quantity)
+        else:
+            formal, true, runs = below(tables, case, event, self.quantity, str(limit))
+        return MetricValue(
+            formal=formal,
+            true=true,
+            monte_carlo=float(runs.mean()) if len(runs) else np.nan,
+            remark="" if len(runs) else "no runs at that event",
+            runs=runs,
+            is_root=False,
+            is_share=True,
+        )
 
     def label(self, stated: Mapping[str, Any]) -> str:
         """Return the metric, its limit, and the event."""

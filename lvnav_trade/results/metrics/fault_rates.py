@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from lvnav_trade.results.metric import MEAN, Metric, MetricValue
 
 if TYPE_CHECKING:
@@ -32,8 +30,15 @@ class FaultRate(Metric):
 
         if pick(tables.runs, case=case).empty:
             return MetricValue(remark="no runs")
-        each, nominal = rate(tables, case, self.name, phase(tables, case, str(stated["during"])))
-        return MetricValue(np.nan, nominal, float(each.mean()), runs=each, is_root=False, is_share=True)
+        start_end = phase(tables, case, str(stated["during"]))
+        outcomes, nominal = rate(tables, case, self.name, start_end)
+        return MetricValue(
+            true=nominal,
+            monte_carlo=float(outcomes.mean()),
+            runs=outcomes,
+            is_root=False,
+            is_share=True,
+        )
 
 
 METRICS = (

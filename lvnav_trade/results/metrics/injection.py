@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 UNGUIDED = "no ascent is guided: give trajectory.guidance"
 _AT_CUTOFF = "a number of the injection"
-_LEFT = INJECTION.index("propellant_left")
+_PROPELLANT = INJECTION.index("propellant_left")
 _GRID = 2**15  # number of equally probable values that represent a distribution
 
 
@@ -40,7 +40,7 @@ class _InjectionMetric(Metric):
     once_a_run: ClassVar[bool] = True
 
     @property
-    def of_numbers(self) -> tuple[str, ...]:
+    def quantities_of_law(self) -> tuple[str, ...]:
         """Quantities of `records.INJECTION` on which it depends."""
         return ("propellant_left",)
 
@@ -51,16 +51,19 @@ class _InjectionMetric(Metric):
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return its distribution by linear covariance, or the reason why there is none."""
         law = case.injection_law()
-        return UNGUIDED if law is None else why_no_law(law, self.of_numbers) or self.of_law(law)
+        if law is None:
+            return UNGUIDED
+        reason = why_no_law(law, self.quantities_of_law)
+        return reason or self.distribution(law)
 
-    def of_law(self, law: InjectionLaw) -> Distribution:
+    def distribution(self, law: InjectionLaw) -> Distribution:
         """Return its distribution for an injection that linear covariance describes."""
         raise NotImplementedError
 
-    def single_law(self, size: Floats, unit: str, label_unit: str, label_factor: float) -> Distribution:
+    def sampled_distribution(self, size: Floats, unit: str, label_unit: str, label_factor: float) -> Distribution:
         """Return the distribution of equally probable magnitudes (n,)."""
-        nothing = Gaussian(np.empty(0), np.empty((0, 0)), {})
-        return Distribution(nothing, unit, label_unit, label_factor, "injection", drawn=np.sort(size))
+        no_gaussian = Gaussian(np.empty(0), np.empty((0, 0)), {})
+        return Distribution(no_gaussian, unit, label_unit, label_factor, "injection", drawn=np.sort(size))
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class InjectionError(_InjectionMetric):
     label_factor: float = 1.0
 
     @property
-    def of_numbers(self) -> tuple[str, ...]:
+    def quantities_of_law(self) -> tuple[str, ...]:
         """Quantities of the orbit."""
         return self.quantities
 
@@ -88,57 +91,76 @@ class InjectionError(_InjectionMetric):
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of every run; infinite if a run does not reach its cut-off."""
-        size = self._sizes(case)
-        return None if size is None else RunErrors(size, self.unit, self.label_unit, self.label_factor)
+        size = self._run_sizes(case)
+        if size is None:
+            return None
+        return RunErrors(size, self.unit, self.label_unit, self.label_factor)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square over the runs."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
-        scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
-        size, law = self._sizes(results), results.injection_law()
-        if scale is None or (size is None and law is None):
-            return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
-        why = "" if law is None else why_no_law(law, self.of_numbers)
-        true = np.nan if law is None or why else self._root_mean_square(law) / scale
+        scale = scale_of(unit, self.unit)
+        results = CaseTables(tables, case)
+        size = self._run_sizes(results)
+        law = results.injection_law()
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        if size is None and law is None:
+            return MetricValue(remark=UNGUIDED)
+        true = np.nan
+        reason = ""
+        if law is not None:
+            reason = why_no_law(law, self.quantities_of_law)
+            if not reason:
+                true = self._root_mean_square(law) / scale
         if size is None:
-            return MetricValue(true=true, remark=why)
-        runs = (size / scale) ** 2
-        return MetricValue(true=true, monte_carlo=float(np.sqrt(np.mean(runs))), runs=runs)
+            return MetricValue(true=true, remark=reason)
+        squares = (size / scale) ** 2
+        return MetricValue(true=true, monte_carlo=float(np.sqrt(np.mean(squares))), runs=squares)
 
-    def of_law(self, law: InjectionLaw) -> Distribution:
+    def distribution(self, law: InjectionLaw) -> Distribution:
         """Return its Gaussian with the contribution of each source.
 
         Near a circular orbit, perigee and apogee are distributed as draws through the exact relation.
         """
-        if self._is_drawn(law):
+        if self._is_sampled(law):
 
             def sample(sources: Sequence[str], factor: float) -> Floats:
-                return np.sort(np.abs(apsis_errors(scaled_law(law, sources, factor), self.quantities[0])))
+                """Return sorted magnitudes with the sigmas of sources multiplied by a factor."""
+                scaled = scaled_law(law, sources, factor)
+                return np.sort(np.abs(apsis_errors(scaled, self.quantities[0])))
 
-            drawn = self.single_law(sample((), 1.0), self.unit, self.label_unit, self.label_factor)
-            return drawn._replace(redraw=Redraw(law.sources, sample))
-        at = np.array([INJECTION.index(name) for name in self.quantities])
-        parts = law.covariance[:, at][:, :, at]
-        gaussian = Gaussian(law.mean[at], parts.sum(axis=0), dict(zip(law.sources, parts, strict=True)))
+            sampled = self.sampled_distribution(sample((), 1.0), self.unit, self.label_unit, self.label_factor)
+            return sampled._replace(redraw=Redraw(law.sources, sample))
+        k = np.array([INJECTION.index(name) for name in self.quantities])
+        source_covariances = law.covariance[:, k][:, :, k]
+        gaussian = Gaussian(
+            mean=law.mean[k],
+            covariance=source_covariances.sum(axis=0),
+            sources=dict(zip(law.sources, source_covariances, strict=True)),
+        )
         return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, "injection")
 
-    def _is_drawn(self, law: InjectionLaw) -> bool:
+    def _is_sampled(self, law: InjectionLaw) -> bool:
         return self.quantities[0] in APSIDES and is_curved(law, self.quantities[0])
 
     def _root_mean_square(self, law: InjectionLaw) -> float:
-        if self._is_drawn(law):
+        if self._is_sampled(law):
             return float(np.sqrt(np.mean(apsis_errors(law, self.quantities[0]) ** 2)))
-        distribution = self.of_law(law).law
-        return float(np.sqrt(np.trace(distribution.covariance) + distribution.mean @ distribution.mean))
+        gaussian = self.distribution(law).law
+        return float(np.sqrt(np.trace(gaussian.covariance) + gaussian.mean @ gaussian.mean))
 
-    def _sizes(self, case: CaseResults) -> Floats | None:
-        by_quantity = [case.injections(quantity) for quantity in self.quantities]
-        available = [runs for runs in by_quantity if runs is not None]
-        if len(available) < len(by_quantity):
-            return None
-        size = np.sqrt(np.sum([runs.error**2 for runs in available], axis=0))
-        return np.where(available[0].injected & np.isfinite(size), size, np.inf)
+    def _run_sizes(self, case: CaseResults) -> Floats | None:
+        """Return the magnitude (n_run,) of every run, infinite without injection; None if it is not stored."""
+        injections: list[Injections] = []
+        for quantity in self.quantities:
+            runs = case.injections(quantity)
+            if runs is None:
+                return None
+            injections.append(runs)
+        size = np.sqrt(np.sum([runs.error**2 for runs in injections], axis=0))
+        return np.where(injections[0].injected & np.isfinite(size), size, np.inf)
 
 
 @dataclass(frozen=True)
@@ -157,10 +179,11 @@ class Depletion(_InjectionMetric):
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return zero or one for every run, so that the limit of a requirement is one half."""
-        runs = _any(case)
+        runs = _run_ends(case)
         if runs is None:
             return None
-        size = np.where(runs.injected, 0.0, np.where(runs.outcome == OUTCOMES[1], 1.0, np.inf))
+        is_depleted = runs.outcome == OUTCOMES[1]
+        size = np.where(runs.injected, 0.0, np.where(is_depleted, 1.0, np.inf))
         return RunErrors(size, self.unit, "%", 100.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
@@ -168,21 +191,33 @@ class Depletion(_InjectionMetric):
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
-        runs, law = _any(results), results.injection_law()
+        runs = _run_ends(results)
+        law = results.injection_law()
         if runs is None and law is None:
             return MetricValue(remark=UNGUIDED)
-        why = "" if law is None else why_no_law(law, self.of_numbers)
-        expected = np.nan if law is None or why else share_depleted(law)
+        true = np.nan
+        reason = ""
+        if law is not None:
+            reason = why_no_law(law, self.quantities_of_law)
+            if not reason:
+                true = share_depleted(law)
         if runs is None:
-            return MetricValue(true=expected, remark=why, is_root=False, is_share=True)
-        empty = (runs.outcome == OUTCOMES[1]).astype(float)
-        return MetricValue(true=expected, monte_carlo=float(empty.mean()), runs=empty, is_root=False, is_share=True)
+            return MetricValue(true=true, remark=reason, is_root=False, is_share=True)
+        is_depleted = (runs.outcome == OUTCOMES[1]).astype(float)
+        return MetricValue(
+            true=true,
+            monte_carlo=float(is_depleted.mean()),
+            runs=is_depleted,
+            is_root=False,
+            is_share=True,
+        )
 
-    def of_law(self, law: InjectionLaw) -> Distribution:
+    def distribution(self, law: InjectionLaw) -> Distribution:
         """Return zeros and ones in the proportion of empty stages by linear covariance."""
         size = np.zeros(_GRID)
-        size[: round(share_depleted(law) * _GRID)] = 1.0
-        return self.single_law(size, self.unit, "%", 100.0)
+        n_depleted = round(share_depleted(law) * _GRID)
+        size[:n_depleted] = 1.0
+        return self.sampled_distribution(size, self.unit, "%", 100.0)
 
 
 @dataclass(frozen=True)
@@ -201,34 +236,43 @@ class ExtraPropellant(_InjectionMetric):
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the additional propellant (kg) of every run."""
-        runs, law = _any(case), case.injection_law()
+        runs = _run_ends(case)
+        law = case.injection_law()
         if runs is None or law is None or law.why:
             return None
-        extra = np.maximum(0.0, law.reference[_LEFT] - runs.left)
-        return RunErrors(np.where(runs.injected & np.isfinite(extra), extra, np.inf), self.unit, "kg", 1.0)
+        extra = np.maximum(0.0, law.reference[_PROPELLANT] - runs.left)
+        size = np.where(runs.injected & np.isfinite(extra), extra, np.inf)
+        return RunErrors(size, self.unit, "kg", 1.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the mean over the runs, and that of linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
-        scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
-        law, by_run = results.injection_law(), self.errors(results, stated)
-        if scale is None or law is None:
-            return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
-        why = why_no_law(law, self.of_numbers)
-        true = np.nan if why else float(np.mean(self._sizes(law))) / scale
-        if by_run is None:
-            return MetricValue(true=true, remark=why, is_root=False)
-        size = by_run.size / scale
-        return MetricValue(true=true, monte_carlo=float(size.mean()), runs=size, is_root=False)
+        scale = scale_of(unit, self.unit)
+        results = CaseTables(tables, case)
+        law = results.injection_law()
+        run_errors = self.errors(results, stated)
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        if law is None:
+            return MetricValue(remark=UNGUIDED)
+        reason = why_no_law(law, self.quantities_of_law)
+        true = np.nan if reason else float(np.mean(self._law_sizes(law))) / scale
+        if run_errors is None:
+            return MetricValue(true=true, remark=reason, is_root=False)
+        extra = run_errors.size / scale
+        return MetricValue(true=true, monte_carlo=float(extra.mean()), runs=extra, is_root=False)
 
-    def of_law(self, law: InjectionLaw) -> Distribution:
+    def distribution(self, law: InjectionLaw) -> Distribution:
         """Return the Gaussian of the additional propellant, censored at zero."""
-        return self.single_law(self._sizes(law), self.unit, "kg", 1.0)
+        return self.sampled_distribution(self._law_sizes(law), self.unit, "kg", 1.0)
 
-    def _sizes(self, law: InjectionLaw) -> Floats:
-        spread = np.sqrt(law.covariance[:, _LEFT, _LEFT].sum()) * special.ndtri((np.arange(_GRID) + 0.5) / _GRID)
-        return np.maximum(0.0, law.reference[_LEFT] - law.mean[_LEFT] + spread)
+    def _law_sizes(self, law: InjectionLaw) -> Floats:
+        """Return equally probable values (n,) of the additional propellant (kg) by linear covariance."""
+        probability = (np.arange(_GRID) + 0.5) / _GRID
+        sigma = np.sqrt(law.covariance[:, _PROPELLANT, _PROPELLANT].sum())
+        deviation = sigma * special.ndtri(probability)
+        return np.maximum(0.0, law.reference[_PROPELLANT] - law.mean[_PROPELLANT] + deviation)
 
 
 @dataclass(frozen=True)
@@ -246,26 +290,36 @@ class AtCutoff(Metric):
         """Return the mean over the runs, and that of linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
-        scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
-        runs, law = _any(results), results.injection_law()
-        if scale is None or (runs is None and law is None):
-            return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
-        why = "" if law is None else why_no_law(law, (self.name,))
-        true = np.nan if law is None or why else float(law.mean[INJECTION.index(self.name)]) / scale
+        scale = scale_of(unit, self.unit)
+        results = CaseTables(tables, case)
+        runs = _run_ends(results)
+        law = results.injection_law()
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        if runs is None and law is None:
+            return MetricValue(remark=UNGUIDED)
+        true = np.nan
+        reason = ""
+        if law is not None:
+            reason = why_no_law(law, (self.name,))
+            if not reason:
+                true = float(law.mean[INJECTION.index(self.name)]) / scale
         if runs is None or not runs.injected.any():
-            return MetricValue(true=true, remark=why, is_root=False)
+            return MetricValue(true=true, remark=reason, is_root=False)
         values = getattr(runs, self.field)[runs.injected] / scale
         return MetricValue(true=true, monte_carlo=float(values.mean()), runs=values, is_root=False)
 
 
 def _may_be_guided(campaign: Any) -> bool:
     """Whether the base is guided, or an axis may change that."""
-    guided = getattr(campaign.base.trajectory, "guidance", "nominal") != "nominal"
-    paths = [axis.path.removeprefix("base.").split(".") for axis in campaign.axes]
-    return guided or any(path in (["trajectory"], ["trajectory", "guidance"]) for path in paths)
+    if getattr(campaign.base.trajectory, "guidance", "nominal") != "nominal":
+        return True
+    paths = [axis.path.removeprefix("base.") for axis in campaign.axes]
+    return "trajectory" in paths or "trajectory.guidance" in paths
 
 
-def _any(case: CaseResults) -> Injections | None:
+def _run_ends(case: CaseResults) -> Injections | None:
+    """Return how and when the runs end, which is stored with every orbital quantity; None if it is not stored."""
     return case.injections("semi_major_axis")
 
 

@@ -69,7 +69,8 @@ class MissionError(Metric):
         size = sizes_at(CaseTables(tables, case), event_of(stated), self.name, epochs_of(stated))
         if size is None or not len(size):
             return MetricValue(remark=MISSING)
-        return MetricValue(monte_carlo=float(np.sqrt(np.mean(size**2))) / scale, runs=(size / scale) ** 2)
+        root_mean_square = float(np.sqrt(np.mean(size**2)))
+        return MetricValue(monte_carlo=root_mean_square / scale, runs=(size / scale) ** 2)
 
     def label(self, stated: Mapping[str, Any]) -> str:
         """Return the metric and its event, with type and epochs of the elements unless they are the defaults."""
@@ -82,22 +83,26 @@ class MissionError(Metric):
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of the error of every run at an event."""
         size = sizes_at(case, event_of(requirement), self.name)
-        return None if size is None else RunErrors(size, self.unit, self.label_unit, self.label_factor)
+        if size is None:
+            return None
+        return RunErrors(size, self.unit, self.label_unit, self.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian to first order, or the distribution of draws through the exact relation if that is
         invalid.
         """
-        at = event_of(requirement)
-        gaussian, drawn = expected_at(case, at, self.name), None
-        if isinstance(gaussian, tuple):
-            law = Gaussian(*gaussian, {})
+        event = event_of(requirement)
+        expected = expected_at(case, event, self.name)
+        draws = None
+        if isinstance(expected, tuple):
+            mean, covariance = expected
+            gaussian = Gaussian(mean, covariance, {})
         else:
-            drawn = drawn_at(case, at, self.name)
-            law = Gaussian(np.empty(0), np.empty((0, 0)), {})
-            if drawn is None:
-                return gaussian or NO_LAW
-        return Distribution(law, self.unit, self.label_unit, self.label_factor, at, drawn=drawn)
+            draws = drawn_at(case, event, self.name)
+            if draws is None:
+                return expected or NO_LAW
+            gaussian = Gaussian(np.empty(0), np.empty((0, 0)), {})
+        return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, event, drawn=draws)
 
 
 def epochs_of(stated: Mapping[str, Any]) -> ElementEpochs:
@@ -105,9 +110,12 @@ def epochs_of(stated: Mapping[str, Any]) -> ElementEpochs:
     from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
 
     estimated = number_in(stated.get("epoch") or 0.0, "s")
-    true = stated.get("reference_epoch")
-    is_mean = stated.get("elements", "mean") == "mean"
-    return ElementEpochs(is_mean, estimated, estimated if true is None else number_in(true, "s"))
+    reference = stated.get("reference_epoch")
+    return ElementEpochs(
+        is_mean=stated.get("elements", "mean") == "mean",
+        estimated=estimated,
+        true=estimated if reference is None else number_in(reference, "s"),
+    )
 
 
 def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs | None = None) -> Floats | None:
@@ -123,15 +131,17 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs |
     state = case.state(event)
     if state is None:
         return None
-    error, failed = turned(state, case.errors(event, "velocity"), case.errors(event, "position"), case.failed(event))
+    velocity = case.errors(event, "velocity")
+    position = case.errors(event, "position")
+    error, failed = turned(state, velocity, position, case.failed(event))
     size = np.full(len(error), np.inf)
     if not failed.all():
-        good = error[~failed]
+        good_error = error[~failed]
         if epochs is None or epochs == ElementEpochs():
-            signed_error = signed(state, good, metric)
+            metric_error = signed(state, good_error, metric)
         else:
-            signed_error = orbit_errors_at(state, good, epochs)[metric]
-        size[~failed] = np.linalg.norm(signed_error, axis=1)
+            metric_error = orbit_errors_at(state, good_error, epochs)[metric]
+        size[~failed] = np.linalg.norm(metric_error, axis=1)
     return np.where(np.isfinite(size), size, np.inf)
 
 
@@ -140,7 +150,9 @@ def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
     from lvnav_trade.results.mechanics.mission_errors import drawn_of
 
     state = case.state(event)
-    return None if state is None else drawn_of(state, case.joint(event), metric)
+    if state is None:
+        return None
+    return drawn_of(state, case.joint(event), metric)
 
 
 def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
@@ -148,7 +160,9 @@ def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Flo
     from lvnav_trade.results.mechanics.mission_errors import expected_of
 
     state = case.state(event)
-    return None if state is None else expected_of(state, case.joint(event), metric)
+    if state is None:
+        return None
+    return expected_of(state, case.joint(event), metric)
 
 
 def _error(name: str, unit: str, label: str, factor: float, meaning: str) -> MissionError:

@@ -38,17 +38,22 @@ class ModeNumber(Metric):
         """Return the median over the runs."""
         if not has_logic(tables, case):
             return MetricValue(remark=_NO_LOGIC)
-        each = of_modes(tables, case, stated)
+        numbers = mode_numbers(tables, case, stated)
         scale = scale_of(unit, self.unit)
-        if scale is None or not np.all(np.isfinite(each)):
-            return MetricValue(remark=NOT_IN_FLIGHT if scale else no_fit(unit))
-        return MetricValue(monte_carlo=float(np.median(each)) / scale, remark=spread_of(each / scale))
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        if not np.all(np.isfinite(numbers)):
+            return MetricValue(remark=NOT_IN_FLIGHT)
+        return MetricValue(monte_carlo=float(np.median(numbers)) / scale, remark=spread_of(numbers / scale))
 
     def label(self, stated: Mapping[str, Any]) -> str:
         """Return the label, such as ``2. aiding entry_time (data again), liftoff to injection``."""
-        nth = f"{stated['number']}. " if int(stated.get("number") or 1) > 1 else ""
-        why = f" ({stated['reason']})" if stated.get("reason") else ""
-        return f"{self.name.replace('mode', nth + str(stated['mode']), 1)}{why}, {stated['during']}"
+        ordinal = ""
+        if int(stated.get("number") or 1) > 1:
+            ordinal = f"{stated['number']}. "
+        reason = f" ({stated['reason']})" if stated.get("reason") else ""
+        name = self.name.replace("mode", f"{ordinal}{stated['mode']}", 1)
+        return f"{name}{reason}, {stated['during']}"
 
 
 @dataclass(frozen=True)
@@ -61,60 +66,78 @@ class ModeShare(ModeNumber):
         """Return the share."""
         if not has_logic(tables, case):
             return MetricValue(remark=_NO_LOGIC)
-        each: Floats = of_modes(tables, case, stated)
-        return MetricValue(monte_carlo=float(each.mean()), runs=each, is_root=False, is_share=True)
+        has_entered = mode_numbers(tables, case, stated)
+        return MetricValue(
+            monte_carlo=float(has_entered.mean()),
+            runs=has_entered,
+            is_root=False,
+            is_share=True,
+        )
 
 
 def has_logic(tables: Tables, case: str) -> bool:
     """Whether the filter of a case has mode logic, and the results have runs."""
     from lvnav_trade.results.tables.read import pick
 
-    return bool(pick(tables.cases, case=case).logic.eq(True).any()) and not pick(tables.runs, case=case).empty
+    filter_has_logic = bool(pick(tables.cases, case=case).logic.eq(True).any())
+    return filter_has_logic and not pick(tables.runs, case=case).empty
 
 
-def of_modes(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
+def mode_numbers(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
     """Return the number of every run (n_run,) for a metric of modes.
 
     Entry time: s from the start of the phase to the n-th transition into the mode; the length of the phase if there is
     none. Entry share: 1 if the transition occurs, else 0. Duration: s in the mode. Changes: number of transitions into
     the mode. If a reason is stated, only transitions with this reason count.
     """
-    from lvnav_trade.results.statistics.select import SAME_TIME, phase, pick
+    from lvnav_trade.results.statistics.select import phase, pick
 
     first, last = phase(tables, case, str(stated["during"]))
-    changes = pick(tables.mode_transitions, case=case).sort_values(["run_number", "t_s"], kind="stable")
     runs = np.sort(pick(tables.runs, case=case).run_number.unique())
-    mode, metric = str(stated["mode"]), str(stated["metric"])
+    transitions = pick(tables.mode_transitions, case=case)
+    transitions = transitions.sort_values(["run_number", "t_s"], kind="stable")
+    metric = str(stated["metric"])
     if metric == DURATION:
-        return np.array([_seconds(changes[changes.run_number == run], mode, first, last) for run in runs])
-    into = pick(changes, to_mode=mode)
-    if stated.get("reason"):
-        into = pick(into, reason=str(stated["reason"]))
-    into = into[into.t_s.between(first - SAME_TIME, last + SAME_TIME)]
-    counts = into.groupby("run_number").size().reindex(runs, fill_value=0)
+        mode = str(stated["mode"])
+        durations = [_duration(transitions[transitions.run_number == run], mode, first, last) for run in runs]
+        return np.array(durations)
+
+    entries = _entries(transitions, stated, first, last)
+    counts = entries.groupby("run_number").size().reindex(runs, fill_value=0)
     if metric == CHANGES:
         return counts.to_numpy(dtype=float)
-    nth = int(stated.get("number") or 1)
+    ordinal = int(stated.get("number") or 1)
     if metric == ENTRY_SHARE:
-        return (counts >= nth).to_numpy(dtype=float)
-    at = into[into.groupby("run_number").cumcount() == nth - 1].set_index("run_number").t_s
-    return (at.reindex(runs, fill_value=last) - first).to_numpy(dtype=float)
+        return (counts >= ordinal).to_numpy(dtype=float)
+    is_nth = entries.groupby("run_number").cumcount() == ordinal - 1
+    entry_times = entries[is_nth].set_index("run_number").t_s
+    return (entry_times.reindex(runs, fill_value=last) - first).to_numpy(dtype=float)
 
 
-def _seconds(changes: pd.DataFrame, mode: str, first: float, last: float) -> float:
+def _entries(transitions: pd.DataFrame, stated: Mapping[str, Any], first: float, last: float) -> pd.DataFrame:
+    """Return the transitions into a mode between two times (s), with the reason of a statement if it gives one."""
+    from lvnav_trade.results.statistics.select import SAME_TIME, pick
+
+    entries = pick(transitions, to_mode=str(stated["mode"]))
+    if stated.get("reason"):
+        entries = pick(entries, reason=str(stated["reason"]))
+    return entries[entries.t_s.between(first - SAME_TIME, last + SAME_TIME)]
+
+
+def _duration(transitions: pd.DataFrame, mode: str, first: float, last: float) -> float:
     """Return the time (s) that a run spends in a mode between two times; before its first transition it is in
     `MODES[0]`.
     """
-    edges = np.clip([-np.inf, *changes.t_s, np.inf], first, last)
-    inside = np.array([MODES[0], *changes.to_mode]) == mode
-    return float(np.diff(edges)[inside].sum())
+    modes = np.array([MODES[0], *transitions.to_mode])
+    edges = np.clip([-np.inf, *transitions.t_s, np.inf], first, last)
+    return float(np.diff(edges)[modes == mode].sum())
 
 
-def spread_of(each: Floats) -> str:
+def spread_of(numbers: Floats) -> str:
     """Return the range of the numbers of the runs in words."""
-    if np.ptp(each) == 0.0:
-        return f"the same in all {len(each)} runs"
-    return f"median of {len(each)} runs, {min(each):.4g} to {max(each):.4g}"
+    if np.ptp(numbers) == 0.0:
+        return f"the same in all {len(numbers)} runs"
+    return f"median of {len(numbers)} runs, {min(numbers):.4g} to {max(numbers):.4g}"
 
 
 METRICS: tuple[Metric, ...] = (

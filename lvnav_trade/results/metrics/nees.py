@@ -38,23 +38,33 @@ class Nees(Metric):
 
         results = CaseTables(tables, case)
         first, last = phase(tables, case, str(stated["during"]))
-        expected, runs = [], []
+        expected = []
+        squares = []
         for event, t in results.events().items():
             if not first - SAME_TIME <= t <= last + SAME_TIME:
                 continue
-            formal, true = results.formal(event, self.quantity), results.gaussian(event, self.quantity, "3d")
+            formal = results.formal(event, self.quantity)
+            true = results.gaussian(event, self.quantity, "3d")
             if formal is None or true is None or not np.all(np.linalg.eigvalsh(formal) > 0.0):
                 continue
             weight = np.linalg.inv(formal) / len(formal)
-            expected.append(float(np.trace(weight @ (true.covariance + np.outer(true.mean, true.mean)))))
+            # E[e' W e] = trace(W E[e e'])
+            second_moment = true.covariance + np.outer(true.mean, true.mean)
+            expected.append(float(np.trace(weight @ second_moment)))
             errors = results.errors(event, self.quantity)
-            squares = np.einsum("ri,ij,rj->r", errors, weight, errors)
-            runs.append(np.where(results.failed(event), np.inf, squares))
+            event_squares = np.einsum("ri,ij,rj->r", errors, weight, errors)
+            squares.append(np.where(results.failed(event), np.inf, event_squares))
         if not expected:
             return MetricValue(remark="no event with a covariance in this phase")
-        each = np.mean(runs, axis=0)
-        drawn = float(np.mean(each)) if len(each) else np.nan
-        return MetricValue(1.0, float(np.mean(expected)), drawn, f"at {len(expected)} events", each, is_root=False)
+        run_means = np.mean(squares, axis=0)
+        return MetricValue(
+            formal=1.0,
+            true=float(np.mean(expected)),
+            monte_carlo=float(np.mean(run_means)) if len(run_means) else np.nan,
+            remark=f"at {len(expected)} events",
+            runs=run_means,
+            is_root=False,
+        )
 
 
 METRICS = tuple(

@@ -55,30 +55,42 @@ class NormalisedError(Metric):
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
-        errors, law = self.errors(results, stated), self.law(results, stated)
-        if errors is None or isinstance(law, str):
+        errors = self.errors(results, stated)
+        distribution = self.law(results, stated)
+        if errors is None or isinstance(distribution, str):
             return MetricValue(remark=MISSING)
-        true = float(np.sqrt(np.trace(law.law.covariance) + law.law.mean @ law.law.mean))
+        gaussian = distribution.law
         squares = errors.size**2
-        return MetricValue(1.0, true, float(np.sqrt(squares.mean())) if len(squares) else np.nan, runs=squares)
+        return MetricValue(
+            formal=1.0,
+            true=float(np.sqrt(np.trace(gaussian.covariance) + gaussian.mean @ gaussian.mean)),
+            monte_carlo=float(np.sqrt(squares.mean())) if len(squares) else np.nan,
+            runs=squares,
+        )
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return it for every run; None if error or P is not available, or P is singular."""
         event = event_of(requirement)
-        white, errors = whitening(case.formal(event, self.quantity)), case.errors(event, self.quantity)
-        if white is None or errors.shape[1] != len(white):
+        W = whitening(case.formal(event, self.quantity))
+        errors = case.errors(event, self.quantity)
+        if W is None or errors.shape[1] != len(W):
             return None
-        size = np.linalg.norm(errors @ white.T, axis=1)
-        return RunErrors(np.where(case.failed(event) | ~np.isfinite(size), np.inf, size), SIGMAS, SIGMAS, 1.0)
+        size = np.linalg.norm(errors @ W.T, axis=1)
+        is_infinite = case.failed(event) | ~np.isfinite(size)
+        return RunErrors(np.where(is_infinite, np.inf, size), SIGMAS, SIGMAS, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the three components whose norm is the error."""
         event = event_of(requirement)
-        white, law = whitening(case.formal(event, self.quantity)), case.gaussian(event, self.quantity, "3d")
-        if white is None or law is None:
+        W = whitening(case.formal(event, self.quantity))
+        law = case.gaussian(event, self.quantity, "3d")
+        if W is None or law is None:
             return NO_LAW
-        sources = {name: white @ covariance @ white.T for name, covariance in law.sources.items()}
-        gaussian = Gaussian(white @ law.mean, white @ law.covariance @ white.T, sources)
+        gaussian = Gaussian(
+            mean=W @ law.mean,
+            covariance=W @ law.covariance @ W.T,
+            sources={name: W @ covariance @ W.T for name, covariance in law.sources.items()},
+        )
         return Distribution(gaussian, SIGMAS, SIGMAS, 1.0, event)
 
 

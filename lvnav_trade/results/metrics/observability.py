@@ -27,15 +27,19 @@ class Rank(Metric):
         from lvnav_trade.results.evaluation.covariances import NUMERICAL, observability_ranks
         from lvnav_trade.results.statistics.select import pick
 
-        for row in pick(observability_ranks(tables), case=tables.labels[case]).itertuples():
-            if not self.with_information:
-                above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
-                return MetricValue(true=float(row.least_rank), remark=above)
-            tolerance = float(pick(tables.observability, case=case).tolerance_ratio.iloc[0])
-            above = f"{row.stretches} stretches, singular values above {tolerance:g}"
-            remark = f"{above}; least informed: {row.weakest_direction}"
-            return MetricValue(true=float(row.least_rank_with_information), remark=remark)
-        return MetricValue(remark=MISSING)
+        ranks = pick(observability_ranks(tables), case=tables.labels[case])
+        if ranks.empty:
+            return MetricValue(remark=MISSING)
+        row = ranks.iloc[0]
+        if not self.with_information:
+            remark = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
+            return MetricValue(true=float(row.least_rank), remark=remark)
+        tolerance = float(pick(tables.observability, case=case).tolerance_ratio.iloc[0])
+        threshold = f"{row.stretches} stretches, singular values above {tolerance:g}"
+        return MetricValue(
+            true=float(row.least_rank_with_information),
+            remark=f"{threshold}; least informed: {row.weakest_direction}",
+        )
 
     def label(self, stated: Mapping[str, Any]) -> str:
         """Return the label of the metric, which applies to a whole flight."""

@@ -55,11 +55,13 @@ class ProtectionLevel(Metric):
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the level as the error of every run: equal in all runs, infinite in a run that failed."""
-        level = case.protection_level(self.quantity, event_of(requirement), str(requirement.get("during") or ""))
+        during = str(requirement.get("during") or "")
+        level = case.protection_level(self.quantity, event_of(requirement), during)
         output = case.output(self.quantity, "3d")
         if not np.isfinite(level) or output is None:
             return None
-        return RunErrors(np.where(case.failed_runs(), np.inf, level), self.unit, output.label_unit, output.label_factor)
+        size = np.where(case.failed_runs(), np.inf, level)
+        return RunErrors(size, self.unit, output.label_unit, output.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the reason: a level has no distribution."""
@@ -93,11 +95,14 @@ class Availability(Metric):
         from lvnav_trade.results.statistics.select import phase, rows_between, time_mean
 
         rows = series_of(tables, case, self.quantity)
-        rows = rows_between(rows, *phase(tables, case, str(stated["during"]))) if len(rows) else rows
+        if len(rows):
+            first, last = phase(tables, case, str(stated["during"]))
+            rows = rows_between(rows, first, last)
         if rows.empty:
             return MetricValue(remark=_NONE)
-        inside = rows.level_si <= parse(str(stated["below"]), self.limit_unit)
-        return MetricValue(true=time_mean(rows.t_s.to_numpy(), inside.to_numpy(dtype=float)))
+        limit = parse(str(stated["below"]), self.limit_unit)
+        is_available = (rows.level_si <= limit).to_numpy(dtype=float)
+        return MetricValue(true=time_mean(rows.t_s.to_numpy(), is_available))
 
 
 METRICS: tuple[Metric, ...] = (

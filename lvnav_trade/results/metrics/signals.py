@@ -32,11 +32,15 @@ class SignalNumber(Metric):
         if scale is None:
             return MetricValue(remark=no_fit(unit))
         rows = values_of(tables, case, self.name, stated.get("elevation"), stated.get("altitude"))
-        rows = within(tables, case, rows, stated) if len(rows) else rows
-        value = rows.value.dropna().to_numpy(dtype=float) if len(rows) else np.empty(0)
-        if not len(value):
-            return MetricValue(remark=NOT_IN_FLIGHT if len(pick(tables.satellites, case=case)) else MISSING)
-        return MetricValue(true=self.reduce(rows, value, str(stated.get("statistic", "rms"))) / scale)
+        values = np.empty(0)
+        if len(rows):
+            rows = within(tables, case, rows, stated)
+            values = rows.value.dropna().to_numpy(dtype=float) if len(rows) else values
+        if not len(values):
+            has_signals = len(pick(tables.satellites, case=case)) > 0
+            return MetricValue(remark=NOT_IN_FLIGHT if has_signals else MISSING)
+        statistic = str(stated.get("statistic", "rms"))
+        return MetricValue(true=self.reduce(rows, values, statistic) / scale)
 
     def reduce(self, rows: Any, value: Any, statistic: str) -> float:
         """Return the requested statistic (SI).
@@ -44,7 +48,11 @@ class SignalNumber(Metric):
         rows : rows of `signals.values_of`
         value : (n,), their values
         """
-        return float({"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2))))
+        if statistic == "worst":
+            return float(value.max())
+        if statistic == "least":
+            return float(value.min())
+        return float(np.sqrt(np.mean(value**2)))
 
 
 @dataclass(frozen=True)
@@ -94,7 +102,9 @@ class ReacquisitionTime(Metric):
         if scale is None:
             return MetricValue(remark=no_fit(unit))
         times = reacquisition_times(tables, case, event_of(stated))
-        return MetricValue(true=float(np.median(times)) / scale) if len(times) else MetricValue(remark=NOT_IN_FLIGHT)
+        if not len(times):
+            return MetricValue(remark=NOT_IN_FLIGHT)
+        return MetricValue(true=float(np.median(times)) / scale)
 
 
 METRICS: tuple[Metric, ...] = (

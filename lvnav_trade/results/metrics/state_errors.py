@@ -98,30 +98,65 @@ class StateError(Metric):
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square, or the signed mean, at an event or over the time of a phase."""
-        from lvnav_trade.results.statistics.per_run import of_each, signed
-        from lvnav_trade.results.statistics.select import time_mean
-
         if stated.get("statistic") == "worst":
             number = self.single(tables, case, stated, unit)
             if len(number.runs):
                 return MetricValue(monte_carlo=number.value, remark=number.remark)
             return MetricValue(true=number.value, remark=number.remark)
-        rows, scale, remark = self._rows(tables, case, stated, unit)
+        rows, scale, remark = self._history_rows(tables, case, stated, unit)
         if remark:
             return MetricValue(remark=remark)
-        t = rows.t_s.to_numpy()
         if stated.get("statistic") == "mean":
-            numbers = (time_mean(t, rows[name].to_numpy(dtype=float)) / scale for name in ("lincov_mean_si", "mean_si"))
-            true, drawn = numbers
-            each = signed(tables, case, stated, str(rows.unit.iloc[0])) / scale
-            return MetricValue(np.nan, true, drawn, runs=each, is_root=False)
-        of_runs = rows.rms_si if rows.run_count.iloc[0] else np.nan * rows.rms_si
-        formal, true, drawn = (
-            float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
-            for square in (rows.lincov_formal_si**2, rows.lincov_true_si**2 + rows.lincov_mean_si**2, of_runs**2)
+            return self._mean_value(tables, case, stated, rows, scale)
+        return self._rms_value(tables, case, stated, rows, scale)
+
+    def _mean_value(
+        self,
+        tables: Tables,
+        case: str,
+        stated: Mapping[str, Any],
+        rows: pd.DataFrame,
+        scale: float,
+    ) -> MetricValue:
+        """Return the signed mean over the time of history rows."""
+        from lvnav_trade.results.statistics.per_run import signed
+        from lvnav_trade.results.statistics.select import time_mean
+
+        t = rows.t_s.to_numpy()
+        run_means = signed(tables, case, stated, str(rows.unit.iloc[0])) / scale
+        return MetricValue(
+            true=time_mean(t, rows.lincov_mean_si.to_numpy(dtype=float)) / scale,
+            monte_carlo=time_mean(t, rows.mean_si.to_numpy(dtype=float)) / scale,
+            runs=run_means,
+            is_root=False,
         )
-        each = of_each(tables, case, stated, str(rows.unit.iloc[0]))
-        return MetricValue(formal, true, drawn, runs=(each / scale) ** 2)
+
+    def _rms_value(
+        self,
+        tables: Tables,
+        case: str,
+        stated: Mapping[str, Any],
+        rows: pd.DataFrame,
+        scale: float,
+    ) -> MetricValue:
+        """Return the root mean square over the time of history rows."""
+        from lvnav_trade.results.statistics.per_run import of_each
+        from lvnav_trade.results.statistics.select import time_mean
+
+        t = rows.t_s.to_numpy()
+
+        def root_mean(square: pd.Series) -> float:
+            """Return the root of the mean over time of squares."""
+            return float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
+
+        run_rms = rows.rms_si if rows.run_count.iloc[0] else np.nan * rows.rms_si
+        run_roots = of_each(tables, case, stated, str(rows.unit.iloc[0]))
+        return MetricValue(
+            formal=root_mean(rows.lincov_formal_si**2),
+            true=root_mean(rows.lincov_true_si**2 + rows.lincov_mean_si**2),
+            monte_carlo=root_mean(run_rms**2),
+            runs=(run_roots / scale) ** 2,
+        )
 
     def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the number that is compared with a published number.
@@ -131,14 +166,17 @@ class StateError(Metric):
         """
         statistic = stated.get("statistic", "rms")
         if statistic == "worst":
-            return self._worst(tables, case, stated, unit)
+            return self._median_maximum(tables, case, stated, unit)
         if statistic in _SIGMAS:
             return self._sigma(tables, case, stated, unit)
         number = super().single(tables, case, stated, unit)
-        alone = statistic == "rms" and not number.remark and not self._has_runs(tables, case)
-        return number._replace(remark="linear covariance") if alone else number
+        if statistic == "rms" and not number.remark and not self._has_runs(tables, case):
+            return number._replace(remark="linear covariance")
+        return number
 
-    def _rows(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> tuple[pd.DataFrame, float, str]:
+    def _history_rows(
+        self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str
+    ) -> tuple[pd.DataFrame, float, str]:
         """Return the history at the stated event or phase, the SI value of the unit, and the reason if there is no
         history.
         """
@@ -151,23 +189,27 @@ class StateError(Metric):
         scale = scale_of(unit, str(rows.unit.iloc[0]))
         if scale is None:
             return rows, 1.0, no_fit(unit)
-        chosen = within(tables, case, rows, stated)
-        return chosen, scale, NOT_IN_FLIGHT if chosen.empty else ""
+        rows = within(tables, case, rows, stated)
+        return rows, scale, NOT_IN_FLIGHT if rows.empty else ""
 
     def _has_runs(self, tables: Tables, case: str) -> bool:
         from lvnav_trade.results.statistics.select import history_of
 
         return bool(history_of(tables, case, self.quantity, self.axis).run_count.iloc[0])
 
-    def _worst(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    def _median_maximum(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+        """Return the median over the runs of the largest error of each run in a phase."""
         from lvnav_trade.results.statistics.per_run import per_run
         from lvnav_trade.results.statistics.select import history_of
         from lvnav_trade.results.tables.dictionary import error_column
 
         rows = history_of(tables, case, self.quantity, self.axis)
-        scale = None if rows.empty else scale_of(unit, str(rows.unit.iloc[0]))
+        if rows.empty:
+            return SingleValue(np.nan, MISSING)
+        si = str(rows.unit.iloc[0])
+        scale = scale_of(unit, si)
         if scale is None:
-            return SingleValue(np.nan, MISSING if rows.empty else no_fit(unit))
+            return SingleValue(np.nan, no_fit(unit))
         largest = per_run(tables, case, stated, error_column(self.quantity, self.axis, rows.unit.iloc[0]))
         if not len(largest):
             return SingleValue(np.nan, "no runs, or the phase does not begin and end at events")
@@ -176,16 +218,19 @@ class StateError(Metric):
     def _sigma(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
         from lvnav_trade.results.statistics.select import time_mean
 
-        rows, scale, remark = self._rows(tables, case, stated, unit)
+        rows, scale, remark = self._history_rows(tables, case, stated, unit)
         statistic = str(stated["statistic"])
-        if not remark and statistic == "lincov" and (beyond := self._beyond_linear(tables, case, stated, unit)):
-            remark = f"not applicable: {beyond}"
+        if not remark and statistic == "lincov":
+            reason = self._beyond_linear(tables, case, stated, unit)
+            if reason:
+                remark = f"not applicable: {reason}"
         if remark:
             return SingleValue(np.nan, remark)
         with_runs = bool(rows.run_count.iloc[0])
-        square = rows[_SIGMAS[statistic][0 if with_runs else 1]] ** 2
-        value = float(np.sqrt(time_mean(rows.t_s.to_numpy(), square.to_numpy()))) / scale
-        return SingleValue(value, "" if with_runs else "linear covariance")
+        column_with_runs, column_without_runs = _SIGMAS[statistic]
+        sigma = rows[column_with_runs if with_runs else column_without_runs]
+        variance = time_mean(rows.t_s.to_numpy(), (sigma**2).to_numpy())
+        return SingleValue(float(np.sqrt(variance)) / scale, "" if with_runs else "linear covariance")
 
     def _beyond_linear(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> str:
         """Return the reason why linear covariance cannot be compared with a published attitude: an attitude error is
@@ -193,9 +238,12 @@ class StateError(Metric):
         """
         from lvnav_trade.results.evaluation.covariances import LINEAR_ATTITUDE, beyond_at_start, beyond_linear
 
-        size = (scale_of(unit, "rad") or 0.0) if self.quantity == "attitude" else 0.0
-        published = float(stated.get("value", 0.0)) * size
-        return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
+        published = 0.0  # attitude error in rad
+        if self.quantity == "attitude":
+            published = float(stated.get("value", 0.0)) * (scale_of(unit, "rad") or 0.0)
+        if published > LINEAR_ATTITUDE:
+            return beyond_linear(published)
+        return beyond_at_start(tables, case)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return |error| of every run at an event, or its largest value in a phase."""
@@ -220,14 +268,27 @@ class StateError(Metric):
         output = case.output(self.quantity, self.axis)
         if output is None:
             return NO_LAW
-        at, during = where(requirement), bool(requirement.get("during"))
-        law = None if during else case.gaussian(at, self.quantity, self.axis)
+        place = where(requirement)
+        during = bool(requirement.get("during"))
         if during:
-            bound = number_in(requirement["below"], output.unit)
-            law, at = least_kept(case, self.quantity, self.axis, at, bound) or (None, at)
-        if law is None:
-            return NO_LAW
-        return Distribution(law, output.unit, output.label_unit, output.label_factor, at, above_only=during)
+            limit = number_in(requirement["below"], output.unit)
+            least = least_kept(case, self.quantity, self.axis, place, limit)
+            if least is None:
+                return NO_LAW
+            gaussian, place = least
+        else:
+            event_gaussian = case.gaussian(place, self.quantity, self.axis)
+            if event_gaussian is None:
+                return NO_LAW
+            gaussian = event_gaussian
+        return Distribution(
+            gaussian,
+            output.unit,
+            output.label_unit,
+            output.label_factor,
+            place,
+            above_only=during,
+        )
 
 
 @dataclass(frozen=True)
@@ -238,10 +299,11 @@ class NavigationError(StateError):
 
     def missing_in(self, campaign: Any) -> str:
         """Return the reason if the reporting frame of a campaign lacks the axis; empty if it has it."""
-        axes_of_frame, of_body = AXES[campaign.base.frame], self.quantity.removeprefix(BACKUP) == "attitude"
-        if of_body or self.axis in (*axes_of_frame, NORM):
+        frame_axes = AXES[campaign.base.frame]
+        is_attitude = self.quantity.removeprefix(BACKUP) == "attitude"  # its axes are those of the body
+        if is_attitude or self.axis in (*frame_axes, NORM):
             return ""
-        return f"frame {campaign.base.frame} has the axes {', '.join(axes_of_frame)}"
+        return f"frame {campaign.base.frame} has the axes {', '.join(frame_axes)}"
 
 
 def error_named(name: str, unit: str = "") -> StateError | None:
@@ -249,8 +311,12 @@ def error_named(name: str, unit: str = "") -> StateError | None:
 
     unit : SI unit, for a quantity that is not in the list of known quantities
     """
-    unit = unit or UNITS.get(split_metric(name)[0], "")
-    return StateError.of(name, unit) if unit and _NAME.fullmatch(name) else None
+    if not unit:
+        quantity, _ = split_metric(name)
+        unit = UNITS.get(quantity, "")
+    if not unit or not _NAME.fullmatch(name):
+        return None
+    return StateError.of(name, unit)
 
 
 def state_metric(quantity: str, unit: str) -> StateError:
@@ -259,17 +325,22 @@ def state_metric(quantity: str, unit: str) -> StateError:
     return StateError.of(f"{quantity}_error_x", unit, meaning)
 
 
-def _navigation(quantity: str, axis: str) -> NavigationError:
-    of_backup = " of the uncorrected backup strapdown" if quantity.startswith(BACKUP) else ""
-    size = "length of the three-axis error" if axis == NORM else f"{axis} component of the error"
-    plain = quantity.removeprefix(BACKUP)
+def _navigation_error(quantity: str, axis: str) -> NavigationError:
+    """Return the error of attitude, velocity or position along an axis, or its norm."""
+    plain_quantity = quantity.removeprefix(BACKUP)
+    component = "length of the three-axis error" if axis == NORM else f"{axis} component of the error"
+    source = " of the uncorrected backup strapdown" if quantity.startswith(BACKUP) else ""
     return NavigationError(
-        f"{quantity}_error_{axis}", NAVIGATION_UNITS[plain], f"{size} of {_WORDS[plain]}{of_backup}", quantity, axis
+        name=f"{quantity}_error_{axis}",
+        unit=NAVIGATION_UNITS[plain_quantity],
+        meaning=f"{component} of {_WORDS[plain_quantity]}{source}",
+        quantity=quantity,
+        axis=axis,
     )
 
 
 METRICS: tuple[Metric, ...] = (
-    *(_navigation(quantity, NORM) for quantity in _AXES),
-    *(_navigation(quantity, axis) for quantity, axes in _AXES.items() for axis in axes),
+    *(_navigation_error(quantity, NORM) for quantity in _AXES),
+    *(_navigation_error(quantity, axis) for quantity, axes in _AXES.items() for axis in axes),
     *(state_metric(quantity, unit) for quantity, unit in _STATES.items()),
 )

@@ -68,19 +68,36 @@ class TrackError(Metric):
         """Return the root mean square, or the signed mean."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
-        results, event, scale = CaseTables(tables, case), event_of(stated), scale_of(unit, self.unit)
+        results = CaseTables(tables, case)
+        event = event_of(stated)
+        scale = scale_of(unit, self.unit)
         law = self._gaussian(results, event)
-        if scale is None or law is None:
-            return MetricValue(remark=no_fit(unit) if scale is None else MISSING)
-        errors = np.where(results.failed(event), np.inf, self._errors(results, event)) / scale
-        mean, variance = float(law.mean[0]) / scale, float(law.covariance[0, 0]) / scale**2
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        if law is None:
+            return MetricValue(remark=MISSING)
+        errors = np.where(results.failed(event), np.inf, self._signed_errors(results, event)) / scale
+        mean = float(law.mean[0]) / scale
+        variance = float(law.covariance[0, 0]) / scale**2
         if stated.get("statistic") == "mean":
-            drawn = float(errors.mean()) if len(errors) else np.nan
-            return MetricValue(np.nan, mean, drawn, runs=errors, is_root=False)
-        u, formal = self._direction(results, event), results.formal(event, "velocity")
-        sigma = np.nan if u is None or formal is None else float(np.sqrt(u @ formal @ u)) / scale
-        drawn = float(np.sqrt(np.mean(errors**2))) if len(errors) else np.nan
-        return MetricValue(sigma, float(np.sqrt(variance + mean**2)), drawn, runs=errors**2)
+            return MetricValue(
+                true=mean,
+                monte_carlo=float(errors.mean()) if len(errors) else np.nan,
+                runs=errors,
+                is_root=False,
+            )
+
+        u = self._direction(results, event)
+        formal = results.formal(event, "velocity")
+        filter_sigma = np.nan
+        if u is not None and formal is not None:
+            filter_sigma = float(np.sqrt(u @ formal @ u)) / scale
+        return MetricValue(
+            formal=filter_sigma,
+            true=float(np.sqrt(variance + mean**2)),
+            monte_carlo=float(np.sqrt(np.mean(errors**2))) if len(errors) else np.nan,
+            runs=errors**2,
+        )
 
     def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the value of the runs (of linear covariance without runs), or a sigma."""
@@ -88,22 +105,26 @@ class TrackError(Metric):
         if statistic not in ("formal", "lincov"):
             return super().single(tables, case, stated, unit)
         number = self.value(tables, case, {**stated, "statistic": "rms"}, unit)
+        if statistic == "formal":
+            return SingleValue(float(number.formal), number.remark)
         mean = self.value(tables, case, {**stated, "statistic": "mean"}, unit).true
-        sigma = number.formal if statistic == "formal" else np.sqrt(number.true**2 - mean**2)
-        return SingleValue(float(sigma), number.remark)
+        return SingleValue(float(np.sqrt(number.true**2 - mean**2)), number.remark)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of the error of every run; None if the true state at the event is not stored."""
         event = event_of(requirement)
         if self._direction(case, event) is None:
             return None
-        return RunErrors(finite_sizes(self._errors(case, event), case.failed(event)), self.unit, self.unit, 1.0)
+        size = finite_sizes(self._signed_errors(case, event), case.failed(event))
+        return RunErrors(size, self.unit, self.unit, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the error, with the contribution of each source."""
         event = event_of(requirement)
         gaussian = self._gaussian(case, event)
-        return NO_LAW if gaussian is None else Distribution(gaussian, self.unit, self.unit, 1.0, event)
+        if gaussian is None:
+            return NO_LAW
+        return Distribution(gaussian, self.unit, self.unit, 1.0, event)
 
     def _direction(self, case: CaseResults, event: str) -> Floats | None:
         """Return the direction u (3,) in the reporting axes; None if the true state is not stored."""
@@ -113,18 +134,24 @@ class TrackError(Metric):
         direction_i = state.v_i if self.is_along else np.cross(state.r_i, state.v_i)
         return np.asarray(state.turn.T @ (direction_i / np.linalg.norm(direction_i)))
 
-    def _errors(self, case: CaseResults, event: str) -> Floats:
+    def _signed_errors(self, case: CaseResults, event: str) -> Floats:
         """Return the signed errors (n_run,), failed runs included."""
         u = self._direction(case, event)
-        return np.empty(0) if u is None else np.asarray(case.errors(event, "velocity") @ u)
+        if u is None:
+            return np.empty(0)
+        return np.asarray(case.errors(event, "velocity") @ u)
 
     def _gaussian(self, case: CaseResults, event: str) -> Gaussian | None:
         """Return the Gaussian with mean u'm and variance u'Pu; None if it is not available."""
-        u, law = self._direction(case, event), case.gaussian(event, "velocity", "3d")
+        u = self._direction(case, event)
+        law = case.gaussian(event, "velocity", "3d")
         if u is None or law is None:
             return None
-        sources = {name: np.array([[u @ covariance @ u]]) for name, covariance in law.sources.items()}
-        return Gaussian(np.array([u @ law.mean]), np.array([[u @ law.covariance @ u]]), sources)
+        return Gaussian(
+            mean=np.array([u @ law.mean]),
+            covariance=np.array([[u @ law.covariance @ u]]),
+            sources={name: np.array([[u @ covariance @ u]]) for name, covariance in law.sources.items()},
+        )
 
 
 METRICS = (

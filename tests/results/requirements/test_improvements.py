@@ -164,7 +164,7 @@ def perigee(below):
     for name, value in CIRCULAR.items():
         target[INJECTION.index(name)] = value
     injection = injection._replace(target=target)
-    distribution = metric_of("injection_perigee_error").of_law(injection)
+    distribution = metric_of("injection_perigee_error").distribution(injection)
     assert distribution.redraw is not None
     return RequirementCase(distribution, below, 0.9), injection
 
