@@ -6,22 +6,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import CovHistory, Floats, Output, RunBlock
+from lvnav_trade.results.tables.controlled_tables import controlled_columns
 from lvnav_trade.results.tables.diagnostics_tables import diagnostics_rows
 from lvnav_trade.results.tables.dictionary import TABLES, arrow_schema
 from lvnav_trade.results.tables.flight_tables import flight_columns
 from lvnav_trade.results.tables.run_tables import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
 from lvnav_trade.results.tables.table_files import Coded, column
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.nozzle import AXES, FEEDS, PHASES, NozzleStatistics
+from lvnav_trade.simulation.nozzle import NozzleStatistics
 from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 
-_NAME = ("quantity", "axis", "unit")
-_OF_RUNS = (
+_RUN_TABLES = (
     "runs",
     "interval_errors",
     "mode_transitions",
@@ -72,54 +73,71 @@ def case_tables(
         "history": _history(prepared.outputs, cov, summary),
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),
-        "whiteness": _whiteness(prepared, summary) if summary else {},
         "nominal_integrity": integrity_columns(cov.decisions, prepared.channel_names),
-        "budget": _budget(prepared, cov) if cov.sources else {},
-        **flight_columns(prepared, cov),
-        **diagnostics_rows(prepared, cov, explained),
-        "spot_runs": run_columns(
-            prepared.outputs, explained.spot if explained is not None else None, prepared.channel_names
-        )["runs"],
-        **(controlled_columns(control) if control is not None else {}),
     }
-    return {name: _arrow(name, case.id, contents.get(name, {})) for name in TABLES if name not in _OF_RUNS}
+    if summary is not None:
+        contents["whiteness"] = _whiteness(prepared, summary)
+    if cov.sources:
+        contents["budget"] = _budget(prepared, cov)
+    contents |= flight_columns(prepared, cov)
+    contents |= diagnostics_rows(prepared, cov, explained)
+    spot_runs = None if explained is None else explained.spot
+    contents["spot_runs"] = run_columns(prepared.outputs, spot_runs, prepared.channel_names)["runs"]
+    if control is not None:
+        contents |= controlled_columns(control)
+    tables = {}
+    for name in TABLES:
+        if name not in _RUN_TABLES:
+            tables[name] = _arrow_table(name, case.id, contents.get(name, {}))
+    return tables
 
 
 def row_tables(
     case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, pa.Table]:
     """Return the tables with rows for every run, for some runs of a case; empty tables for None."""
-    return {name: _arrow(name, case_id, content) for name, content in run_columns(outputs, part, channels).items()}
+    contents = run_columns(outputs, part, channels)
+    return {name: _arrow_table(name, case_id, content) for name, content in contents.items()}
 
 
 def starts_table(case_id: str, starts: InitialDraws | None) -> dict[str, pa.Table]:
     """Return the table of the initial and turn-on draws of runs, as `row_tables`."""
-    return {"initial_draws": _arrow("initial_draws", case_id, start_columns(starts))}
+    return {"initial_draws": _arrow_table("initial_draws", case_id, start_columns(starts))}
 
 
 def traces_table(case_id: str, outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> pa.Table:
     """Return the table of time histories of runs, given as blocks of one run each."""
-    return _arrow("traces", case_id, trace_columns(outputs, blocks))
+    return _arrow_table("traces", case_id, trace_columns(outputs, blocks))
 
 
-def _arrow(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any]]) -> pa.Table:
+def _arrow_table(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any]]) -> pa.Table:
     """Return a table from columns or from rows.
 
     A single text or number applies to every row. Columns that are not in the schema are real numbers and come last.
     """
     if isinstance(content, list):
-        content = {key: [row[key] for row in content] for key in (content[0] if content else ())}
-    lengths = [1 if isinstance(values, str | int | float) else len(values) for values in content.values()]
-    schema = arrow_schema(name, tuple(each for each in content if each not in TABLES[name]))
-    whole = []
+        content = _columns_from_rows(content)
+    n_row = 0
+    for values in content.values():
+        n_row = max(n_row, 1 if isinstance(values, str | int | float) else len(values))
+    further_columns = [column_name for column_name in content if column_name not in TABLES[name]]
+    schema = arrow_schema(name, tuple(further_columns))
+    arrays = []
     for field in schema:
         values = case_id if field.name == "case" else content.get(field.name, ())
         if isinstance(values, str):
-            values = Coded([values], np.zeros(max(lengths, default=0)))
+            values = Coded([values], np.zeros(n_row))
         elif isinstance(values, int | float):
-            values = np.full(max(lengths, default=0), values)
-        whole.append(column(values, field.type))
-    return pa.table(whole, schema=schema)
+            values = np.full(n_row, values)
+        arrays.append(column(values, field.type))
+    return pa.table(arrays, schema=schema)
+
+
+def _columns_from_rows(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return rows with equal keys as columns."""
+    if not rows:
+        return {}
+    return {key: [row[key] for row in rows] for key in rows[0]}
 
 
 def _freedom(covariance: Floats, mean: Floats) -> Floats:
@@ -128,24 +146,31 @@ def _freedom(covariance: Floats, mean: Floats) -> Floats:
     Two moments are matched (Satterthwaite): E = tr C + m'm, Var = 2 tr C^2 + 4 m'Cm, freedom 2 E^2 / Var.
     """
     expected = np.trace(covariance, axis1=1, axis2=2) + np.sum(mean**2, axis=1)
-    spread = 2.0 * np.sum(covariance**2, axis=(1, 2)) + 4.0 * np.einsum("ni,nij,nj->n", mean, covariance, mean)
-    constant = spread <= 2.0 * expected**2 / _NORM_LIKE_CONSTANT
-    return np.where(constant, _NORM_LIKE_CONSTANT, 2.0 * expected**2 / np.where(constant, 1.0, spread))
+    variance = 2.0 * np.sum(covariance**2, axis=(1, 2)) + 4.0 * np.einsum("ni,nij,nj->n", mean, covariance, mean)
+    is_constant = variance <= 2.0 * expected**2 / _NORM_LIKE_CONSTANT
+    return np.where(is_constant, _NORM_LIKE_CONSTANT, 2.0 * expected**2 / np.where(is_constant, 1.0, variance))
 
 
-def _names(outputs: tuple[Output, ...], n: int) -> dict[str, Any]:
+def _name_columns(outputs: tuple[Output, ...], n: int) -> dict[str, Any]:
     """Return the columns that name the outputs, each repeated n times."""
+    numbers = np.repeat(np.arange(len(outputs)), n)
     return {
-        part: Coded([getattr(output, part) for output in outputs], np.repeat(np.arange(len(outputs)), n))
-        for part in _NAME
+        "quantity": Coded([output.quantity for output in outputs], numbers),
+        "axis": Coded([output.axis for output in outputs], numbers),
+        "unit": Coded([output.unit for output in outputs], numbers),
     }
 
 
 def thresholds(scenario: Scenario) -> dict[str, float]:
-    """Return the C/N0 (dB-Hz) above which satellites are found and kept; NaN without link budget or tracking."""
-    tracking = scenario.receiver.tracking if scenario.receiver.link is not None else None
-    found, kept = (tracking.acquire_above, tracking.track_above) if tracking is not None else (np.nan, np.nan)
-    return {"acquire_above_db_hz": found, "track_above_db_hz": kept}
+    """Return the C/N0 (dB-Hz) to acquire and to track a satellite; NaN without link budget or tracking."""
+    acquire_above = np.nan
+    track_above = np.nan
+    if scenario.receiver.link is not None:
+        tracking = scenario.receiver.tracking
+        if tracking is not None:
+            acquire_above = tracking.acquire_above
+            track_above = tracking.track_above
+    return {"acquire_above_db_hz": acquire_above, "track_above_db_hz": track_above}
 
 
 # --- one function per table -------------------------------------------------------------------------------------------
@@ -153,9 +178,13 @@ def thresholds(scenario: Scenario) -> dict[str, float]:
 
 def _is_tested(prepared: Prepared, explained: CaseDiagnostics | None) -> bool:
     """Whether there are tests for faults: by innovations, between IMUs, or by solution separation."""
-    units, protected = prepared.options.units, None if explained is None else explained.protected
-    between_units = units is not None and units.redundant is not None and units.redundant.ticks > 0
-    return prepared.options.integrity is not None or between_units or (protected is not None and protected.alarms)
+    if prepared.options.integrity is not None:
+        return True
+    units = prepared.options.units
+    if units is not None and units.redundant is not None and units.redundant.ticks > 0:
+        return True
+    protected = None if explained is None else explained.protected
+    return protected is not None and protected.alarms
 
 
 def _cases(
@@ -178,47 +207,65 @@ def _cases(
 
 
 def _outputs(outputs: tuple[Output, ...]) -> dict[str, Any]:
-    every = columns(outputs)
+    stored_columns = columns(outputs)
     return {
-        **_names(every, 1),
-        "label_unit": [output.label_unit for output in every],
-        "label_factor_ratio": [output.label_factor for output in every],
+        **_name_columns(stored_columns, 1),
+        "label_unit": [output.label_unit for output in stored_columns],
+        "label_factor_ratio": [output.label_factor for output in stored_columns],
     }
 
 
 def _history(outputs: tuple[Output, ...], cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any]:
-    every = columns(outputs)
-    groups = [[index] for index in range(len(outputs))] + list(norm_groups(outputs).values())
+    stored_columns = columns(outputs)
+    n_column = len(stored_columns)
+    n_time = len(cov.t)
+    # Outputs whose squares are summed in a column: itself, or the axes of a norm
+    groups = [[k] for k in range(len(outputs))]
+    groups += list(norm_groups(outputs).values())
+    freedom = [_freedom(cov.true_cov[:, group][:, :, group], cov.mean[:, group]) for group in groups]
     values = {
-        **_monte_carlo(summary, (len(cov.t), len(every))),
+        **_run_statistics(summary, (n_time, n_column)),
         "lincov_formal_si": add_norms(cov.formal, outputs),
         "lincov_true_si": add_norms(cov.true_sigma, outputs),
         "lincov_mean_si": add_norms(cov.mean, outputs),
-        "dof_ratio": np.stack([_freedom(cov.true_cov[:, i][:, :, i], cov.mean[:, i]) for i in groups], axis=1),
+        "dof_ratio": np.stack(freedom, axis=1),
     }
     return {
-        "t_s": np.tile(cov.t, len(every)),
-        **_names(every, len(cov.t)),
-        "run_count": np.tile(summary.n_good, len(every)) if summary else 0,
+        "t_s": np.tile(cov.t, n_column),
+        **_name_columns(stored_columns, n_time),
+        "run_count": np.tile(summary.n_good, n_column) if summary else 0,
         **{name: value.T.ravel() for name, value in values.items()},
     }
 
 
-def _monte_carlo(summary: BlockSummary | None, shape: tuple[int, int]) -> dict[str, Floats]:
-    names = ("mean_si", "rms_si", "filter_sigma_si", "q50_si", "q95_si", "q997_si")
+def _run_statistics(summary: BlockSummary | None, shape: tuple[int, int]) -> dict[str, Floats]:
+    """Return moments and quantiles of the runs (n_time, n_column) by column of the history; NaN without runs."""
     if summary is None:
-        return dict.fromkeys(names, np.full(shape, np.nan))
+        missing = np.full(shape, np.nan)
+        names = ("mean_si", "rms_si", "filter_sigma_si", "q50_si", "q95_si", "q997_si")
+        return dict.fromkeys(names, missing)
     n = np.where(summary.n_good > 0, summary.n_good, np.nan)[:, None]
-    moments = (summary.total / n, np.sqrt(summary.squares / n), np.sqrt(summary.sigma_squares / n))
-    values = (*moments, *quantiles(summary, 0.5, 0.95, 0.997))
-    return dict(zip(names, values, strict=True))
+    q50, q95, q997 = quantiles(summary, 0.5, 0.95, 0.997)
+    return {
+        "mean_si": summary.total / n,
+        "rms_si": np.sqrt(summary.squares / n),
+        "filter_sigma_si": np.sqrt(summary.sigma_squares / n),
+        "q50_si": q50,
+        "q95_si": q95,
+        "q997_si": q997,
+    }
 
 
 def _consistency(prepared: Prepared, cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any]:
+    run_count: Any = 0
+    nees_mean: Any = np.nan
+    if summary is not None:
+        run_count = summary.n_good
+        nees_mean = summary.nees / np.where(summary.n_good > 0, summary.n_good, np.nan)
     return {
         "t_s": cov.t,
-        "run_count": summary.n_good if summary else 0,
-        "nees_mean_ratio": summary.nees / np.where(summary.n_good > 0, summary.n_good, np.nan) if summary else np.nan,
+        "run_count": run_count,
+        "nees_mean_ratio": nees_mean,
         "nees_dof_count": int(prepared.layout.n_estimated),
         "expected_nees_ratio": cov.expected_nees,
     }
@@ -247,78 +294,52 @@ def _whiteness(prepared: Prepared, summary: BlockSummary) -> dict[str, Any]:
     }
 
 
+class _Variances(NamedTuple):
+    """Variance of the error by source, and its share of the sum; each (n_time, n_source, n_column)."""
+
+    variance: Floats
+    share: Floats
+
+
 def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     """Split the variance by source: every column at the events, the navigation norms over the history."""
-    every = columns(prepared.outputs)
+    stored_columns = columns(prepared.outputs)
     variance = add_norms(np.sqrt(np.maximum(cov.budget, 0.0)), prepared.outputs) ** 2
     total = variance.sum(axis=1, keepdims=True)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
-    summed = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in DRAWN]
-    at_events = [(name, np.array([np.argmin(np.abs(cov.t - t))])) for name, t in prepared.trajectory.events.items()]
-    blocks = [("", np.arange(len(cov.t)), summed), *((*at, list(range(len(every)))) for at in at_events)]
-    pieces: list[dict[str, Any]] = []
-    for event, times, chosen in blocks:
-        source, output, time = np.indices((len(cov.sources), len(chosen), len(times))).reshape(3, -1)
-        at = (times[time], source, np.array(chosen, dtype=int)[output])
-        pieces.append(
-            {
-                "event": np.full(source.size, event),
-                "t_s": cov.t[at[0]],
-                "source": np.array(cov.sources)[source],
-                **{part: np.array([getattr(every[k], part) for k in chosen])[output] for part in _NAME},
-                "sigma_si": np.sqrt(variance[at]),
-                "share_ratio": share[at],
-            }
-        )
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    variances = _Variances(variance, share)
+
+    norms = [k for k, output in enumerate(stored_columns) if output.axis == NORM and output.quantity in DRAWN]
+    all_columns = list(range(len(stored_columns)))
+    blocks = [_budget_block("", np.arange(len(cov.t)), norms, stored_columns, cov, variances)]
+    for event, t in prepared.trajectory.events.items():
+        times = np.array([np.argmin(np.abs(cov.t - t))])
+        blocks.append(_budget_block(event, times, all_columns, stored_columns, cov, variances))
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
-_TURNING = (
-    "angular_acceleration_inside_ratio",
-    "jerk_inside_ratio",
-    "angular_acceleration_peak_ratio",
-    "jerk_peak_ratio",
-    "attitude_error_rad",
-    "rate_error_rad_per_s",
-    "rate_sigma_rad_per_s",
-)
-_MOTION = (
-    "angular_acceleration_rad_per_s2",
-    "angular_acceleration_envelope_rad_per_s2",
-    "jerk_m_per_s3",
-    "jerk_envelope_m_per_s3",
-)
-WHOLE = "flight"  # what stands for all burns together
+def _budget_block(
+    event: str,
+    times: NDArray[Any],
+    chosen: list[int],
+    stored_columns: tuple[Output, ...],
+    cov: CovHistory,
+    variances: _Variances,
+) -> dict[str, Any]:
+    """Return the budget of chosen columns at an event or at times of the history.
 
-
-def controlled_columns(nozzle: NozzleStatistics) -> dict[str, dict[str, Any]]:
-    """Return the columns of `nozzle_travel`, `nozzle_travel_history`, `motion_statistics`, `motion_history`."""
-    feed, run, burn, axis = np.indices(nozzle.total.shape).reshape(4, -1)
-    travel = {
-        "controller_rate": np.array(FEEDS)[feed],
-        "run_number": run,
-        "burn": np.array([WHOLE] + [f"burn {number}" for number in range(1, nozzle.total.shape[2])])[burn],
-        "axis": np.array(AXES)[axis],
-        "travel_rad": nozzle.total.ravel(),
-    }
-    feed, time, axis = np.indices(nozzle.mean.shape).reshape(3, -1)
-    sizes = {"mean_rad": nozzle.mean, "minimum_rad": nozzle.low, "maximum_rad": nozzle.high}
-    history = {"t_s": nozzle.t[time], "controller_rate": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis]}
-    history |= {name: values.ravel() for name, values in sizes.items()}
-    feed, axis, phase = np.nonzero(nozzle.turning[..., 0] > 0.0)
-    ticks, *ratios = nozzle.turning[feed, axis, phase].T
-    statistics = {
-        "controller_rate": np.array(FEEDS)[feed],
-        "axis": np.array(AXES)[axis],
-        "phase": np.array(PHASES)[phase],
-    }
-    statistics |= {"tick_count": ticks.astype(np.int64), **dict(zip(_TURNING, ratios, strict=True))}
-    axis, time = np.indices((2, nozzle.shown_t.size)).reshape(2, -1)
-    motion = {"t_s": nozzle.shown_t[time], "axis": np.array(AXES)[axis]}
-    motion |= dict(zip(_MOTION, nozzle.shown[time, axis].T, strict=True))
+    times : (n,). Indices in the history.
+    """
+    source, k, i = np.indices((len(cov.sources), len(chosen), len(times))).reshape(3, -1)
+    time = times[i]
+    output = np.array(chosen, dtype=int)[k]
     return {
-        "nozzle_travel": travel,
-        "nozzle_travel_history": history,
-        "motion_statistics": statistics,
-        "motion_history": motion,
+        "event": np.full(source.size, event),
+        "t_s": cov.t[time],
+        "source": np.array(cov.sources)[source],
+        "quantity": np.array([stored_columns[number].quantity for number in chosen])[k],
+        "axis": np.array([stored_columns[number].axis for number in chosen])[k],
+        "unit": np.array([stored_columns[number].unit for number in chosen])[k],
+        "sigma_si": np.sqrt(variances.variance[time, source, output]),
+        "share_ratio": variances.share[time, source, output],
     }

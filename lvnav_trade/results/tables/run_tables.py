@@ -1,5 +1,6 @@
 """Columns of the tables of single runs: errors at events, mode logic, initial draws, time histories of a few runs."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -47,10 +48,9 @@ def run_columns(
 
     `interval_errors` has one row per run and interval between events.
     """
-    every = columns(outputs)
-    errors, means = (
-        [column(output.quantity, output.axis, output.unit) for output in every] for column in (error_column, rms_column)
-    )
+    stored_columns = columns(outputs)
+    errors = [error_column(output.quantity, output.axis, output.unit) for output in stored_columns]
+    means = [rms_column(output.quantity, output.axis, output.unit) for output in stored_columns]
     if summary is None:
         return {
             "runs": {name: [] for name in errors},
@@ -60,9 +60,8 @@ def run_columns(
             "injections": {},
             "failed_injection_draws": {},
         }
-    n_event, n_span = len(summary.events), summary.worst.shape[1]
     failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
-    run, t, before, after, why = summary.changes.T
+    n_event = len(summary.events)
     runs = {
         "run_number": np.repeat(summary.runs, n_event),
         "event": list(summary.events) * summary.n_run,
@@ -70,29 +69,36 @@ def run_columns(
         "failure": np.repeat(failures, n_event),
         "t_failed_s": np.repeat(summary.t_failed, n_event),
         "nees_ratio": summary.event_nees.ravel(),
+        **_columns_by_name(errors, summary.event_error),
     }
-    worst = {
-        "run_number": np.repeat(summary.runs, n_span),
+    n_interval = summary.worst.shape[1]
+    interval_errors = {
+        "run_number": np.repeat(summary.runs, n_interval),
         "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
         "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
-        "failure": np.repeat(failures, n_span),
+        "failure": np.repeat(failures, n_interval),
+        **_columns_by_name(errors, summary.worst),
+        **_columns_by_name(means, np.sqrt(summary.mean_square)),
     }
-    logic = {
-        "run_number": run.astype(np.int64),
-        "t_s": t,
-        "from_mode": np.array(MODES)[before.astype(int)],
-        "to_mode": np.array(MODES)[after.astype(int)],
-        "reason": np.array(REASONS)[why.astype(int)],
-    }
-    runs |= _named(errors, summary.event_error)
-    worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
     return {
         "runs": runs,
-        "interval_errors": worst,
-        "mode_transitions": logic,
+        "interval_errors": interval_errors,
+        "mode_transitions": _transition_columns(summary),
         "integrity": integrity_columns(summary.decisions, channels),
         "injections": _injection_columns(summary),
-        "failed_injection_draws": _lost_columns(summary),
+        "failed_injection_draws": _failed_injection_columns(summary),
+    }
+
+
+def _transition_columns(summary: BlockSummary) -> dict[str, Any]:
+    """Return the columns of `mode_transitions`: one row per transition of the filter's mode logic."""
+    run, t, from_mode, to_mode, reason = summary.changes.T
+    return {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "from_mode": np.array(MODES)[from_mode.astype(int)],
+        "to_mode": np.array(MODES)[to_mode.astype(int)],
+        "reason": np.array(REASONS)[reason.astype(int)],
     }
 
 
@@ -101,12 +107,12 @@ def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
     if not len(summary.injections):
         return {}
     n = len(ORBIT)
-    outcome, t, propellant = (np.repeat(values, n) for values in summary.injections[:, :3].T)
+    outcome = np.repeat(summary.injections[:, 0], n)
     return {
         "run_number": np.repeat(summary.runs, n),
         "outcome": np.array(OUTCOMES)[outcome.astype(int)],
-        "t_s": t,
-        "propellant_left_kg": propellant,
+        "t_s": np.repeat(summary.injections[:, 1], n),
+        "propellant_left_kg": np.repeat(summary.injections[:, 2], n),
         "quantity": list(ORBIT) * summary.n_run,
         "unit": [ORBIT_UNITS[name] for name in ORBIT] * summary.n_run,
         "error_si": summary.injections[:, 3 : 3 + n].ravel(),
@@ -114,7 +120,7 @@ def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
     }
 
 
-def _lost_columns(summary: BlockSummary) -> dict[str, Any]:
+def _failed_injection_columns(summary: BlockSummary) -> dict[str, Any]:
     """Return the columns of `failed_injection_draws`: one row per draw of a run that does not reach its cut-off."""
     run, source, number, value = summary.lost.T
     return {
@@ -133,18 +139,21 @@ def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str,
     channels : names of the filter's measurement channels
     """
     run, t, isolated, channel = decisions.T
-    number = channel.astype(int)
-    units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
-    names = np.array([*channels, *reversed(units), ""])
+    channel_number = channel.astype(int)
+    # The names are indexed by the number of the channel; negative numbers count from the end of the list.
+    lowest = int(channel_number.min(initial=0))
+    n_imu = max(0, FIRST_UNIT - lowest) + 1
+    imu_names = [f"unit {k + 1}" for k in range(n_imu)]
+    names = np.array([*channels, *reversed(imu_names), ""])
     return {
         "run_number": run.astype(np.int64),
         "t_s": t,
         "isolated_element": np.array(ISOLATED)[isolated.astype(int)],
-        "channel": names[number],
+        "channel": names[channel_number],
     }
 
 
-def _named(names: list[str], values: Any) -> dict[str, Any]:
+def _columns_by_name(names: list[str], values: Any) -> dict[str, Any]:
     """Return values (n_run, n, n_name) as one column (n_run * n,) per name."""
     return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
 
@@ -164,27 +173,35 @@ def start_columns(starts: InitialDraws | None) -> dict[str, Any]:
 
 def trace_columns(outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> dict[str, Any]:
     """Return the columns of `traces` for blocks of one run each, at most `MOST_TIMES` times including the last."""
-    every = columns(outputs)
-    chosen = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in DRAWN]
-    pieces = []
+    stored_columns = columns(outputs)
+    norms = [k for k, output in enumerate(stored_columns) if output.axis == NORM and output.quantity in DRAWN]
+    quantities = [stored_columns[k].quantity for k in norms]
+    units = [stored_columns[k].unit for k in norms]
+    pieces: list[dict[str, Any]] = []
     for block in blocks:
-        at = np.arange(len(block.t))[:: -max(1, -(-len(block.t) // MOST_TIMES))][::-1]
-        error, sigma = (add_norms(values[0, at], outputs)[:, chosen] for values in (block.err, block.sigma))
-        error[block.t[at] >= _end_of(block)] = np.nan
+        step = max(1, math.ceil(len(block.t) / MOST_TIMES))
+        index = np.arange(len(block.t))[::-step][::-1]
+        t = block.t[index]
+        error = add_norms(block.err[0, index], outputs)[:, norms]
+        sigma = add_norms(block.sigma[0, index], outputs)[:, norms]
+        error[t >= _failure_time(block)] = np.nan
         pieces.append(
             {
-                "run_number": np.full(at.size * len(chosen), block.first_run),
-                "t_s": np.tile(block.t[at], len(chosen)),
-                "quantity": np.repeat([every[k].quantity for k in chosen], at.size),
-                "unit": np.repeat([every[k].unit for k in chosen], at.size),
+                "run_number": np.full(index.size * len(norms), block.first_run),
+                "t_s": np.tile(t, len(norms)),
+                "quantity": np.repeat(quantities, index.size),
+                "unit": np.repeat(units, index.size),
                 "error_si": error.T.ravel(),
                 "sigma_si": sigma.T.ravel(),
             }
         )
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces[0] if pieces else ())}
+    if not pieces:
+        return {}
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
-def _end_of(block: RunBlock) -> float:
+def _failure_time(block: RunBlock) -> float:
     """Return the time (s) at which the only run of a block failed; infinite if it did not fail."""
-    failed = bool(block.failed[0]) and not np.isnan(block.t_failed[0])
-    return float(block.t_failed[0]) if failed else np.inf
+    if not block.failed[0] or np.isnan(block.t_failed[0]):
+        return np.inf
+    return float(block.t_failed[0])

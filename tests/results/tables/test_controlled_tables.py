@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.results.tables.engine_tables import controlled_columns
+from lvnav_trade.results.tables.controlled_tables import controlled_columns
 from lvnav_trade.simulation.nozzle import NozzleStatistics
 
 
