@@ -32,19 +32,26 @@ def table_of(parts: Sequence[Any], identity: str, passes: int) -> pa.Table:
     """
     number = np.concatenate([part.number for part in parts])
     order = np.argsort(number, kind="stable")
-    names = list(dict.fromkeys(name for part in parts for name in part.numbers))
-    schema = arrow_schema("designs", tuple(names))
-    columns: dict[str, Any] = {"design_number": number[order]}
+    number_columns: dict[str, None] = {}  # names in order of their first part
+    for part in parts:
+        number_columns |= dict.fromkeys(part.numbers)
+    schema = arrow_schema("designs", tuple(number_columns))
+    arrays = []
     for field in schema:
-        if field.name in columns:
-            continue
-        if field.type == pa.string():
-            texts = [text for part in parts for text in part.texts[field.name]]
-            columns[field.name] = [texts[k] for k in order]
+        values: Any
+        if field.name == "design_number":
+            values = number[order]
+        elif field.type == pa.string():
+            texts: list[str] = []
+            for part in parts:
+                texts += part.texts[field.name]
+            values = [texts[k] for k in order]
         else:
-            numbers = [part.numbers.get(field.name, np.full(len(part.number), np.nan)) for part in parts]
-            columns[field.name] = np.concatenate(numbers)[order]
-    table = pa.table([column(columns[field.name], field.type) for field in schema], schema=schema)
+            missing = [np.full(len(part.number), np.nan) for part in parts]
+            numbers = [part.numbers.get(field.name, nan) for part, nan in zip(parts, missing, strict=True)]
+            values = np.concatenate(numbers)[order]
+        arrays.append(column(values, field.type))
+    table = pa.table(arrays, schema=schema)
     return table.replace_schema_metadata({_IDENTITY: identity, _PASSES: str(passes)})
 
 
@@ -54,7 +61,10 @@ def earlier_table(file: Path, identity: str) -> pa.Table | None:
         table = pq.read_table(file, page_checksum_verification=True)
     except (OSError, pa.ArrowException):
         return None
-    return table if (table.schema.metadata or {}).get(_IDENTITY) == identity.encode() else None
+    metadata = table.schema.metadata or {}
+    if metadata.get(_IDENTITY) != identity.encode():
+        return None
+    return table
 
 
 def passes(table: pa.Table) -> int:
@@ -64,5 +74,8 @@ def passes(table: pa.Table) -> int:
 
 def impossible(table: pa.Table) -> dict[str, int]:
     """Return the number of impossible designs by reason, the most frequent reason first."""
-    pairs = zip(table["case"].to_pylist(), table["reason"].to_pylist(), strict=True)
-    return dict(Counter(reason for case, reason in pairs if not case).most_common())
+    counts: Counter[str] = Counter()
+    for case, reason in zip(table["case"].to_pylist(), table["reason"].to_pylist(), strict=True):
+        if not case:
+            counts[reason] += 1
+    return dict(counts.most_common())

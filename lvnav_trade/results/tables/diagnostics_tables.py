@@ -17,35 +17,39 @@ _UPPER = tuple(zip(*np.triu_indices(3), strict=True))
 Rows = list[dict[str, Any]]
 
 
-def diagnostics_rows(prepared: Prepared, cov: CovHistory, found: CaseDiagnostics | None) -> dict[str, Rows]:
-    """Return the rows of the tables that were asked for."""
-    if found is None:
-        return {"covariances": _totals(prepared, cov), **injection_rows(cov.injection)}
-    return {
-        **injection_rows(cov.injection),
-        "covariances": [*_totals(prepared, cov), *_by_source(prepared, found)],
-        "adjoint": _adjoint(found.event, found.adjoint) if found.adjoint else [],
-        "sensitivity": _sensitivity(prepared, found),
-        "observability": _observability(found),
-        "nonlinearity": _nonlinearity(found),
-        "error_bound": _error_bound(found),
-        "allan": _allan(found),
-        "protection": _protection(prepared, found),
-    }
+def diagnostics_rows(prepared: Prepared, cov: CovHistory, diagnostics: CaseDiagnostics | None) -> dict[str, Rows]:
+    """Return the rows of the tables of the requested diagnostics, by table."""
+    rows = injection_rows(cov.injection)
+    rows["covariances"] = _total_rows(prepared, cov)
+    if diagnostics is None:
+        return rows
+    rows["covariances"] += _source_rows(prepared, diagnostics)
+    if diagnostics.adjoint:
+        rows["adjoint"] = _adjoint_rows(diagnostics.event, diagnostics.adjoint)
+    rows["sensitivity"] = _sensitivity_rows(prepared, diagnostics)
+    rows["observability"] = _observability_rows(diagnostics)
+    rows["nonlinearity"] = _nonlinearity_rows(diagnostics)
+    rows["error_bound"] = _bound_rows(diagnostics)
+    rows["allan"] = _allan_rows(diagnostics)
+    rows["protection"] = _protection_rows(prepared, diagnostics)
+    return rows
 
 
-def _groups(prepared: Prepared) -> list[list[int]]:
-    """Return the columns of attitude, velocity and position that have three axes; then those of a backup."""
-    found = ([k for k, one in enumerate(prepared.outputs) if one.quantity == quantity] for quantity in _WITH_BACKUP)
-    return [columns for columns in found if len(columns) == 3]
+def _axis_groups(prepared: Prepared) -> list[list[int]]:
+    """Return the outputs of attitude, velocity and position that have three axes; then those of a backup."""
+    groups = []
+    for quantity in _WITH_BACKUP:
+        group = [k for k, output in enumerate(prepared.outputs) if output.quantity == quantity]
+        if len(group) == 3:
+            groups.append(group)
+    return groups
 
 
-def _entries(prepared: Prepared, columns: list[int], true: Floats, formal: Floats, **label: Any) -> Rows:
-    """List the upper triangle of a covariance (3, 3)."""
-    outputs = [prepared.outputs[k] for k in columns]
+def _covariance_rows(prepared: Prepared, group: list[int], true: Floats, formal: Floats) -> Rows:
+    """Return the rows of the upper triangle of a covariance (3, 3) of three outputs."""
+    outputs = [prepared.outputs[k] for k in group]
     return [
         {
-            **label,
             "quantity": outputs[i].quantity,
             "axis": outputs[i].axis,
             "other_axis": outputs[j].axis,
@@ -57,70 +61,82 @@ def _entries(prepared: Prepared, columns: list[int], true: Floats, formal: Float
     ]
 
 
-def _totals(prepared: Prepared, cov: CovHistory) -> Rows:
-    rows = []
+def _total_rows(prepared: Prepared, cov: CovHistory) -> Rows:
+    """Return the rows of the covariances of all sources together, at the events."""
+    rows: Rows = []
     for event, t in prepared.trajectory.events.items():
-        at = int(np.argmin(np.abs(cov.t - t)))
-        for columns in _groups(prepared):
-            true, formal = (part[at][np.ix_(columns, columns)] for part in (cov.true_cov, cov.formal_cov))
-            rows += _entries(prepared, columns, true, formal, event=event, t_s=float(cov.t[at]), source="")
+        k = int(np.argmin(np.abs(cov.t - t)))
+        name = {"event": event, "t_s": float(cov.t[k]), "source": ""}
+        for group in _axis_groups(prepared):
+            block = np.ix_(group, group)
+            entries = _covariance_rows(prepared, group, cov.true_cov[k][block], cov.formal_cov[k][block])
+            rows += [name | entry for entry in entries]
     return rows
 
 
-def _by_source(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
-    none = np.full((3, 3), np.nan)
-    return [
-        row
-        for part in diagnostics.by_source
-        for source, covariance in zip(part.sources, part.covariance, strict=True)
-        for columns, true in zip(_groups(prepared), covariance, strict=False)
-        for row in _entries(prepared, columns, true, none, event=part.event, t_s=part.time, source=source)
+def _source_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
+    """Return the rows of the covariances by source, at the events; the filter has no covariance by source."""
+    missing = np.full((3, 3), np.nan)
+    rows: Rows = []
+    for budget in diagnostics.by_source:
+        for source, covariances in zip(budget.sources, budget.covariance, strict=True):
+            name = {"event": budget.event, "t_s": budget.time, "source": source}
+            for group, true in zip(_axis_groups(prepared), covariances, strict=False):
+                rows += [name | entry for entry in _covariance_rows(prepared, group, true, missing)]
+    return rows
+
+
+def _adjoint_rows(event: str, budget: AdjointBudget) -> Rows:
+    """Return the contributions by axis and, as their sum, of the norm; bins without contribution are omitted."""
+    series = [
+        (output.quantity, output.axis, output.unit, budget.contribution[k]) for k, output in enumerate(budget.outputs)
     ]
-
-
-def _adjoint(event: str, budget: AdjointBudget) -> Rows:
-    """List the contributions by axis and, as their sum, of the norm; bins without any are left out."""
-    series = [(o.quantity, o.axis, o.unit, budget.contribution[k]) for k, o in enumerate(budget.outputs)]
     for quantity in dict.fromkeys(output.quantity for output in budget.outputs):
-        members = [entry for entry in series if entry[0] == quantity and entry[1] != NORM]
-        series.append((quantity, NORM, members[0][2], np.sum([entry[3] for entry in members], axis=0)))
-    return [
-        {
-            "event": event,
-            "t_s": budget.time,
-            "bin_start_s": float(budget.edges[b]),
-            "bin_end_s": float(budget.edges[b + 1]),
-            "source": budget.sources[s],
-            "quantity": quantity,
-            "axis": axis,
-            "unit": unit,
-            "variance_si2": float(variance[s, b]),
-        }
-        for quantity, axis, unit, variance in series
-        for s, b in zip(*np.nonzero(variance > 0.0), strict=True)
-    ]
+        axes = [k for k, output in enumerate(budget.outputs) if output.quantity == quantity and output.axis != NORM]
+        norm = np.sum([budget.contribution[k] for k in axes], axis=0)
+        series.append((quantity, NORM, budget.outputs[axes[0]].unit, norm))
+
+    rows: Rows = []
+    for quantity, axis, unit, variance in series:
+        for source, time_bin in zip(*np.nonzero(variance > 0.0), strict=True):
+            rows.append(
+                {
+                    "event": event,
+                    "t_s": budget.time,
+                    "bin_start_s": float(budget.edges[time_bin]),
+                    "bin_end_s": float(budget.edges[time_bin + 1]),
+                    "source": budget.sources[source],
+                    "quantity": quantity,
+                    "axis": axis,
+                    "unit": unit,
+                    "variance_si2": float(variance[source, time_bin]),
+                }
+            )
+    return rows
 
 
-def _sensitivity(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
-    units = {output.quantity: output.unit for output in prepared.outputs}
-    return [
-        {
-            "event": diagnostics.event,
-            "t_s": part.time,
-            "source": source,
-            "quantity": part.quantity,
-            "unit": units[part.quantity],
-            "factor_ratio": factor,
-            "frozen_si": float(part.frozen[s, f]),
-            "retuned_si": float(part.retuned[s, f]),
-        }
-        for part in diagnostics.sensitivity
-        for s, source in enumerate(part.sources)
-        for f, factor in enumerate(part.factors)
-    ]
+def _sensitivity_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
+    unit_by_quantity = {output.quantity: output.unit for output in prepared.outputs}
+    rows: Rows = []
+    for sensitivity in diagnostics.sensitivity:
+        for s, source in enumerate(sensitivity.sources):
+            for f, factor in enumerate(sensitivity.factors):
+                rows.append(
+                    {
+                        "event": diagnostics.event,
+                        "t_s": sensitivity.time,
+                        "source": source,
+                        "quantity": sensitivity.quantity,
+                        "unit": unit_by_quantity[sensitivity.quantity],
+                        "factor_ratio": factor,
+                        "frozen_si": float(sensitivity.frozen[s, f]),
+                        "retuned_si": float(sensitivity.retuned[s, f]),
+                    }
+                )
+    return rows
 
 
-def _observability(diagnostics: CaseDiagnostics) -> Rows:
+def _observability_rows(diagnostics: CaseDiagnostics) -> Rows:
     return [
         {
             "phase": phase.name,
@@ -146,103 +162,140 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
         return {}
     if law.why:
         return {"injection_expected": [{"reason": law.why, "quantity": "", "unit": ""}]}
-    total = law.covariance.sum(axis=0)
-    n_other = len(INJECTION) - len(ORBIT)
-    columns = {
-        "reference_si": law.reference,
-        "target_si": np.append(law.target, np.full(n_other, np.nan)),
-        "mean_si": law.mean,
-        "sigma_si": np.sqrt(np.diag(total)),
-        "second_order_si": law.second_order,
-        "knowledge_si": np.append(np.sqrt(law.knowledge.sum(axis=0)), np.full(n_other, np.nan)),
-        "execution_si": np.append(np.sqrt(law.execution.sum(axis=0)), np.full(n_other, np.nan)),
+    return {
+        "injection_expected": _expected_rows(law),
+        "injection_covariances": _injection_covariance_rows(law),
     }
-    expected = [
+
+
+def _expected_rows(law: InjectionLaw) -> Rows:
+    """Return the rows of the quantities of an injection; target, knowledge and execution are of the orbit only."""
+    sigma = np.sqrt(np.diag(law.covariance.sum(axis=0)))
+    missing = np.full(len(INJECTION) - len(ORBIT), np.nan)
+    target = np.append(law.target, missing)
+    knowledge = np.append(np.sqrt(law.knowledge.sum(axis=0)), missing)
+    execution = np.append(np.sqrt(law.execution.sum(axis=0)), missing)
+    return [
         {
             "reason": "",
             "quantity": quantity,
             "unit": INJECTION_UNITS[quantity],
-            **{name: float(values[k]) for name, values in columns.items()},
+            "reference_si": float(law.reference[k]),
+            "target_si": float(target[k]),
+            "mean_si": float(law.mean[k]),
+            "sigma_si": float(sigma[k]),
+            "second_order_si": float(law.second_order[k]),
+            "knowledge_si": float(knowledge[k]),
+            "execution_si": float(execution[k]),
         }
         for k, quantity in enumerate(INJECTION)
     ]
-    joint = [
-        {
-            "source": source,
-            "source_group": "navigation" if number < law.n_navigation else "vehicle",
-            "quantity": quantity,
-            "other_quantity": INJECTION[j],
-            "unit": INJECTION_UNITS[quantity],
-            "other_unit": INJECTION_UNITS[INJECTION[j]],
-            "covariance_si2": float(law.covariance[number, i, j]),
-        }
-        for number, source in enumerate(law.sources)
-        for i, quantity in enumerate(INJECTION)
-        for j in range(i, len(INJECTION))
-    ]
-    return {"injection_expected": expected, "injection_covariances": joint}
 
 
-def _nonlinearity(diagnostics: CaseDiagnostics) -> Rows:
-    names = [f"{quantity} {axis}" for quantity in _QUANTITIES for axis in "xyz"]  # frame i, as the filter carries them
-    return [
-        {
-            "event": event,
-            "t_s": part.time,
-            "propagation_ratio": part.motion,
-            "state": names[part.state],
-            "transition_ratio": part.transition,
-            "measurement_ratio": part.rows,
-        }
-        for event, part in diagnostics.nonlinear
-    ]
-
-
-def _allan(diagnostics: CaseDiagnostics) -> Rows:
-    names = ("simulated_si", "card_si", "white_noise_si", "bias_instability_si", "random_walk_si")
-    return [
-        {"sensor": one.sensor, "unit": one.unit, "tau_s": float(tau), **dict(zip(names, map(float, row), strict=True))}
-        for one in diagnostics.allan
-        for tau, *row in zip(one.tau, one.stream, one.card, one.white, one.instability, one.walk, strict=True)
-    ]
-
-
-def _protection(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
-    """Return the protection levels by time, quantity and axis; 3d: the length of the box of the three axes."""
-    one, rows = diagnostics.protected, list[dict[str, Any]]()
-    if one is None:
-        return rows
-    axes = [output.axis for output in prepared.outputs if output.quantity == "position"]
-    for quantity, (name, unit) in enumerate(PROTECTED.items()):
-        named = np.array([*one.satellites, ""])[one.worst[:, quantity].astype(int)]
-        sizes = [
-            np.hstack([part[:, quantity], np.linalg.norm(part[:, quantity], axis=1)[:, None]])
-            for part in (one.level, one.fault_free, one.sigma)
-        ]
-        for axis, label in enumerate((*axes, "3d")):
-            rows += [
-                {
-                    "t_s": float(t),
-                    "quantity": name,
-                    "axis": label,
-                    "unit": unit,
-                    "level_si": float(level),
-                    "fault_free_si": float(free),
-                    "sigma_si": float(sigma),
-                    "satellite": str(worst),
-                }
-                for t, level, free, sigma, worst in zip(one.t, *(size[:, axis] for size in sizes), named, strict=True)
-            ]
+def _injection_covariance_rows(law: InjectionLaw) -> Rows:
+    """Return the rows of the upper triangles of the covariances of an injection, by source."""
+    rows: Rows = []
+    for k, source in enumerate(law.sources):
+        group = "navigation" if k < law.n_navigation else "vehicle"
+        for i, quantity in enumerate(INJECTION):
+            for j in range(i, len(INJECTION)):
+                rows.append(
+                    {
+                        "source": source,
+                        "source_group": group,
+                        "quantity": quantity,
+                        "other_quantity": INJECTION[j],
+                        "unit": INJECTION_UNITS[quantity],
+                        "other_unit": INJECTION_UNITS[INJECTION[j]],
+                        "covariance_si2": float(law.covariance[k, i, j]),
+                    }
+                )
     return rows
 
 
-def _error_bound(diagnostics: CaseDiagnostics) -> Rows:
+def _nonlinearity_rows(diagnostics: CaseDiagnostics) -> Rows:
+    states = [f"{quantity} {axis}" for quantity in _QUANTITIES for axis in "xyz"]  # of the filter, in frame i
+    return [
+        {
+            "event": event,
+            "t_s": nonlinearity.time,
+            "propagation_ratio": nonlinearity.motion,
+            "state": states[nonlinearity.state],
+            "transition_ratio": nonlinearity.transition,
+            "measurement_ratio": nonlinearity.rows,
+        }
+        for event, nonlinearity in diagnostics.nonlinear
+    ]
+
+
+def _allan_rows(diagnostics: CaseDiagnostics) -> Rows:
+    return [
+        {
+            "sensor": curve.sensor,
+            "unit": curve.unit,
+            "tau_s": float(tau),
+            "simulated_si": float(curve.stream[k]),
+            "card_si": float(curve.card[k]),
+            "white_noise_si": float(curve.white[k]),
+            "bias_instability_si": float(curve.instability[k]),
+            "random_walk_si": float(curve.walk[k]),
+        }
+        for curve in diagnostics.allan
+        for k, tau in enumerate(curve.tau)
+    ]
+
+
+def _protection_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
+    """Return the protection levels by time, quantity and axis; 3d: the length of the box of the three axes."""
+    protected = diagnostics.protected
+    if protected is None:
+        return []
+    axes = [output.axis for output in prepared.outputs if output.quantity == "position"]
+    satellites = np.array([*protected.satellites, ""])  # the last is that of no satellite, number -1
+    rows: Rows = []
+    for q, (quantity, unit) in enumerate(PROTECTED.items()):
+        worst = satellites[protected.worst[:, q].astype(int)]
+        level = _append_norm(protected.level[:, q])
+        fault_free = _append_norm(protected.fault_free[:, q])
+        sigma = _append_norm(protected.sigma[:, q])
+        for a, axis in enumerate((*axes, "3d")):
+            for k, t in enumerate(protected.t):
+                rows.append(
+                    {
+                        "t_s": float(t),
+                        "quantity": quantity,
+                        "axis": axis,
+                        "unit": unit,
+                        "level_si": float(level[k, a]),
+                        "fault_free_si": float(fault_free[k, a]),
+                        "sigma_si": float(sigma[k, a]),
+                        "satellite": str(worst[k]),
+                    }
+                )
+    return rows
+
+
+def _append_norm(values: Floats) -> Floats:
+    """Return values (n, 3) with their norms as fourth column."""
+    return np.hstack([values, np.linalg.norm(values, axis=1)[:, None]])
+
+
+def _bound_rows(diagnostics: CaseDiagnostics) -> Rows:
+    """Return the bounds of the error by the initial covariance (Q) and by the measurements (R)."""
     bound = diagnostics.bound
     if bound is None:
         return []
-    ranks = {"rank_count": bound.rank, "state_count": bound.states, "weakest_direction": diagnostics.unbounded}
-    matrices = [("Q", "initial sigma^2", bound.low, bound.high), *(("R", *row) for row in bound.rows)]
+    matrices = [("Q", "initial sigma^2", bound.low, bound.high)]
+    matrices += [("R", unit, low, high) for unit, low, high in bound.rows]
     return [
-        {"matrix": matrix, "unit": unit, "lower_bound_si": low, "upper_bound_si": high, **ranks}
+        {
+            "matrix": matrix,
+            "unit": unit,
+            "lower_bound_si": low,
+            "upper_bound_si": high,
+            "rank_count": bound.rank,
+            "state_count": bound.states,
+            "weakest_direction": diagnostics.unbounded,
+        }
         for matrix, unit, low, high in matrices
     ]

@@ -9,7 +9,8 @@ import pyarrow as pa
 
 from lvnav_trade.quantities.units import EXAMPLES
 
-_STATED = tomllib.loads((resources.files("lvnav_trade.results.tables") / "tables.toml").read_text(encoding="utf-8"))
+_FILE = resources.files("lvnav_trade.results.tables") / "tables.toml"
+_STATED = tomllib.loads(_FILE.read_text(encoding="utf-8"))
 # The last part of the name of every column of numbers is one of these
 SUFFIXES: dict[str, str] = _STATED["units"]
 # Meaning of every column by table, in order, after the column `case` that all of them begin with
@@ -50,31 +51,36 @@ def unit_suffix(unit: str) -> str:
     text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)0\.5", r"sqrt_\1", unit)
     text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)1\.5", r"\1_sqrt_\1", text)
     text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)2\.5", r"\1_\1_sqrt_\1", text)
-    return re.sub(r"\W", "_", text.replace("**", "").replace("^", "").replace("/", "_per_").replace("*", "_")).lower()
+    text = text.replace("**", "").replace("^", "")
+    text = text.replace("/", "_per_").replace("*", "_")
+    return re.sub(r"\W", "_", text).lower()
 
 
 @lru_cache(maxsize=1)
-def _units_by_end() -> dict[str, str]:
-    found = {unit_suffix(unit): unit for unit in (*EXAMPLES, *SI_SUFFIX) if unit}
-    return found | {"ratio": "dimensionless"}
+def _unit_table() -> dict[str, str]:
+    """Return the SI unit by the end of a column's name."""
+    unit_by_suffix = {unit_suffix(unit): unit for unit in (*EXAMPLES, *SI_SUFFIX) if unit}
+    unit_by_suffix["ratio"] = "dimensionless"
+    return unit_by_suffix
 
 
 def unit_at_end(column: str) -> tuple[str, str]:
-    """Return what a column's name is without its unit, and that SI unit; no unit where it ends with none."""
-    ends = [end for end in _units_by_end() if column.endswith(f"_{end}")]
-    if not ends:
+    """Return the name of a column without its unit, and that SI unit; no unit if the name ends with none."""
+    units = _unit_table()
+    suffixes = [suffix for suffix in units if column.endswith(f"_{suffix}")]
+    if not suffixes:
         return column, ""
-    longest = max(ends, key=len)
-    return column.removesuffix(f"_{longest}"), _units_by_end()[longest]
+    longest = max(suffixes, key=len)
+    return column.removesuffix(f"_{longest}"), units[longest]
 
 
 def error_column(quantity: str, axis: str, unit: str) -> str:
-    """Return the column of the table `runs` that holds one error, such as ``velocity_3d_error_m_per_s``."""
+    """Return the column of the table `runs` with an error, such as ``velocity_3d_error_m_per_s``."""
     return f"{quantity}_{axis}_error_{SI_SUFFIX[unit]}"
 
 
 def rms_column(quantity: str, axis: str, unit: str) -> str:
-    """Return the column of the table `interval_errors` with one error's root mean square over a span."""
+    """Return the column of the table `interval_errors` with the root mean square of an error over an interval."""
     return f"{quantity}_{axis}_rms_{SI_SUFFIX[unit]}"
 
 
@@ -83,12 +89,14 @@ OF_OUTPUTS = {"runs": (error_column,), "spot_runs": (error_column,), "interval_e
 
 
 def kind_of(column: str) -> pa.DataType:
-    """Return the type of a column, which its name says: numbers end with their unit, counts and numbers are whole."""
+    """Return the type of a column by its name: numbers end with their unit, counts and numbers are integers."""
     if column in ("logic", "integrity", "tracked"):
         return pa.bool_()
     if column.endswith(("_count", "_number")):
         return pa.int64()
-    return pa.float64() if column.endswith(tuple(f"_{suffix}" for suffix in SUFFIXES)) else pa.string()
+    if column.endswith(tuple(f"_{suffix}" for suffix in SUFFIXES)):
+        return pa.float64()
+    return pa.string()
 
 
 @lru_cache(maxsize=128)
@@ -96,4 +104,5 @@ def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:
     """Return the Arrow schema of a table; `extra` names more columns of real numbers at its end."""
     meanings = {"case": _STATED["shared"]["case"], **TABLES[table]}
     fields = [pa.field(name, kind_of(name), metadata={"meaning": meaning}) for name, meaning in meanings.items()]
-    return pa.schema(fields + [pa.field(name, pa.float64()) for name in extra])
+    fields += [pa.field(name, pa.float64()) for name in extra]
+    return pa.schema(fields)

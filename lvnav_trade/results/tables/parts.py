@@ -50,13 +50,15 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{summary.first_run}-{summary.n_run}.parquet"
     table = _pack(summary)
-    identity = _with_runs(identity, summary)
-    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: _checksum(_rows(table), identity.encode())})
+    identity = _run_identity(identity, summary)
+    checksum = _checksum(_array_rows(table), identity.encode())
+    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: checksum})
     # compression halves the size, but takes as long as three runs; a dictionary is useless for few large values
     replace_table(table, path, use_dictionary=False, write_statistics=False, compression="none")
-    for other in paths(folder):
-        if span(other)[0] == summary.first_run and other != path:
-            other.unlink(missing_ok=True)
+    for part in paths(folder):
+        first_run, _ = span(part)
+        if first_run == summary.first_run and part != path:
+            part.unlink(missing_ok=True)
     return path
 
 
@@ -69,17 +71,17 @@ def read(path: Path, identity: str | None = None) -> BlockSummary:
         with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
         metadata = table.schema.metadata or {}
-        written_by = metadata.get(_IDENTITY, b"")
-        if table.schema.names != _SCHEMA.names or _checksum(_rows(table), written_by) != metadata.get(_CHECKSUM):
+        origin = metadata.get(_IDENTITY, b"")
+        if table.schema.names != _SCHEMA.names or _checksum(_array_rows(table), origin) != metadata.get(_CHECKSUM):
             raise ValueError("its checksum does not fit")
-        summary = _unpack(_rows(table))
+        summary = _unpack(_array_rows(table))
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         raise ValueError(f"{path}: damaged part: {error}") from error
     if (summary.first_run, summary.n_run) != span(path):
         raise ValueError(f"{path}: damaged part: it holds other runs than its name says")
-    if identity is not None and written_by.decode(errors="replace") != _with_runs(identity, summary):
+    if identity is not None and origin.decode(errors="replace") != _run_identity(identity, summary):
         raise ValueError(f"{path}: a part of another campaign, case or code")
     return summary
 
@@ -96,9 +98,10 @@ def drop_damaged(folder: Path, identity: str | None = None) -> None:
         except ValueError as error:
             _LOG.warning("%s; dropped, its runs will be computed again", error)
             path.unlink(missing_ok=True)
-    kept = {span(path)[0]: path for path in paths(folder)}  # parts with the same first run are in order of length
+    # parts with the same first run are in order of length
+    longest = {span(path)[0]: path for path in paths(folder)}
     for path in paths(folder):
-        if path != kept[span(path)[0]]:
+        if path != longest[span(path)[0]]:
             path.unlink(missing_ok=True)
 
 
@@ -109,7 +112,8 @@ def is_name(name: str) -> bool:
 
 def paths(folder: Path) -> list[Path]:
     """Return the part files of a case in run order."""
-    return sorted((path for path in folder.glob("*-*.parquet") if is_name(path.name)), key=span)
+    parts = [path for path in folder.glob("*-*.parquet") if is_name(path.name)]
+    return sorted(parts, key=span)
 
 
 def span(path: Path) -> tuple[int, int]:
@@ -135,29 +139,30 @@ def stream(folder: Path, identity: str | None = None, n_run: int | None = None) 
     ValueError
         At once if one of the first `n_run` runs is missing; during the iteration if a part is damaged.
     """
-    chosen = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
+    parts = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
     if n_run is not None:
         end = 0
-        for first, count in [*map(span, chosen), (n_run, 0)]:
+        for first, count in [*map(span, parts), (n_run, 0)]:
             if first != end:
                 raise ValueError(f"{folder}: runs {end} to {first - 1} are in no part")
             end = first + count
-    return (read(path, identity) for path in chosen)
+    return (read(path, identity) for path in parts)
 
 
-def _with_runs(identity: str, summary: BlockSummary) -> str:
+def _run_identity(identity: str, summary: BlockSummary) -> str:
+    """Return the origin of a part with its runs."""
     return f"{identity} runs={summary.first_run}+{summary.n_run}"
 
 
 def _pack(summary: BlockSummary) -> pa.Table:
     arrays = {name: _array(value) for name, value in zip(summary._fields, summary, strict=True)}
-    columns = (
-        texts(list(arrays)),
-        texts([str(array.dtype) for array in arrays.values()]),
-        integers([array.shape for array in arrays.values()]),
-        binaries(list(arrays.values())),
-    )
-    return pa.table(dict(zip(_SCHEMA.names, columns, strict=True)), schema=_SCHEMA)
+    content = {
+        "name": texts(list(arrays)),
+        "dtype": texts([str(array.dtype) for array in arrays.values()]),
+        "shape": integers([array.shape for array in arrays.values()]),
+        "bytes": binaries(list(arrays.values())),
+    }
+    return pa.table(content, schema=_SCHEMA)
 
 
 def _array(value: Any) -> _Array:
@@ -167,18 +172,22 @@ def _array(value: Any) -> _Array:
     return np.frombuffer("\n".join(value).encode(), dtype=np.uint8)
 
 
-def _rows(table: pa.Table) -> Iterator[tuple[str, str, list[int], Any]]:
+def _array_rows(table: pa.Table) -> Iterator[tuple[str, str, list[int], Any]]:
     """Yield name, type, shape and bytes of each array of a part, without copying the bytes."""
-    names, dtypes, shapes = (table[name].to_pylist() for name in ("name", "dtype", "shape"))
-    yield from zip(names, dtypes, shapes, (value.as_buffer() for value in table["bytes"]), strict=True)
+    names = table["name"].to_pylist()
+    dtypes = table["dtype"].to_pylist()
+    shapes = table["shape"].to_pylist()
+    buffers = (value.as_buffer() for value in table["bytes"])
+    yield from zip(names, dtypes, shapes, buffers, strict=True)
 
 
 def _unpack(rows: Iterable[tuple[str, str, list[int], Any]]) -> BlockSummary:
-    arrays: dict[str, Any] = {
-        name: np.frombuffer(content, dtype=dtype).reshape(shape).copy() for name, dtype, shape, content in rows
-    }
+    arrays: dict[str, Any] = {}
+    for name, dtype, shape, content in rows:
+        arrays[name] = np.frombuffer(content, dtype=dtype).reshape(shape).copy()
     text = arrays["events"].tobytes().decode()
-    return BlockSummary(**{**arrays, "events": tuple(text.split("\n")) if text else ()})
+    arrays["events"] = tuple(text.split("\n")) if text else ()
+    return BlockSummary(**arrays)
 
 
 def _checksum(rows: Iterable[tuple[str, str, list[int], Any]], identity: bytes) -> bytes:

@@ -66,7 +66,7 @@ class Tables:
         if name not in TABLES:
             raise AttributeError(name)
         if name not in self._read:
-            table = _whole(name, stored_table(self.folder, name))
+            table = _complete_table(name, stored_table(self.folder, name))
             self._read[name] = table.combine_chunks().to_pandas()  # one chunk, since lookups are not case by case
         frame = self._read[name]
         if id(frame) not in PLACES:
@@ -104,11 +104,11 @@ class Tables:
     def labels(self) -> dict[str, str]:
         """Label by digest of the case, in the order of the plan; equal labels are extended by the digest."""
         cases = self.cases
-        twice = set(cases.label[cases.label.duplicated()])
-        return {
-            case: f"{label} [{case}]" if label in twice else label
-            for case, label in zip(cases.case, cases.label, strict=True)
-        }
+        repeated = set(cases.label[cases.label.duplicated()])
+        labels = {}
+        for case, label in zip(cases.case, cases.label, strict=True):
+            labels[case] = f"{label} [{case}]" if label in repeated else label
+        return labels
 
     @cached_property
     def levels(self) -> dict[str, dict[str, str]]:
@@ -118,13 +118,13 @@ class Tables:
     @cached_property
     def people(self) -> dict[tuple[str, str], tuple[str, float]]:
         """Display unit and factor from SI to it, by quantity and axis."""
-        rows = self.outputs.drop_duplicates(["quantity", "axis"])
-        return {
-            (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
-        }
+        display_units = {}
+        for row in self.outputs.drop_duplicates(["quantity", "axis"]).itertuples(index=False):
+            display_units[row.quantity, row.axis] = (row.label_unit, row.label_factor_ratio)
+        return display_units
 
 
-def _whole(name: str, table: pa.Table) -> pa.Table:
+def _complete_table(name: str, table: pa.Table) -> pa.Table:
     """Return a table with every column of its schema; columns that an earlier version did not write are empty."""
     for field in arrow_schema(name):
         if field.name not in table.column_names:
@@ -132,13 +132,26 @@ def _whole(name: str, table: pa.Table) -> pa.Table:
     return table
 
 
-def _is_of_kind(stored: pa.DataType, wanted: pa.DataType) -> bool:
+def _is_compatible(stored: pa.DataType, expected: pa.DataType) -> bool:
     """Whether two types are both numbers, texts or truth values; their widths may differ."""
     if pa.types.is_dictionary(stored):
         stored = stored.value_type
-    kinds = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean)
-    is_text = [pa.types.is_string(kind) or pa.types.is_large_string(kind) for kind in (stored, wanted)]
-    return pa.types.is_null(stored) or (is_text[0] == is_text[1] and all(of(stored) == of(wanted) for of in kinds))
+    if pa.types.is_null(stored):
+        return True
+    return _type_class(stored) == _type_class(expected)
+
+
+def _type_class(data_type: pa.DataType) -> str:
+    """Return whether a type is that of texts, numbers or truth values; their widths may differ."""
+    if pa.types.is_string(data_type) or pa.types.is_large_string(data_type):
+        return "text"
+    if pa.types.is_floating(data_type):
+        return "real"
+    if pa.types.is_integer(data_type):
+        return "integer"
+    if pa.types.is_boolean(data_type):
+        return "boolean"
+    return "other"
 
 
 def load(results: Path | str | Tables) -> Tables:
@@ -180,18 +193,29 @@ def stored_table(folder: Path, name: str) -> pa.Table:
     Raises an InputError if the table is missing or damaged, or a column has values of another type.
     """
     names = stored_names(folder)
-    if not is_without_rows(folder, names.table(name)):
-        path = folder / f"{names.table(name)}.parquet"
-        table = names.with_present_names(name, read_table(path))
-        for field in arrow_schema(name):
-            stored = table.schema.field(field.name).type if field.name in table.column_names else field.type
-            if not _is_of_kind(stored, field.type):
-                column = quoted(names.column(name, field.name))
-                raise damaged(path, f"the column {column} has values of type {stored}, not {field.type}")
-        return table
-    kinds = OF_OUTPUTS.get(name, ())
-    outputs = stored_table(folder, "outputs").to_pylist() if kinds else []  # empty as well if every case failed
-    columns = {kind(row["quantity"], row["axis"], row["unit"]): None for kind in kinds for row in outputs}
+    if is_without_rows(folder, names.table(name)):
+        return _empty_table(folder, name)
+    path = folder / f"{names.table(name)}.parquet"
+    table = names.with_present_names(name, read_table(path))
+    for field in arrow_schema(name):
+        if field.name not in table.column_names:
+            continue
+        stored = table.schema.field(field.name).type
+        if not _is_compatible(stored, field.type):
+            column = quoted(names.column(name, field.name))
+            raise damaged(path, f"the column {column} has values of type {stored}, not {field.type}")
+    return table
+
+
+def _empty_table(folder: Path, name: str) -> pa.Table:
+    """Return a table without rows, with its columns of outputs."""
+    column_names = OF_OUTPUTS.get(name, ())
+    columns: dict[str, None] = {}
+    if column_names:
+        outputs = stored_table(folder, "outputs").to_pylist()  # empty as well if every case failed
+        for column_name in column_names:
+            for row in outputs:
+                columns[column_name(row["quantity"], row["axis"], row["unit"])] = None
     return arrow_schema(name, tuple(columns)).empty_table()
 
 
@@ -210,23 +234,23 @@ def read_table(path: Path) -> pa.Table:
     try:
         return pq.read_table(path, page_checksum_verification=True)
     except FileNotFoundError:
-        why = "a kept base has none, and of other results the same lvnav-trade run makes it again"
-        raise InputError(f"{path}: this table is missing; {why}") from None
+        remedy = "a kept base has none, and of other results the same lvnav-trade run makes it again"
+        raise InputError(f"{path}: this table is missing; {remedy}") from None
     except (OSError, pa.ArrowException, ValueError, MemoryError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise InputError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
-        why = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise damaged(path, why) from None
+        first_line = str(error).strip().partition("\n")[0]
+        raise damaged(path, first_line or type(error).__name__) from None
 
 
-_Found = TypeVar("_Found")  # frame or list
+_Result = TypeVar("_Result")  # frame or list
 
 
-def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
+def once(metric: Callable[..., _Result]) -> Callable[..., _Result]:
     """Return a function of tables (and of texts) that caches its result with the tables; each caller gets a copy."""
 
     @wraps(metric)
-    def cached(tables: Tables, *texts: str) -> _Found:
+    def cached(tables: Tables, *texts: str) -> _Result:
         key = (metric.__module__, metric.__qualname__, *texts)
         if key not in tables.cache:
             tables.cache[key] = metric(tables, *texts)
@@ -236,29 +260,33 @@ def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
     return cached
 
 
-def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
+def pick(rows: pd.DataFrame, **values: str) -> pd.DataFrame:
     """Return the rows of a table whose columns have the given values, by an index if the table is a stored one."""
     if id(rows) in PLACES:
-        return rows.iloc[_places(rows, wanted)]
-    for column, value in wanted.items():
+        return rows.iloc[_row_positions(rows, values)]
+    for column, value in values.items():
         rows = rows[rows[column] == value]
     return rows
 
 
-def pick_columns(rows: pd.DataFrame, names: Sequence[str], **wanted: str) -> list[np.ndarray]:
+def pick_columns(rows: pd.DataFrame, names: Sequence[str], **values: str) -> list[np.ndarray]:
     """Return columns (n,) of the rows that `pick` selects, without building a frame of all columns."""
-    if not wanted:
+    if not values:
         return [rows[name].to_numpy() for name in names]
     if id(rows) in PLACES:
-        places = _places(rows, wanted)
-        return [rows[name].to_numpy()[places] for name in names]
-    selected = pick(rows, **wanted)
+        positions = _row_positions(rows, values)
+        return [rows[name].to_numpy()[positions] for name in names]
+    selected = pick(rows, **values)
     return [selected[name].to_numpy() for name in names]
 
 
-def _places(rows: pd.DataFrame, wanted: dict[str, str]) -> Any:
+def _row_positions(rows: pd.DataFrame, values: dict[str, str]) -> Any:
     """Return the positions (n,) in a stored table of the rows whose columns have the given values."""
-    index, columns, values = PLACES[id(rows)], tuple(wanted), tuple(wanted.values())
+    index = PLACES[id(rows)]
+    columns = tuple(values)
     if columns not in index:
         index[columns] = rows.groupby(list(columns), sort=False).indices
-    return index[columns].get(values if len(values) > 1 else values[0], np.empty(0, dtype=np.intp))
+    key = tuple(values.values())
+    nothing = np.empty(0, dtype=np.intp)
+    # pandas has the key itself for a single column, and a tuple of keys for several
+    return index[columns].get(key if len(key) > 1 else key[0], nothing)
