@@ -81,8 +81,9 @@ class OwnedFolder:
         a part of its path is a link. In a folder of results of an earlier version, which has no list, existing files of
         the report are assumed to be of the tool.
         """
-        wanted, listed = sorted(set(names)), self.names
-        for name in wanted:
+        claimed = sorted(set(names))
+        listed = self.names
+        for name in claimed:
             path = self.place(name)
             if path.is_symlink():
                 raise InputError(f"{path}: is a link, which is not followed; {_GIVE_ANOTHER}")
@@ -90,7 +91,7 @@ class OwnedFolder:
                 raise InputError(f"{path}: was not written by lvnav-trade; move it, or give another folder")
         for case in cases:
             self._place_case(case)
-        self._files[group] = sorted({*self._files.get(group, ()), *wanted})
+        self._files[group] = sorted({*self._files.get(group, ()), *claimed})
         self.cases = sorted({*self.cases, *cases})
         self.folder.mkdir(parents=True, exist_ok=True)
         self._save()
@@ -112,17 +113,18 @@ class OwnedFolder:
 
     def remove(self, group: str, names: Iterable[str]) -> None:
         """Remove files of a group from the folder, and then from the list."""
-        gone = set(names)
-        for name in gone:
+        removed = set(names)
+        for name in removed:
             self._remove(self.place(name))
-        self._files[group] = [name for name in self._files.get(group, ()) if name not in gone]
+        self._files[group] = [name for name in self._files.get(group, ()) if name not in removed]
         self._save()
 
     def is_without_results(self) -> bool:
         """Return whether the campaign that has the folder stored nothing: no table, no report, no block of runs."""
-        described = {MANIFEST, RESOLVED}
-        stored = any(self.place(name).exists() for name in self.names - described)
-        return not stored and not any(part_files.paths(self._place_case(case)) for case in self.cases)
+        for name in self.names:
+            if name not in (MANIFEST, RESOLVED) and self.place(name).exists():
+                return False
+        return not any(part_files.paths(self._place_case(case)) for case in self.cases)
 
     def clear(self) -> None:
         """Remove all listed files, and folders that become empty."""
@@ -137,8 +139,9 @@ class OwnedFolder:
         """Remove the tables of single cases; blocks of runs remain."""
         for case in self.cases:
             folder = self._place_case(case) / "tables"
-            for path in [folder / f"{table}{end}" for table in _STORED for end in _CASE_TABLES]:
-                self._remove(path)
+            for table in _STORED:
+                for extension in _CASE_TABLES:
+                    self._remove(folder / f"{table}{extension}")
 
     def remove_blocks(self) -> None:
         """Remove the blocks of runs of all cases."""
@@ -148,13 +151,17 @@ class OwnedFolder:
 
     def sweep(self) -> None:
         """Remove temporary files of killed processes that belong to listed names."""
-        own = {self.folder / CONTENTS, *map(self.place, self.names)}
-        cases = {place / name for place in map(self._place_case, self.cases) for name in (".", "tables")}
-        for place in cases | {path.parent for path in own}:
-            for path in place.glob(".*.*"):
+        listed = {self.folder / CONTENTS}
+        listed |= {self.place(name) for name in self.names}
+        case_folders = {self._place_case(case) for case in self.cases}
+        case_folders |= {folder / "tables" for folder in case_folders}
+        for folder in case_folders | {path.parent for path in listed}:
+            for path in folder.glob(".*.*"):
                 name = _TEMPORARY.sub(r"\1", path.name)
-                of_case = place in cases and (part_files.is_name(name) or PurePosixPath(name).stem in _STORED)
-                if name != path.name and (of_case or place / name in own):
+                if name == path.name:
+                    continue
+                is_case_file = part_files.is_name(name) or PurePosixPath(name).stem in _STORED
+                if (folder in case_folders and is_case_file) or folder / name in listed:
                     path.unlink(missing_ok=True)
 
     def place(self, name: str) -> Path:
@@ -188,10 +195,18 @@ class OwnedFolder:
         files = {group: names for group, names in sorted(self._files.items()) if names}
         content: dict[str, Any] = {_MARK: _VERSION, "kind": self.kind, "files": files, "cases": self.cases}
         if self.kind == "results":
-            stored, shown = files.get("run", ()), files.get("report", ())
-            content["tables"] = {name: feature for name, feature in _STORED.items() if f"{name}.parquet" in stored}
-            content["tables"] |= {f"{name}.csv": of for name, of in REPORTED.items() if f"{name}.csv" in shown}
+            content["tables"] = self._features()
         replace_file(self.folder / CONTENTS, json.dumps(content, indent=1) + "\n")
+
+    def _features(self) -> dict[str, str]:
+        """Return the feature that each listed table belongs to: by name of stored tables, by file of CSV tables."""
+        stored = self.listed("run")
+        reported = self.listed("report")
+        features = {name: feature for name, feature in _STORED.items() if f"{name}.parquet" in stored}
+        for name, feature in REPORTED.items():
+            if f"{name}.csv" in reported:
+                features[f"{name}.csv"] = feature
+        return features
 
 
 def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
@@ -222,58 +237,60 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
     with writing(folder, "the folder cannot be written", resumes=True), suppress(FileNotFoundError):
         existing = [name for name in os.listdir(folder) if not name.startswith(".")]
     if CONTENTS in existing:
-        files, cases, present = _listed(folder)
+        files, cases, present_kind = _read_list(folder)
     elif not existing:
         return OwnedFolder(folder, kind, {}, (), adopted=False)
     else:
-        files, cases, present = _of_manifest(folder)
-    if present != kind:
-        raise InputError(f"{folder}: holds {_KINDS[present]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
+        files, cases, present_kind = _infer_list(folder)
+    if present_kind != kind:
+        raise InputError(f"{folder}: holds {_KINDS[present_kind]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
     return OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in existing)
 
 
 def is_without_rows(folder: Path, table: str) -> bool:
     """Whether results lack a table because it has no rows: its stored name is missing in their list of tables."""
-    tables = _json(folder / CONTENTS).get("tables")
+    tables = _read_json(folder / CONTENTS).get("tables")
     return isinstance(tables, dict) and table not in tables
 
 
-def _listed(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
-    content = _json(folder / CONTENTS)
+def _read_list(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
+    """Return the files, cases and kind of a folder from its list of files; InputError if it is damaged."""
+    content = _read_json(folder / CONTENTS)
     files: Any = content.get("files")
     cases: Any = content.get("cases")
-    good = content.get("kind") in _KINDS and isinstance(files, dict)
-    if _MARK not in content or not good or not all(map(_is_texts, (cases, *files.values()))):
+    is_list = (
+        _MARK in content
+        and content.get("kind") in _KINDS
+        and isinstance(files, dict)
+        and all(_is_text_list(names) for names in (cases, *files.values()))
+    )
+    if not is_list:
         raise InputError(f"{folder / CONTENTS}: not a list of files of lvnav-trade; {_GIVE_ANOTHER}")
     if content[_MARK] != _VERSION:
         raise InputError(f"{folder / CONTENTS}: of another version of lvnav-trade; {_GIVE_ANOTHER}")
     return files, cases, content["kind"]
 
 
-def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
+def _infer_list(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
     """Return the files, cases and kind of a folder of an earlier version, from its manifest."""
-    manifest = _json(folder / MANIFEST)
+    manifest = _read_json(folder / MANIFEST)
     if not all(isinstance(manifest.get(key), str) for key in ("campaign_digest", "tool", "code_digest")):
         raise InputError(f"{folder}: holds files that lvnav-trade did not write (no {CONTENTS}); {_GIVE_ANOTHER}")
-    cases = [str(case) for key in ("asked_cases", "cases") for case in manifest.get(key) or ()]
-    return (
-        {"run": [*RUN_FILES, *(f"{table}.parquet" for table in _EARLIER)]},
-        cases,
-        "results" if "created" in manifest else "base",
-    )
+    cases: list[str] = []
+    for key in ("asked_cases", "cases"):
+        cases += [str(case) for case in manifest.get(key) or ()]
+    earlier_tables = [f"{table}.parquet" for table in _EARLIER]
+    kind = "results" if "created" in manifest else "base"
+    return {"run": [*RUN_FILES, *earlier_tables]}, cases, kind
 
 
-def _json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file; empty if there is none."""
     try:
         content = json.loads(read_bytes(path, _BYTES).decode())
     except (InputError, OSError, ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}
-
-
-def _is_texts(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(item, str) for item in value)
 
 
 def refuse_foreign(path: Path, manifest: object) -> None:
@@ -294,9 +311,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise damaged(path, error) from None
     refuse_foreign(path, content)
-    for is_kind, keys in _KINDS_OF_FIELDS.items():
+    for is_valid, keys in _FIELD_CHECKS.items():
         for key in keys:
-            if key in content and not is_kind(content[key]):
+            if key in content and not is_valid(content[key]):
                 raise damaged(path, f"{key} cannot be {quoted(content[key])}")
     return dict(content)
 
@@ -308,7 +325,10 @@ def digests(paths: Iterable[Path]) -> dict[str, str]:
 
 def digest(content: bytes) -> str:
     """Return the SHA-256 of a file's content; line breaks of texts, which a repository may change, are normalised."""
-    return hashlib.sha256(content if content[:4] == b"PAR1" else content.replace(b"\r\n", b"\n")).hexdigest()
+    is_parquet = content[:4] == b"PAR1"
+    if not is_parquet:
+        content = content.replace(b"\r\n", b"\n")
+    return hashlib.sha256(content).hexdigest()
 
 
 def refuse_changed(path: Path) -> None:
@@ -317,20 +337,21 @@ def refuse_changed(path: Path) -> None:
     if not (manifest.is_file() and path.is_file()):
         return
     state = manifest.stat()
-    wanted = _digests_in(manifest, state.st_mtime_ns, state.st_size).get(path.name)
-    if wanted is not None and wanted != digest(path.read_bytes()):
+    written = _read_digests(manifest, state.st_mtime_ns, state.st_size).get(path.name)
+    if written is not None and written != digest(path.read_bytes()):
         raise damaged(path, "its content is not what the campaign wrote")
 
 
 @lru_cache(maxsize=8)
-def _digests_in(manifest: Path, _changed_ns: int, _size: int) -> dict[str, str]:
-    by_name: dict[str, str] = read_manifest(manifest).get(DIGESTS, {})
-    return by_name
+def _read_digests(manifest: Path, _changed_ns: int, _size: int) -> dict[str, str]:
+    """Return the digests in a manifest by file, cached until the manifest changes."""
+    digest_by_file: dict[str, str] = read_manifest(manifest).get(DIGESTS, {})
+    return digest_by_file
 
 
-def damaged(path: Path, why: object) -> InputError:
+def damaged(path: Path, reason: object) -> InputError:
     """Return the exception for a damaged file of results, one line with the remedy."""
-    line = str(why).strip().partition("\n")[0] or type(why).__name__
+    line = str(reason).strip().partition("\n")[0] or type(reason).__name__
     return InputError(f"{path}: damaged: {line}; the same lvnav-trade run makes it again")
 
 
@@ -338,11 +359,11 @@ def _is_text(value: object) -> bool:
     return isinstance(value, str)
 
 
-def _is_list_of_texts(value: object) -> bool:
+def _is_text_list(value: object) -> bool:
     return isinstance(value, list) and all(map(_is_text, value))
 
 
-def _is_mapping_to_texts(value: object) -> bool:
+def _is_text_mapping(value: object) -> bool:
     return isinstance(value, dict) and all(map(_is_text, value.values()))
 
 
@@ -354,10 +375,10 @@ def _is_above_zero(value: object) -> bool:
     return _is_count(value) and value != 0
 
 
-_KINDS_OF_FIELDS: dict[Callable[[object], bool], tuple[str, ...]] = {
+_FIELD_CHECKS: dict[Callable[[object], bool], tuple[str, ...]] = {
     _is_text: ("campaign", "campaign_digest", "tool", "code_digest", "created", "finished", "cpu", "system"),
-    _is_list_of_texts: ("cases", "lost", "warnings", "notes", "beyond_limits"),
-    _is_mapping_to_texts: ("asked_cases", DIGESTS),
+    _is_text_list: ("cases", "lost", "warnings", "notes", "beyond_limits"),
+    _is_text_mapping: ("asked_cases", DIGESTS),
     _is_count: ("asked_runs", "workers_died", "results_version"),
     _is_above_zero: ("asked_block",),
 }

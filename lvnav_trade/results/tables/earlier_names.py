@@ -31,8 +31,8 @@ class StoredNames(NamedTuple):
 
     def with_present_names(self, name: str, table: pa.Table) -> pa.Table:
         """Return a stored table with the present names of its columns; values and order are unchanged."""
-        present = {stored: now for now, stored in self.columns.get(name, {}).items()}
-        return table.rename_columns([present.get(column, column) for column in table.column_names])
+        present_names = {stored: present for present, stored in self.columns.get(name, {}).items()}
+        return table.rename_columns([present_names.get(column, column) for column in table.column_names])
 
 
 PRESENT = StoredNames({}, {})
@@ -52,11 +52,12 @@ def stored_names(folder: Path) -> StoredNames:
     if not path.is_file():
         return PRESENT
     state = path.stat()
-    return _names_in(path, state.st_mtime_ns, state.st_size)
+    return _read_names(path, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=8)
-def _names_in(path: Path, _changed_ns: int, _size: int) -> StoredNames:
+def _read_names(path: Path, _changed_ns: int, _size: int) -> StoredNames:
+    """Return the names in results by their manifest, cached until the manifest changes."""
     return names_of(read_manifest(path), path)
 
 

@@ -134,11 +134,11 @@ class _StoredTimes(NamedTuple):
     """Times of the stored states.
 
     events : (n,). Name of the event; empty between events.
-    index : (n,). Index in the history.
+    places : (n,). Index in the history.
     """
 
     events: list[str]
-    index: list[int]
+    places: list[int]
 
 
 def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, Any]]:
@@ -151,14 +151,14 @@ def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, An
     times = _stored_times(prepared, cov)
     # the true state is at the time of the event, its errors at the first sample at or after it, in the axes there
     motion = prepared.motion
-    t = motion[0][times.index]
-    axes = prepared.record.axes[times.index]
+    t = motion[0][times.places]
+    axes = prepared.record.axes[times.places]
     return {
         "states": {
             "event": times.events,
             "t_s": t,
             "earth_angle_rad": frames.earth_angle(prepared.trajectory.theta0, t),
-            **_state_components(motion[1][times.index], motion[2][times.index], axes),
+            **_state_components(motion[1][times.places], motion[2][times.places], axes),
         },
         "joint_covariances": _joint_covariances(times, t, cov, errors, axes),
     }
@@ -169,15 +169,15 @@ def _stored_times(prepared: Prepared, cov: CovHistory) -> _StoredTimes:
     first = float(cov.t[0])
     last = float(cov.t[-1])
     events: list[str] = []
-    index: list[int] = []
+    places: list[int] = []
     for event, t in prepared.trajectory.events.items():
         if first <= t <= last:
             events.append(event)
-            index.append(int(np.argmin(np.abs(cov.t - t))))
+            places.append(int(np.argmin(np.abs(cov.t - t))))
     grid = {int(np.argmin(np.abs(cov.t - t))) for t in np.arange(0.0, last + 1e-6, STEP)}
     return _StoredTimes(
         events=[*events, *[""] * len(grid)],
-        index=[*index, *sorted(grid)],
+        places=[*places, *sorted(grid)],
     )
 
 
@@ -197,15 +197,15 @@ def _joint_covariances(
 
     errors : (6,). Outputs of the errors of velocity and position.
     """
-    n = len(times.index)
+    n = len(times.places)
     turn = np.zeros((n, 6, 6))
     turn[:, :3, :3] = np.swapaxes(axes, 1, 2)
     turn[:, 3:, 3:] = np.swapaxes(axes, 1, 2)
     back = np.swapaxes(turn, 1, 2)
-    block = np.ix_(times.index, errors, errors)
+    block = np.ix_(times.places, errors, errors)
     true = turn @ cov.true_cov[block] @ back
     formal = turn @ cov.formal_cov[block] @ back
-    mean = np.einsum("nij,nj->ni", turn, cov.mean[np.ix_(times.index, errors)])
+    mean = np.einsum("nij,nj->ni", turn, cov.mean[np.ix_(times.places, errors)])
     i, j = np.triu_indices(6)
     return {
         "event": Coded(times.events, np.repeat(np.arange(n), i.size)),

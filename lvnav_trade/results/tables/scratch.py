@@ -144,32 +144,35 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
         return
     for case in cases:
         # with temporary files of killed processes
-        of_case = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole|designs)(\.\d+)?")
-        for path in [path for path in folder.iterdir() if of_case.fullmatch(path.name)]:
-            path.unlink(missing_ok=True)
+        case_file = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole|designs)(\.\d+)?")
+        for path in list(folder.iterdir()):
+            if case_file.fullmatch(path.name):
+                path.unlink(missing_ok=True)
     with suppress(OSError):  # the folder contains a file of the user
         folder.rmdir()
 
 
 def copy(source: Path, target: Path, case: str) -> None:
     """Copy the scratch files of a case, or of a part of a design space, from one folder to another."""
-    for path in [path for kind in ("covariance", "explained", "designs") for path in source.glob(f"{case}.*.{kind}")]:
-        target.mkdir(parents=True, exist_ok=True)
-        replace_file(target / path.name, path.read_bytes())
+    for extension in ("covariance", "explained", "designs"):
+        for path in source.glob(f"{case}.*.{extension}"):
+            target.mkdir(parents=True, exist_ok=True)
+            replace_file(target / path.name, path.read_bytes())
 
 
 @lru_cache(maxsize=8)
 def record_types(root: type) -> dict[str, type]:
     """Return a named tuple and all named tuples among the types of its fields, by name."""
-    by_name: dict[str, type] = {}
-    waiting: list[Any] = [root]
-    while waiting:
-        kind = waiting.pop()
-        waiting += get_args(kind)
-        if isinstance(kind, type) and hasattr(kind, "_fields") and kind.__name__ not in by_name:
-            by_name[kind.__name__] = kind
-            waiting += get_type_hints(kind).values()
-    return by_name
+    type_by_name: dict[str, type] = {}
+    pending: list[Any] = [root]
+    while pending:
+        annotation = pending.pop()
+        pending += get_args(annotation)
+        is_record = isinstance(annotation, type) and hasattr(annotation, "_fields")
+        if is_record and annotation.__name__ not in type_by_name:
+            type_by_name[annotation.__name__] = annotation
+            pending += get_type_hints(annotation).values()
+    return type_by_name
 
 
 def _encode(value: Any, arrays: list[Any]) -> Any:
@@ -178,10 +181,13 @@ def _encode(value: Any, arrays: list[Any]) -> Any:
         return value
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _NUMERIC:
         arrays.append(np.asarray(value))
-        return {"scalar" if isinstance(value, np.generic) else "array": len(arrays) - 1}
+        key = "scalar" if isinstance(value, np.generic) else "array"
+        return {key: len(arrays) - 1}
     if isinstance(value, tuple):
-        fields = [_encode(item, arrays) for item in value]
-        return {"record": type(value).__name__, "fields": fields} if hasattr(value, "_fields") else {"tuple": fields}
+        items = [_encode(item, arrays) for item in value]
+        if hasattr(value, "_fields"):
+            return {"record": type(value).__name__, "fields": items}
+        return {"tuple": items}
     if isinstance(value, frozenset):
         return {"set": sorted(value)}
     if isinstance(value, Mapping):
@@ -190,10 +196,12 @@ def _encode(value: Any, arrays: list[Any]) -> Any:
 
 
 def _decode(tree: Any, arrays: Any, types: dict[str, type]) -> Any:
+    """Return the value of JSON content, the inverse of `_encode`."""
     if not isinstance(tree, dict):
         return tree
     if "record" in tree:
-        return types[tree["record"]](*(_decode(item, arrays, types) for item in tree["fields"]))
+        record = types[tree["record"]]
+        return record(*(_decode(item, arrays, types) for item in tree["fields"]))
     if "tuple" in tree:
         return tuple(_decode(item, arrays, types) for item in tree["tuple"])
     if "set" in tree:

@@ -20,8 +20,9 @@ CASE_TABLE = ".arrow"
 """Extension of the table of a case: Arrow's own format, which is written and read in a fifth of the time of Parquet."""
 ROWS = 16_384  # rows of a row group; fixed, so that files do not depend on the size of the blocks of runs
 _WHOLE = 2**31  # largest number of rows of a row group: a table is written as one group
-_HOW = {"compression": "lz4", "write_page_checksum": True}  # zstd: a tenth smaller; three times as long for few rows
-_QUICK = pa.ipc.IpcWriteOptions(compression="lz4")
+# Compression by zstd is a tenth smaller and takes three times as long for few rows
+_PARQUET_OPTIONS = {"compression": "lz4", "write_page_checksum": True}
+_ARROW_OPTIONS = pa.ipc.IpcWriteOptions(compression="lz4")
 _Part = TypeVar("_Part")
 
 
@@ -42,14 +43,16 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def replace_file(path: Path, content: bytes | str) -> None:
     """Write a file atomically: after an interruption the old content remains."""
+    if isinstance(content, str):
+        content = content.encode()
     with replacing(path) as temporary, temporary.open("xb") as file:
-        file.write(content.encode() if isinstance(content, str) else content)
+        file.write(content)
 
 
-def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
+def replace_table(table: pa.Table, path: Path, **options: Any) -> None:
     """Write a table atomically as a Parquet file with one row group."""
     with replacing(path) as temporary:
-        pq.write_table(table, temporary, row_group_size=_WHOLE, **{**_HOW, **how})
+        pq.write_table(table, temporary, row_group_size=_WHOLE, **{**_PARQUET_OPTIONS, **options})
 
 
 @contextmanager
@@ -59,7 +62,10 @@ def merged_table(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table],
     Only texts have a dictionary: dictionaries of real numbers make the file a quarter larger and take twice as long.
     """
     texts = [field.name for field in schema if field.type == pa.string()]
-    with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, use_dictionary=texts, **_HOW) as writer:
+    with (
+        replacing(path) as temporary,
+        pq.ParquetWriter(temporary, schema, use_dictionary=texts, **_PARQUET_OPTIONS) as writer,
+    ):
         yield partial(writer.write_table, row_group_size=_WHOLE)
 
 
@@ -68,11 +74,11 @@ def _case_tables(schemas: Mapping[Path, pa.Schema]) -> Iterator[list[Callable[[p
     """Yield for each file a function that appends a table as a batch; all files appear at the end, or none."""
     with ExitStack() as files:
         temporaries = [files.enter_context(replacing(path)) for path in schemas]
-        opened = [
-            files.enter_context(pa.ipc.new_file(str(path), schema, options=_QUICK))
-            for path, schema in zip(temporaries, schemas.values(), strict=True)
-        ]
-        yield [writer.write_table for writer in opened]
+        append = []
+        for path, schema in zip(temporaries, schemas.values(), strict=True):
+            writer = files.enter_context(pa.ipc.new_file(str(path), schema, options=_ARROW_OPTIONS))
+            append.append(writer.write_table)
+        yield append
 
 
 def write_case_table(table: pa.Table, path: Path) -> None:
@@ -163,13 +169,17 @@ class Coded(Sequence[str]):
 
     def texts(self) -> pa.StringArray:
         """Return the texts as an Arrow array."""
-        encoded = [value.encode() for value in self.distinct]
+        encoded = [text.encode() for text in self.distinct]
+        n = len(self)
         if len(encoded) == 1:
-            ends = np.arange(len(self) + 1, dtype=np.int32) * np.int32(len(encoded[0]))
-            return pa.StringArray.from_buffers(len(self), pa.py_buffer(ends), pa.py_buffer(encoded[0] * len(self)))
-        ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
-        distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
-        return distinct.take(pa.Array.from_buffers(pa.int32(), len(self), [None, pa.py_buffer(self.numbers)]))
+            text = encoded[0]
+            offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(text))
+            return pa.StringArray.from_buffers(n, pa.py_buffer(offsets), pa.py_buffer(text * n))
+        offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+        content = b"".join(encoded)
+        distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(offsets), pa.py_buffer(content))
+        numbers = pa.Array.from_buffers(pa.int32(), n, [None, pa.py_buffer(self.numbers)])
+        return distinct.take(numbers)
 
 
 def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.Array:
@@ -190,7 +200,9 @@ def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.A
     if isinstance(values, Coded):
         return values.texts()
     if kind == pa.string():
-        return texts(values.tolist() if isinstance(values, np.ndarray) else list(values))  # type: ignore[arg-type]
+        if isinstance(values, np.ndarray):
+            return texts(values.tolist())
+        return texts(list(values))  # type: ignore[arg-type]
     array: NDArray[Any] = np.asarray(values)
     dtype = np.dtype(_DTYPES[kind])
     if array.size == 0:
@@ -202,19 +214,20 @@ def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.A
 
 def texts(values: list[str]) -> pa.StringArray:
     """Return texts, most of them repeated, as an Arrow array."""
-    numbers = {value: number for number, value in enumerate(dict.fromkeys(values))}
-    return Coded(list(numbers), np.fromiter(map(numbers.__getitem__, values), np.int32, len(values))).texts()
+    number_by_text = {text: number for number, text in enumerate(dict.fromkeys(values))}
+    numbers = np.fromiter((number_by_text[text] for text in values), np.int32, len(values))
+    return Coded(list(number_by_text), numbers).texts()
 
 
 def binaries(values: list[NDArray[Any]]) -> pa.LargeBinaryArray:
     """Return the bytes of contiguous arrays, one array per row."""
-    ends = np.cumsum([0, *(value.nbytes for value in values)], dtype=np.int64)
+    sizes = [value.nbytes for value in values]
+    ends = np.cumsum([0, *sizes], dtype=np.int64)
     content = np.empty(int(ends[-1]), dtype=np.uint8)
     for value, start, end in zip(values, ends, ends[1:], strict=False):
         content[start:end] = value.reshape(-1).view(np.uint8)
-    return pa.LargeBinaryArray.from_buffers(
-        pa.large_binary(), len(values), [None, pa.py_buffer(ends), pa.py_buffer(content)]
-    )
+    buffers = [None, pa.py_buffer(ends), pa.py_buffer(content)]
+    return pa.LargeBinaryArray.from_buffers(pa.large_binary(), len(values), buffers)
 
 
 def integers(rows: Sequence[Sequence[int]]) -> pa.ListArray:

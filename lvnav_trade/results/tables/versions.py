@@ -30,8 +30,9 @@ _COMPUTES = (
     "covariance",
 )
 # Settings of monte_carlo that affect the number of runs of cases, not the runs themselves
-_OF_RUNS = ("runs", "stop", "selected", "other_runs", "cases", "most_cases")
-_NOT_THE_RUNS = (
+_RUN_COUNT_SETTINGS = ("runs", "stop", "selected", "other_runs", "cases", "most_cases")
+# Settings of a campaign that do not affect its runs
+_SETTINGS_WITHOUT_EFFECT = (
     "description",
     "covariance",
     "requirements",
@@ -55,7 +56,9 @@ def tool_version() -> str:
 @cache
 def code_digest() -> str:
     """Return a digest of all source files that affect numbers: parts of different versions must not be mixed."""
-    files = [path for room in _COMPUTES for path in (PACKAGE / room).rglob("*.py")]
+    files: list[Path] = []
+    for room in _COMPUTES:
+        files += (PACKAGE / room).rglob("*.py")
     digest = hashlib.sha256()
     for path in sorted(files):
         digest.update(str(path.relative_to(PACKAGE)).encode())
@@ -74,18 +77,24 @@ def campaign_digest(resolved_yaml: str) -> str:
 
     The number of runs, requirements, references and the report do not enter, so that changing them permits resuming.
     """
-    tree = parsed(resolved_yaml)
-    kept = {key: without_marks(value) for key, value in tree.items() if key not in _NOT_THE_RUNS}
-    if isinstance(kept.get("monte_carlo"), dict):
-        kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key not in _OF_RUNS}
-    return hashlib.sha256(_canonical(kept).encode()).hexdigest()[:16]
+    settings: dict[str, Any] = {}
+    for key, value in parsed(resolved_yaml).items():
+        if key not in _SETTINGS_WITHOUT_EFFECT:
+            settings[key] = without_marks(value)
+    monte_carlo = settings.get("monte_carlo")
+    if isinstance(monte_carlo, dict):
+        settings["monte_carlo"] = {key: value for key, value in monte_carlo.items() if key not in _RUN_COUNT_SETTINGS}
+    return hashlib.sha256(_canonical_text(settings).encode()).hexdigest()[:16]
 
 
-def _canonical(value: Any) -> str:
+def _canonical_text(value: Any) -> str:
     """Return a tree as text that does not depend on the order of keys."""
     if isinstance(value, dict):
-        return "{" + ",".join(f"{key!s}:{_canonical(value[key])}" for key in sorted(value, key=str)) + "}"
-    return "[" + ",".join(map(_canonical, value)) + "]" if isinstance(value, list | tuple) else repr(value)
+        entries = [f"{key!s}:{_canonical_text(value[key])}" for key in sorted(value, key=str)]
+        return "{" + ",".join(entries) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_canonical_text, value)) + "]"
+    return repr(value)
 
 
 def results_version(manifest: Mapping[str, Any]) -> Any:
@@ -114,10 +123,11 @@ def _commit() -> str:
     git = ["git", "-C", str(PACKAGE.parent)]
     try:
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10, check=True)
-        changed = subprocess.run([*git, "diff", "--quiet", "HEAD"], capture_output=True, timeout=10, check=False)
+        diff = subprocess.run([*git, "diff", "--quiet", "HEAD"], capture_output=True, timeout=10, check=False)
     except (OSError, subprocess.SubprocessError):
         return ""
-    return head.stdout.strip() + (" with changes" if changed.returncode else "")
+    remark = " with changes" if diff.returncode else ""
+    return head.stdout.strip() + remark
 
 
 def _cpu() -> str:

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -46,15 +45,15 @@ from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.statistics import BlockSummary, merge
 
 # Libraries whose version affects rounding
-_LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba", "scipy"))
+_LIBRARIES = ("numpy", "numba", "scipy")
 
 
 Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]
 
 
-def one_by_one(function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> Iterable[Any]:
+def one_by_one(function: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> Iterable[Any]:
     """Call a function for every work item, in this process."""
-    return (function(*unit) for unit in units)
+    return (function(*item) for item in items)
 
 
 class ResultsWriter:
@@ -124,16 +123,16 @@ class ResultsWriter:
         summary = None
         with row_files(folder, row_tables(case.id, prepared.outputs, None)) as rows:
             if parts is not None:
-                summary = merge(
-                    rows.noted(parts, partial(row_tables, case.id, prepared.outputs, channels=prepared.channel_names)),
-                    rows=False,
-                )
+                tables = partial(row_tables, case.id, prepared.outputs, channels=prepared.channel_names)
+                summary = merge(rows.noted(parts, tables), rows=False)
         with row_files(folder, starts_table(case.id, None)) as rows:
-            for piece in starts.pieces() if starts is not None else ():
-                rows.add(starts_table(case.id, piece))
+            if starts is not None:
+                for piece in starts.pieces():
+                    rows.add(starts_table(case.id, piece))
         for name, table in case_tables(case, prepared, cov, summary, explained, control).items():
             file = folder / f"{name}{CASE_TABLE}"
-            if table.num_rows or table.num_columns > len(TABLES[name]) + 1:  # further columns: those of the outputs
+            has_output_columns = table.num_columns > len(TABLES[name]) + 1
+            if table.num_rows or has_output_columns:
                 write_case_table(table, file)
             else:
                 file.unlink(missing_ok=True)
@@ -204,10 +203,10 @@ class ResultsWriter:
 
     def write_designs(self, table: pa.Table) -> None:
         """Write the table of all designs of a design space."""
-        about = {**(table.schema.metadata or {}), **self._about("designs")}
-        replace_table(table.replace_schema_metadata(about), self.folder / design_tables.FILE)
+        metadata = {**(table.schema.metadata or {}), **self._metadata("designs")}
+        replace_table(table.replace_schema_metadata(metadata), self.folder / design_tables.FILE)
 
-    def _about(self, name: str) -> dict[str, str]:
+    def _metadata(self, name: str) -> dict[str, str]:
         """Return the metadata of a table."""
         return {
             "lvnav_trade.table": name,
@@ -230,26 +229,32 @@ class ResultsWriter:
 
     def merge_table(self, name: str, cases: Sequence[str]) -> tuple[str, bool]:
         """Merge a table of all cases unless it has no rows; return its name and whether it has rows."""
-        of_cases = [self.case_folder(case) / "tables" / f"{name}{CASE_TABLE}" for case in cases]
-        files = [file for file in of_cases if file.is_file()]  # empty tables are not written
+        files = [self.case_folder(case) / "tables" / f"{name}{CASE_TABLE}" for case in cases]
+        files = [file for file in files if file.is_file()]  # empty tables are not written
         if not any(map(has_rows, files)):
             return name, False
-        columns = dict.fromkeys(column for file in files for column in case_schema(file).names[1:])
-        schema = arrow_schema(name, tuple(column for column in columns if column not in TABLES[name]))
-        schema = schema.with_metadata(self._about(name))
+        further_columns: dict[str, None] = {}  # in order of their first case
+        for file in files:
+            for column in case_schema(file).names[1:]:
+                if column not in TABLES[name]:
+                    further_columns[column] = None
+        schema = arrow_schema(name, tuple(further_columns)).with_metadata(self._metadata(name))
         with merged_table(self.folder / f"{name}.parquet", schema) as write:
-            for table in chain.from_iterable(map(batches, files)):
-                write(_widen(table, schema))
+            for file in files:
+                for table in batches(file):
+                    write(_fill_columns(table, schema))
         return name, True
 
 
-def _widen(table: pa.Table, schema: pa.Schema) -> pa.Table:
+def _fill_columns(table: pa.Table, schema: pa.Schema) -> pa.Table:
     """Return the table with all columns of the schema; columns missing in this case are empty."""
-    filled = [
-        table[field.name] if field.name in table.schema.names else pa.nulls(table.num_rows, field.type)
-        for field in schema
-    ]
-    return pa.table(filled, schema=schema)
+    columns = []
+    for field in schema:
+        if field.name in table.schema.names:
+            columns.append(table[field.name])
+        else:
+            columns.append(pa.nulls(table.num_rows, field.type))
+    return pa.table(columns, schema=schema)
 
 
 def open_results(
@@ -293,7 +298,7 @@ def open_results(
         if mode == "fresh":
             place.clear()
         else:
-            _refuse_other(place, identity)
+            _refuse_other_results(place, identity)
         place.claim("run", RUN_FILES, manifest.get("asked_cases", ()))
         place.sweep()
         replace_file(folder / RESOLVED, resolved_yaml)
@@ -302,40 +307,44 @@ def open_results(
     return results
 
 
-def _refuse_other(place: OwnedFolder, identity: dict[str, Any]) -> None:
-    """Raise an InputError where a folder has results that are not of this campaign and code."""
-    folder, path = place.folder, place.folder / MANIFEST
+def _refuse_other_results(place: OwnedFolder, identity: dict[str, Any]) -> None:
+    """Raise an InputError if a folder has results of another campaign or code."""
+    folder = place.folder
+    path = folder / MANIFEST
     if not path.exists():
         return
     try:
-        held = json.loads(read_bytes(path, MANIFEST_BYTES).decode())
-        if not isinstance(held, dict):
+        manifest = json.loads(read_bytes(path, MANIFEST_BYTES).decode())
+        if not isinstance(manifest, dict):
             raise ValueError("no JSON object")
     except ValueError as error:
         raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
-    is_other_campaign = held.get("campaign_digest") != identity["campaign_digest"]
-    other = difference(held, identity)
-    if (is_other_campaign or other) and place.is_without_results():
-        place.clear()  # a campaign whose mistake was found by its first case left a description, and nothing else
+    is_other_campaign = manifest.get("campaign_digest") != identity["campaign_digest"]
+    other_code = difference(manifest, identity)
+    if (is_other_campaign or other_code) and place.is_without_results():
+        place.clear()  # a campaign that failed in its first case has only written its description
     elif is_other_campaign:
         raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
-    elif other:
-        raise InputError(f"{folder}: was computed {other}; use --fresh")
+    elif other_code:
+        raise InputError(f"{folder}: was computed {other_code}; use --fresh")
 
 
-def difference(held: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+def difference(manifest: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """Return how the code that computed results differs from that of `now`, in words; empty if it does not."""
-    for key, what in (("tool", "by another version"), ("code_digest", "by another code"), *_LIBRARIES):
-        if held.get(key) != now[key]:
-            return f"{what} ({held.get(key)}, this is {now[key]})"
-    if results_version(held) != now["results_version"]:
-        return f"with other tables (version {results_version(held)}, this is {now['results_version']})"
+    wording = {"tool": "by another version", "code_digest": "by another code"}
+    wording |= {library: f"with another {library}" for library in _LIBRARIES}
+    for key, words in wording.items():
+        if manifest.get(key) != now[key]:
+            return f"{words} ({manifest.get(key)}, this is {now[key]})"
+    version = results_version(manifest)
+    if version != now["results_version"]:
+        return f"with other tables (version {version}, this is {now['results_version']})"
     return ""
 
 
 def identity_of(manifest: Mapping[str, Any], case_id: str) -> str:
     """Return the origin of a case's parts as text; only parts of the same origin are merged."""
-    keys = ("campaign_digest", "seed", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
+    keys = ("campaign_digest", "seed", "tool", "code_digest", *_LIBRARIES)
     campaign = " ".join(f"{key}={manifest.get(key, '')}" for key in keys)
     return f"results={results_version(manifest)} {campaign} case={case_id}"
 
