@@ -53,15 +53,15 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
         One line per input error, with file, line and column.
     """
     loaded = load_campaign(campaign, sets)
-    remarks = _checked(loaded).remarks
+    remarks = _check_trajectories(loaded).remarks
     check_effect(loaded.probe, probes(loaded), work.ENGINE)
     not_demonstrable = requirements_beyond_run_count(loaded)
     if strict:
         refuse_all(list(not_demonstrable))
-    remarks = remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, not_demonstrable)]}
+    remark_lines = {name: tuple(lines) for name, lines in remarks.items()}
+    remark_lines["warnings"] = (*remark_lines.get("warnings", ()), *map(str, not_demonstrable))
     designs = len(DesignSpace(loaded)) if loaded.is_space else 0
-    kinds = {name: tuple(lines) for name, lines in remarks.items()}
-    return CheckedCampaign(loaded, tuple(probes(loaded)), designs=designs, **kinds)
+    return CheckedCampaign(loaded, tuple(probes(loaded)), designs=designs, **remark_lines)
 
 
 def plan(
@@ -90,14 +90,15 @@ def plan(
     InputError
         The campaign has an input error.
     """
-    loaded = load_campaign(campaign, sets)
-    flights = _checked(loaded).events
-    duration = {case: max(times.values()) - min(times.values()) for case, times in flights.items()}
-    not_demonstrable, place = requirements_beyond_run_count(loaded), place_of(loaded, folder)
-    if strict:
-        refuse_all(list(not_demonstrable))
     import pandas as pd
 
+    loaded = load_campaign(campaign, sets)
+    flights = _check_trajectories(loaded).events
+    duration = {case: max(times.values()) - min(times.values()) for case, times in flights.items()}
+    not_demonstrable = requirements_beyond_run_count(loaded)
+    place = place_of(loaded, folder)
+    if strict:
+        refuse_all(list(not_demonstrable))
     warnings = tuple(map(str, not_demonstrable))
     if loaded.is_space:
         designs = planned(loaded, place, flights)
@@ -130,10 +131,10 @@ def flight_events(campaign: Campaign) -> dict[str, dict[str, float]]:
     InputError
         A setting of the campaign does not fit a trajectory, such as a requirement at an event that does not occur.
     """
-    return {case: dict(times) for case, times in _checked(campaign).events.items()}
+    return {case: dict(times) for case, times in _check_trajectories(campaign).events.items()}
 
 
-def _checked(campaign: Campaign) -> TrajectoryCheck:
+def _check_trajectories(campaign: Campaign) -> TrajectoryCheck:
     """Return the events and remarks of the cases; InputError if a setting does not fit a trajectory."""
     _check_sections(campaign)
     return check_flight(campaign.probe, probes(campaign), work.ENGINE, jobs=1)
@@ -241,7 +242,7 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
     if task.copy_to:
         remote.refuse_foreign_place(task.copy_to)
     if campaign.is_space:
-        refuse_too_large(planned(campaign, place, _checked(campaign).events), place)
+        refuse_too_large(planned(campaign, place, _check_trajectories(campaign).events), place)
     mode: Mode = "fresh" if task.fresh else "resume"
     conduct = Conduct(task.jobs, mode, task.fail_fast, task.progress, task.on_answers)
     space = SpaceEvaluation(campaign) if campaign.is_space else None
@@ -266,12 +267,12 @@ def _check_sections(campaign: Campaign) -> None:
         return
     from lvnav_trade.report import SECTIONS
 
-    wrong = [
-        campaign.written.mistake(f"report.sections.{index}", f"no section {name!r}{hint(name, SECTIONS)}")
-        for index, name in enumerate(campaign.report.sections)
-        if name not in SECTIONS
-    ]
-    refuse_all(wrong)
+    mistakes = []
+    for k, name in enumerate(campaign.report.sections):
+        if name not in SECTIONS:
+            message = f"no section {name!r}{hint(name, SECTIONS)}"
+            mistakes.append(campaign.written.mistake(f"report.sections.{k}", message))
+    refuse_all(mistakes)
 
 
 def selfcheck(
@@ -337,24 +338,24 @@ def replay(
     InputError
         The results, the case or the run do not exist.
     """
-    from lvnav_trade.campaign.running import replay as replaying
-
-    loaded, results = _campaign_of(source, sets)
-    _, chosen = case_of(loaded, (), case)
-    replayed = replaying.replay(loaded, chosen, run)
-    trace = replaying.write_trace(replayed, Path(folder) if folder is not None else results, chosen, run)
     import pandas as pd
 
-    rows = [
-        (event, t, name, size, units[name])
-        for event, t, sizes, units in replayed.at_events
-        for name, size in sizes.items()
-    ]
+    from lvnav_trade.campaign.running import replay as replaying
+
+    loaded, results = _campaign_and_results(source, sets)
+    _, found_case = case_of(loaded, (), case)
+    replayed = replaying.replay(loaded, found_case, run)
+    trace_folder = Path(folder) if folder is not None else results
+    trace = replaying.write_trace(replayed, trace_folder, found_case, run)
+    rows = []
+    for event, t, sizes, units in replayed.at_events:
+        for name, size in sizes.items():
+            rows.append((event, t, name, size, units[name]))
     events = pd.DataFrame(rows, columns=["event", "t_s", "quantity", "error", "unit"])
-    return ReplayedRun(chosen.id, chosen.label, run, replayed.failure, events, replayed.trace, trace)
+    return ReplayedRun(found_case.id, found_case.label, run, replayed.failure, events, replayed.trace, trace)
 
 
-def _campaign_of(source: str | Path, sets: Sequence[str]) -> tuple[Campaign, Path]:
+def _campaign_and_results(source: str | Path, sets: Sequence[str]) -> tuple[Campaign, Path]:
     """Return the campaign of a file or of a folder of results, and the folder of its results."""
     folder = Path(source)
     if not folder.is_dir():

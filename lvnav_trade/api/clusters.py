@@ -86,9 +86,13 @@ def run_shard(
     conduct = Conduct(jobs, mode, fail_fast, progress)
     outcome = execute.run(loaded, place, conduct, Scope(shard=number, space=space))
     if space is not None:
-        return ShardOutcome(place, 0, space.count(number.of(range(space.parts))), outcome.failures)
-    stored = [(path.parent.name, span(path)[1]) for path in (place / "parts").glob("*/*.parquet")]
-    return ShardOutcome(place, sum(runs for _, runs in stored), len(outcome.answers), outcome.failures)
+        n_design = space.count(number.of(range(space.parts)))
+        return ShardOutcome(place, 0, n_design, outcome.failures)
+    n_run = 0
+    for path in (place / "parts").glob("*/*.parquet"):
+        _, count = span(path)
+        n_run += count
+    return ShardOutcome(place, n_run, len(outcome.answers), outcome.failures)
 
 
 def merge(
@@ -167,10 +171,10 @@ def dask(folder: Path, scheduler: str | None = None, jobs: int = -1) -> Iterator
             LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster) as client,
         ):
-            yield from _connected(client, folder)
+            yield from _use_cluster(client, folder)
         return
     with _client(Client, scheduler) as client:
-        yield from _connected(client, folder)
+        yield from _use_cluster(client, folder)
 
 
 def _client(kind: Any, scheduler: str) -> Any:
@@ -186,7 +190,7 @@ def _client(kind: Any, scheduler: str) -> Any:
     raise InputError(f"--scheduler {scheduler}: cannot be reached: {fault}")
 
 
-def _connected(client: Any, folder: Path) -> Iterator[int]:
+def _use_cluster(client: Any, folder: Path) -> Iterator[int]:
     """Check that a cluster is fit for the work items; yield the number of its workers while it is in use."""
     address = client.scheduler.address
     try:
@@ -198,7 +202,7 @@ def _connected(client: Any, folder: Path) -> Iterator[int]:
         raise InputError(f"--scheduler {address}: its workers need one thread each: dask worker --nthreads 1")
     folder.mkdir(parents=True, exist_ok=True)
     local_code = code_digest()
-    for worker, (is_there, code) in client.run(_sees, str(folder)).items():
+    for worker, (is_there, code) in client.run(_inspect_worker, str(folder)).items():
         if not is_there:
             raise InputError(f"--scheduler {address}: worker {worker} does not see {folder}; all need the same folders")
         if code != local_code:
@@ -209,7 +213,8 @@ def _connected(client: Any, folder: Path) -> Iterator[int]:
         yield len(threads)
 
 
-def _sees(folder: str) -> tuple[bool, str]:
+def _inspect_worker(folder: str) -> tuple[bool, str]:
+    """Return whether a worker sees a folder, and the digest of its code."""
     return Path(folder).is_dir(), code_digest()
 
 

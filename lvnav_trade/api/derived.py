@@ -61,14 +61,17 @@ def estimate_q(
     from lvnav_trade.report.figures.published import steps
     from lvnav_trade.report.figures.raster import written
 
-    noise = process_noise(*case_of(campaign, sets, case), runs, step)
+    loaded, found_case = case_of(campaign, sets, case)
+    noise = process_noise(loaded, found_case, runs, step)
     card = Path(file)
-    files = (card.with_suffix(".csv"), card.with_suffix(".png"))
+    table = card.with_suffix(".csv")
+    picture = card.with_suffix(".png")
     write_card(card, noise.card)
     with writing(card, "its tables cannot be written there"):
-        files[0].write_text(csv_text(noise.steps), encoding="utf-8")
-        files[1].write_bytes(written(steps(noise.steps, [phase[:3] for phase in noise.phases]), "png"))
-    return EstimatedNoise(noise, card, files)
+        table.write_text(csv_text(noise.steps), encoding="utf-8")
+        figure = steps(noise.steps, [phase[:3] for phase in noise.phases])
+        picture.write_bytes(written(figure, "png"))
+    return EstimatedNoise(noise, card, (table, picture))
 
 
 def schedule_gains(
@@ -109,7 +112,8 @@ def schedule_gains(
     from lvnav_trade.campaign.derived_cards import gain_schedule
     from lvnav_trade.campaign.syntax.card_lookup import write_card
 
-    schedule = gain_schedule(*case_of(campaign, sets, case), by, tolerance)
+    loaded, found_case = case_of(campaign, sets, case)
+    schedule = gain_schedule(loaded, found_case, by, tolerance)
     write_card(Path(file), schedule)
     return schedule
 
@@ -150,7 +154,8 @@ def export_trajectory(
             raise InputError(f"{source}: is a trajectory card; assignments and cases are those of a campaign")
         card = read_card(str(source), Path.cwd())
     else:
-        card = case_of(source, sets, case)[1].scenario.trajectory
+        _, found_case = case_of(source, sets, case)
+        card = found_case.scenario.trajectory
     return ExportedTrajectory(*write_flight(card, Path(file), rate))
 
 

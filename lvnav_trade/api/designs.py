@@ -67,16 +67,20 @@ class Designs(Displayed):
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        described = self.columns.set_index("column")
+        descriptions = self.columns.set_index("column")
         table = pa.Table.from_pandas(self.rows, preserve_index=False).replace_schema_metadata(None)
-        fields = [
-            field.with_metadata({"unit": described.unit[field.name], "meaning": described.meaning[field.name]})
-            for field in table.schema
-        ]
+        fields = []
+        for field in table.schema:
+            unit = descriptions.unit[field.name]
+            meaning = descriptions.meaning[field.name]
+            fields.append(field.with_metadata({"unit": unit, "meaning": meaning}))
         pq.write_table(table.cast(pa.schema(fields)), place)
 
     def _shown(self) -> DisplayContent:
-        return DisplayContent(f"{len(self.rows)} of {self.total} cases", (), {"": self.rows, "Columns": self.columns})
+        return DisplayContent(
+            title=f"{len(self.rows)} of {self.total} cases",
+            tables={"": self.rows, "Columns": self.columns},
+        )
 
 
 def cases(
@@ -114,7 +118,9 @@ def cases(
     from lvnav_trade.results.evaluation.designs import meanings
 
     results = load(folder)
-    whole = results.cases
-    rows = ordered(chosen(whole, where), sort)
-    rows = rows[[column_named(name, whole) for name in columns]] if columns else rows
-    return Designs(rows, meanings(rows, results.tables.campaign.get("requirements") or ()), len(whole))
+    all_rows = results.cases
+    rows = ordered(chosen(all_rows, where), sort)
+    if columns:
+        rows = rows[[column_named(name, all_rows) for name in columns]]
+    requirements = results.tables.campaign.get("requirements") or ()
+    return Designs(rows, meanings(rows, requirements), len(all_rows))

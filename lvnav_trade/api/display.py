@@ -52,13 +52,17 @@ def html_of(shown: DisplayContent) -> str:
     str
         HTML. Texts are escaped, because names that a user chose may contain markup.
     """
-    parts = [f"<h4>{html.escape(shown.title)}</h4>"] if shown.title else []
-    parts += [f"<p>{html.escape(line)}</p>" for line in shown.lines]
+    blocks: list[str] = []
+    if shown.title:
+        blocks.append(f"<h4>{html.escape(shown.title)}</h4>")
+    blocks += [f"<p>{html.escape(line)}</p>" for line in shown.lines]
     for caption, frame in shown.tables.items():
-        parts.append(f"<p><b>{html.escape(caption)}</b></p>" if caption else "")
-        parts.append(frame.head(MOST_ROWS).to_html(index=False, border=0, na_rep="", float_format=_short))
-        parts += [f"<p>{more}</p>" for more in _more(frame)]
-    return "\n".join(part for part in parts if part)
+        if caption:
+            blocks.append(f"<p><b>{html.escape(caption)}</b></p>")
+        blocks.append(frame.head(MOST_ROWS).to_html(index=False, border=0, na_rep="", float_format=_short))
+        if len(frame) > MOST_ROWS:
+            blocks.append(f"<p>{_more_rows(frame)}</p>")
+    return "\n".join(blocks)
 
 
 def text_of(shown: DisplayContent) -> str:
@@ -74,20 +78,22 @@ def text_of(shown: DisplayContent) -> str:
     str
         Lines with the title, the paragraphs and the tables.
     """
-    lines = [shown.title, *shown.lines]
+    blocks = [shown.title, *shown.lines]
     for caption, frame in shown.tables.items():
-        lines.append(caption)
-        lines.append(frame.head(MOST_ROWS).to_string(index=False, na_rep="", float_format=_short))
-        lines += _more(frame)
-    return "\n".join(line for line in lines if line)
+        blocks.append(caption)
+        blocks.append(frame.head(MOST_ROWS).to_string(index=False, na_rep="", float_format=_short))
+        if len(frame) > MOST_ROWS:
+            blocks.append(_more_rows(frame))
+    return "\n".join(block for block in blocks if block)
 
 
 def _short(value: float) -> str:
     return f"{value:.6g}"
 
 
-def _more(frame: pd.DataFrame) -> list[str]:
-    return [f"{len(frame) - MOST_ROWS} more rows"] if len(frame) > MOST_ROWS else []
+def _more_rows(frame: pd.DataFrame) -> str:
+    """Return the number of rows of a table that are not shown, in words."""
+    return f"{len(frame) - MOST_ROWS} more rows"
 
 
 class CampaignStatus(status.Status, Displayed):
@@ -105,8 +111,11 @@ class ExportedTrajectory(exporting.WrittenTrajectory, Displayed):
     def _shown(self) -> DisplayContent:
         events = pd.DataFrame(list(self.events.items()), columns=["event", "t_s"])
         difference = pd.DataFrame(list(self.difference.items()), columns=["quantity", "difference_si"])
-        lines = (f"rows: {self.file}", f"card: {self.card}")
-        return DisplayContent("Exported flight", lines, {"Events": events, "Largest difference": difference})
+        return DisplayContent(
+            title="Exported flight",
+            lines=(f"rows: {self.file}", f"card: {self.card}"),
+            tables={"Events": events, "Largest difference": difference},
+        )
 
 
 class StartedCampaign(starting.FirstCampaign, Displayed):
@@ -114,9 +123,11 @@ class StartedCampaign(starting.FirstCampaign, Displayed):
 
     def _shown(self) -> DisplayContent:
         rows = [[guess.part, str(guess.content), guess.why] for guess in self.guesses]
-        lines = (f"campaign: {self.campaign}", f"card: {self.card}")
+        guesses = pd.DataFrame(rows, columns=["part", "guess", "why"])
         return DisplayContent(
-            "First campaign", lines, {"Guesses": pd.DataFrame(rows, columns=["part", "guess", "why"])}
+            title="First campaign",
+            lines=(f"campaign: {self.campaign}", f"card: {self.card}"),
+            tables={"Guesses": guesses},
         )
 
 
@@ -128,7 +139,9 @@ class FittedImu(unit_card.ImuFit, Displayed):
 
     def _shown(self) -> DisplayContent:
         return DisplayContent(
-            "IMU", (f"{self.seconds:.0f} s at {self.rate:g} Hz",), {"Coefficients": self.coefficients}
+            title="IMU",
+            lines=(f"{self.seconds:.0f} s at {self.rate:g} Hz",),
+            tables={"Coefficients": self.coefficients},
         )
 
 
@@ -136,5 +149,9 @@ class ProcessedLog(recorded_log.FilteredLog, Displayed):
     """A log processed by the filters of a campaign: `alignment`, `track`, `outages`, `summary`, `notes`."""
 
     def _shown(self) -> DisplayContent:
-        heading = f"heading after the rest: {math.degrees(self.alignment.heading) % 360.0:.1f} deg"
-        return DisplayContent(self.card.name, (heading, *self.notes), {"Outages": self.summary})
+        heading_deg = math.degrees(self.alignment.heading) % 360.0
+        return DisplayContent(
+            title=self.card.name,
+            lines=(f"heading after the rest: {heading_deg:.1f} deg", *self.notes),
+            tables={"Outages": self.summary},
+        )

@@ -57,9 +57,10 @@ def export_vectors(
     from lvnav_trade.export.vectors.vector_files import reference_vectors
 
     target = owned(folder, "vectors")
-    found = reference_vectors(*case_of(campaign, sets, case), run, kind)
-    target.publish("vectors", found.files)
-    return found
+    loaded, found_case = case_of(campaign, sets, case)
+    vectors = reference_vectors(loaded, found_case, run, kind)
+    target.publish("vectors", vectors.files)
+    return vectors
 
 
 def export_filter(
@@ -103,6 +104,7 @@ def export_filter(
     from lvnav_trade.export.filter_code import filter_code
 
     target = owned(folder, "code")
-    found = filter_code(*case_of(campaign, sets, case), runs, progress)
-    target.publish("code", found.files)
-    return found
+    loaded, found_case = case_of(campaign, sets, case)
+    code = filter_code(loaded, found_case, runs, progress)
+    target.publish("code", code.files)
+    return code

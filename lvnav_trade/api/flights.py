@@ -78,9 +78,9 @@ def run_errors(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
     prepared = prepare(case.scenario, campaign.keep.history)
     errors = run_block(prepared, campaign.seed, run, 1).err[0]
     names = [f"{output.quantity}_{output.axis}" for output in prepared.outputs]
-    found = pd.DataFrame(errors[:, : len(names)], columns=names)
-    found.insert(0, "t_s", prepared.t_hist)
-    return found
+    table = pd.DataFrame(errors[:, : len(names)], columns=names)
+    table.insert(0, "t_s", prepared.t_hist)
+    return table
 
 
 def receiver_clock(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
@@ -101,7 +101,16 @@ def receiver_clock(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
         Columns t_s (s), bias_m (clock bias times the speed of light, m) and drift_m_per_s (m/s).
     """
     prepared = prepare(case.scenario, campaign.keep.history)
-    epoch = np.minimum(np.searchsorted(prepared.t_epoch, prepared.t_hist - _SAME_TIME), prepared.t_epoch.size - 1)
-    shown = np.abs(prepared.t_epoch[epoch] - prepared.t_hist) < _SAME_TIME
-    clock = true_clock(prepared, campaign.seed, run)[epoch[shown]]
-    return pd.DataFrame({"t_s": prepared.t_hist[shown], "bias_m": clock[:, 0], "drift_m_per_s": clock[:, 1]})
+    t = prepared.t_hist
+    # First epoch at or after each history time, up to rounding
+    epoch = np.searchsorted(prepared.t_epoch, t - _SAME_TIME)
+    epoch = np.minimum(epoch, prepared.t_epoch.size - 1)
+    is_at_epoch = np.abs(prepared.t_epoch[epoch] - t) < _SAME_TIME
+    clock = true_clock(prepared, campaign.seed, run)[epoch[is_at_epoch]]
+    return pd.DataFrame(
+        {
+            "t_s": t[is_at_epoch],
+            "bias_m": clock[:, 0],
+            "drift_m_per_s": clock[:, 1],
+        }
+    )

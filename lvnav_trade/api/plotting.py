@@ -67,19 +67,21 @@ class Plot:
             The extension is another, or the file cannot be written.
         """
         path = Path(file)
-        if path.suffix.lower().lstrip(".") not in _FORMATS:
+        file_format = path.suffix.lower().lstrip(".")
+        if file_format not in _FORMATS:
             raise InputError(f"{path}: a figure is saved as .png or .svg")
         with writing(path, "the figure cannot be written there"):
-            path.write_bytes(self._drawn(path.suffix.lower().lstrip(".")))
+            path.write_bytes(self._encode(file_format))
         return path
 
-    def _drawn(self, ending: str) -> bytes:
+    def _encode(self, file_format: str) -> bytes:
+        """Return the content of a file of the figure."""
         from lvnav_trade.report.figures.raster import written
 
-        return written(self.figure, ending)
+        return written(self.figure, file_format)
 
     def _repr_png_(self) -> bytes:
-        return self._drawn("png")
+        return self._encode("png")
 
     def __repr__(self) -> str:
         from lvnav_trade.report.figures.figure import alt_text
@@ -131,15 +133,15 @@ class Plots:
             raise AttributeError(name)
         if name not in PLOTS:
             raise AttributeError(f"there is no figure {name!r}{hint(name, PLOTS)}")
-        return _of_tables(name, PLOTS[name], self._tables)
+        return _bind_tables(name, PLOTS[name], self._tables)
 
 
-def _of_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callable[..., Plot]:
+def _bind_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callable[..., Plot]:
     """Return a figure's function without its first argument, the tables."""
     parameters = list(inspect.signature(plot).parameters.values())[1:]
-    signature = inspect.Signature([_with_default(parameter) for parameter in parameters], return_annotation=Plot)
+    signature = inspect.Signature([_set_default(parameter) for parameter in parameters], return_annotation=Plot)
 
-    def drawn(*args: Any, **kwargs: Any) -> Plot:
+    def draw(*args: Any, **kwargs: Any) -> Plot:
         bound = signature.bind(*args, **kwargs)
         bound.apply_defaults()
         if "case" in signature.parameters:
@@ -149,12 +151,13 @@ def _of_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callable[
             raise InputError(f"{name}: there is nothing to draw in these results")
         return Plot(name, figure)
 
-    drawn.__name__, drawn.__doc__ = name, plot.__doc__
-    drawn.__signature__ = signature  # type: ignore[attr-defined]
-    return drawn
+    draw.__name__ = name
+    draw.__doc__ = plot.__doc__
+    draw.__signature__ = signature  # type: ignore[attr-defined]
+    return draw
 
 
-def _with_default(parameter: inspect.Parameter) -> inspect.Parameter:
+def _set_default(parameter: inspect.Parameter) -> inspect.Parameter:
     """Return a parameter; `case` and `quantity` get the defaults of this module."""
     defaults: dict[str, Any] = {"case": None, "quantity": _QUANTITY}
     if parameter.name in defaults and parameter.default is parameter.empty:

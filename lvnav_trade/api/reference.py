@@ -67,11 +67,15 @@ def cards(folder: str = "") -> list[CardInfo]:
     InputError
         There is no card in a folder of that name.
     """
-    from lvnav_trade.campaign.syntax import card_lookup as shelf
+    from lvnav_trade.campaign.syntax import card_lookup
     from lvnav_trade.campaign.syntax.tree import hint
 
-    catalogue = shelf.catalogue(Path.cwd())
-    listed = [card for card in catalogue if not folder or card.name.startswith(f"{folder.rstrip('/')}/")]
+    catalogue = card_lookup.catalogue(Path.cwd())
+    if not folder:
+        listed = list(catalogue)
+    else:
+        prefix = f"{folder.rstrip('/')}/"
+        listed = [card for card in catalogue if card.name.startswith(prefix)]
     if not listed:
         folders = sorted({card.name.partition("/")[0] for card in catalogue})
         raise InputError(f"cards: no folder {folder!r}{hint(folder, folders)}")
@@ -96,9 +100,9 @@ def card_text(name: str) -> str:
     InputError
         There is no such card.
     """
-    from lvnav_trade.campaign.syntax import card_lookup as shelf
+    from lvnav_trade.campaign.syntax import card_lookup
 
-    return shelf.card_text(name, Path.cwd())
+    return card_lookup.card_text(name, Path.cwd())
 
 
 def metrics(name: str = "") -> MetricNames:
@@ -126,7 +130,10 @@ def metrics(name: str = "") -> MetricNames:
     from lvnav_trade.results.evaluation import METRICS
 
     listed = [entry for entry in known_metrics() if name in entry.metric]
-    tables = {key: (table.__doc__ or "").partition("\n")[0] for key, table in METRICS.items() if name in key}
+    tables = {}
+    for table_name, table in METRICS.items():
+        if name in table_name:
+            tables[table_name] = (table.__doc__ or "").partition("\n")[0]
     if not listed and not tables:
         names = [*(entry.metric for entry in known_metrics()), *METRICS]
         raise InputError(f"metrics: no metric contains {name!r}{hint(name, names)}")

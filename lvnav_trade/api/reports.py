@@ -76,7 +76,10 @@ def report(
     if keep is not None:
         owned(keep, "report")  # refused before the report is built
     page = build(folder, figures=figures, brief=brief)
-    return ReportFiles(page, keep_report(folder, keep, tables=tables) if keep is not None else None)
+    kept_page = None
+    if keep is not None:
+        kept_page = keep_report(folder, keep, tables=tables)
+    return ReportFiles(page, kept_page)
 
 
 def compare(
@@ -118,12 +121,14 @@ def compare(
     from lvnav_trade.results.comparison.comparison import compare as paired
     from lvnav_trade.results.comparison.comparison import parse_effects
 
-    wanted = parse_effects(effects)
-    folders = [
-        Path(place) if Path(place).is_dir() else run(place, jobs=jobs, report=False).folder
-        for place in (base, candidate)
-    ]
-    return Comparison(*paired(folders[0], folders[1], wanted, confidence, mapping))
+    smallest_changes = parse_effects(effects)
+    folders = []
+    for place in (base, candidate):
+        if Path(place).is_dir():
+            folders.append(Path(place))
+        else:
+            folders.append(run(place, jobs=jobs, report=False).folder)
+    return Comparison(*paired(folders[0], folders[1], smallest_changes, confidence, mapping))
 
 
 def keep_base(folder: str | Path, target: str | Path) -> Path:
@@ -188,9 +193,9 @@ def kml(
         raise InputError("the interval of the ellipses and their magnification should be above zero")
     if Path(source).is_dir():
         tables = read(source)
-        drawn = drawing.flights(tables, ellipses, every)
+        flights = drawing.flights(tables, ellipses, every)
         name = str(tables.manifest.get("campaign", Path(source).name))
-        return drawing.write_kml(Path(file), name, drawn, magnify)
+        return drawing.write_kml(Path(file), name, flights, magnify)
     if ellipses:
         raise InputError(f"{source}: a trajectory has no errors; give a folder of results to draw ellipses")
     trajectory = preview(read_card(str(source), Path.cwd()))

@@ -63,12 +63,18 @@ class Summary(Displayed):
         from lvnav_trade.results.requirements.requirements import in_words
 
         low, high = self.runs
-        counted = f"{self.cases} cases, {high if low == high else f'{low} to {high}'} runs each"
+        runs = f"{high}" if low == high else f"{low} to {high}"
         verdicts = ", ".join(f"{verdict} {count}" for verdict, count in self.verdicts.items())
-        lines = [self.description, f"{counted}; {verdicts or 'no requirements'}"]
-        lines += [f"failed: {line}" for line in self.failures[:10]]
-        tables = {"Requirements": in_words(self.requirements)} if len(self.requirements) else {}
-        tables |= {"Errors at injection": self.ranking} if len(self.ranking) else {}
+        lines = [
+            self.description,
+            f"{self.cases} cases, {runs} runs each; {verdicts or 'no requirements'}",
+            *(f"failed: {line}" for line in self.failures[:10]),
+        ]
+        tables = {}
+        if len(self.requirements):
+            tables["Requirements"] = in_words(self.requirements)
+        if len(self.ranking):
+            tables["Errors at injection"] = self.ranking
         return DisplayContent(self.campaign, tuple(line for line in lines if line), tables)
 
 
@@ -102,7 +108,7 @@ class Results(Frames, Displayed):
         if name == "cases":
             return self.metric("designs")
         if name in TABLES:
-            return with_units(self._joined(getattr(self.tables, name)))
+            return with_units(self._add_axes(getattr(self.tables, name)))
         return self.metric(name, AttributeError)
 
     def metric(self, name: str, error: type[Exception] = InputError) -> pd.DataFrame:
@@ -158,12 +164,14 @@ class Results(Frames, Displayed):
             There is no such quantity, axis, event or phase.
         """
         rows = self.metric("rms")
-        wanted = {"phase_or_event": at, "axis": axis, "metric": f"{quantity}_error" if quantity else None}
-        for column, value in wanted.items():
-            if value is not None and value not in set(rows[column]):
+        choices = {"phase_or_event": at, "axis": axis, "metric": f"{quantity}_error" if quantity else None}
+        for column, value in choices.items():
+            if value is None:
+                continue
+            if value not in set(rows[column]):
                 values = ", ".join(dict.fromkeys(rows[column]))
                 raise InputError(f"{column.replace('_', ' ')} {value!r}: there are {values}")
-            rows = rows if value is None else rows[rows[column] == value]
+            rows = rows[rows[column] == value]
         return rows.reset_index(drop=True)
 
     @property
@@ -178,9 +186,13 @@ class Results(Frames, Displayed):
 
     def __repr__(self) -> str:
         counts = self.tables.cases.run_count
-        runs = f"{counts.min()} to {counts.max()}" if counts.min() < counts.max() else counts.max()
-        many = f"{len(self.tables.designs)} designs, of which whole " if self.tables.has_designs else ""
-        return f"<Results of {self.tables.manifest.get('campaign')}: {many}{len(counts)} cases, {runs} runs each>"
+        runs = f"{counts.max()}"
+        if counts.min() < counts.max():
+            runs = f"{counts.min()} to {counts.max()}"
+        designs = ""
+        if self.tables.has_designs:
+            designs = f"{len(self.tables.designs)} designs, of which whole "
+        return f"<Results of {self.tables.manifest.get('campaign')}: {designs}{len(counts)} cases, {runs} runs each>"
 
     __str__ = __repr__
 
@@ -229,40 +241,42 @@ class Results(Frames, Displayed):
         """
         return remote.copy_to(self.folder, place)
 
-    def _joined(self, frame: pd.DataFrame) -> pd.DataFrame:
+    def _add_axes(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a table with the label and, for each axis, the level as text and as number, inserted after `case`."""
-        import pandas as pd
-
         from lvnav_trade.results.requirements.limit_crossings import si_axes
 
         levels = self.tables.levels
-        names = {axis: "axis_" + re.sub(r"\W", "_", axis) for case in levels.values() for axis in case}
-        columns: dict[str, dict[str, str | None]] = {"label": {**self.tables.labels}}
-        columns |= {column: {case: levels[case].get(axis) for case in levels} for axis, column in names.items()}
-        joined = frame.drop(columns="axes", errors="ignore")
-        place = joined.columns.get_loc("case") + 1
-        for name, values in reversed(columns.items()):  # each is inserted in front of the one before
-            if name not in joined:
-                level = pd.Categorical(joined.case.map(values), categories=list(dict.fromkeys(values.values())))
-                joined.insert(place, name, level)
-        for axis in si_axes(self.tables):
-            numbers = {case: axis.values.get(levels[case].get(axis.name, "")) for case in levels}
-            name = f"{names[axis.name]}_{unit_suffix(axis.unit)}"
-            if name not in joined:
-                next_column = joined.columns.get_loc(names[axis.name]) + 1
-                joined.insert(next_column, name, joined.case.map(numbers).astype(float))
-        return joined
+        axis_by_column: dict[str, str] = {}
+        for case_levels in levels.values():
+            for axis in case_levels:
+                axis_by_column[_axis_column(axis)] = axis
+
+        table = frame.drop(columns="axes", errors="ignore")
+        place = table.columns.get_loc("case") + 1
+        # Each column is inserted in front of the previous one, so the order is reversed.
+        for column, axis in reversed(axis_by_column.items()):
+            _insert_texts(table, place, column, {case: levels[case].get(axis) for case in levels})
+        _insert_texts(table, place, "label", {**self.tables.labels})
+
+        for si_axis in si_axes(self.tables):
+            column = _axis_column(si_axis.name)
+            number_column = f"{column}_{unit_suffix(si_axis.unit)}"
+            if number_column not in table:
+                numbers = {case: si_axis.values.get(levels[case].get(si_axis.name, "")) for case in levels}
+                place = table.columns.get_loc(column) + 1
+                table.insert(place, number_column, table.case.map(numbers).astype(float))
+        return table
 
     @property
     def failures(self) -> list[str]:
         """One line per failed run, with the command that replays it, and per lost work item."""
         runs = self.tables.runs
         failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
-        return self.tables.manifest.get("lost", []) + [
-            f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s; "
-            f"lvnav-trade replay {self.folder} {row.case} {row.run_number}"
-            for row in failed.itertuples(index=False)
-        ]
+        lines: list[str] = [*self.tables.manifest.get("lost", [])]
+        for row in failed.itertuples(index=False):
+            run = f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s"
+            lines.append(f"{run}; lvnav-trade replay {self.folder} {row.case} {row.run_number}")
+        return lines
 
     @property
     def exit_code(self) -> int:
@@ -284,10 +298,29 @@ def with_units(frame: pd.DataFrame) -> pd.DataFrame:
         The same table.
     """
     # the longest suffix first: m_per_s before s
-    by_suffix = sorted(((f"_{suffix}", unit) for unit, suffix in SI_SUFFIX.items()), key=lambda pair: -len(pair[0]))
-    units = {column: [unit for suffix, unit in by_suffix if str(column).endswith(suffix)] for column in frame.columns}
-    frame.attrs["units"] = {column: fitting[0] for column, fitting in units.items() if fitting}
+    suffixes = sorted(((suffix, unit) for unit, suffix in SI_SUFFIX.items()), key=lambda pair: -len(pair[0]))
+    units = {}
+    for column in frame.columns:
+        for suffix, unit in suffixes:
+            if str(column).endswith(f"_{suffix}"):
+                units[column] = unit
+                break
+    frame.attrs["units"] = units
     return frame
+
+
+def _axis_column(axis: str) -> str:
+    """Return the name of the column with the level of an axis."""
+    return "axis_" + re.sub(r"\W", "_", axis)
+
+
+def _insert_texts(table: pd.DataFrame, place: int, name: str, text_by_case: dict[str, str | None]) -> None:
+    """Insert a column of texts by case at a place of a table, unless it has a column of that name."""
+    import pandas as pd
+
+    if name not in table:
+        categories = list(dict.fromkeys(text_by_case.values()))
+        table.insert(place, name, pd.Categorical(table.case.map(text_by_case), categories=categories))
 
 
 def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
@@ -307,5 +340,8 @@ def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
     """
     if failures:
         return FAILED
-    undecided = {"undecided", "not confirmed", "not applicable"} & set(verdicts)
-    return VIOLATED if "violated" in verdicts else UNDECIDED if undecided else MET
+    if "violated" in verdicts:
+        return VIOLATED
+    if {"undecided", "not confirmed", "not applicable"} & set(verdicts):
+        return UNDECIDED
+    return MET

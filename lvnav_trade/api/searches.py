@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 _FILTER_CARD = "filter.yaml"
 
 
-def _jobs(jobs: int) -> int:
+def _worker_count(jobs: int) -> int:
+    """Return the number of worker processes, all cores for -1."""
     return jobs if jobs > 0 else os.cpu_count() or 1
 
 
@@ -50,7 +51,7 @@ def _write_report(
     from lvnav_trade.report import search as page
     from lvnav_trade.report.blocks import Text
 
-    time = Text(f"Wall time {result.seconds:.0f} s with {_jobs(jobs)} worker processes.")
+    time = Text(f"Wall time {result.seconds:.0f} s with {_worker_count(jobs)} worker processes.")
     tables = {name: getattr(result, name) for name in frames}
     return page.write(place, campaign.name, campaign.description, [*blocks, time], tables, files)
 
@@ -108,7 +109,9 @@ def solve(
         raise InputError(
             f"{campaign}: asks no inverse question; give --vary PATH=LEAST:LARGEST, --least cost, or a block solve"
         )
-    return (_largest_values if problem.least is None else _least_cases)(loaded, problem, place, jobs)
+    if problem.least is None:
+        return _largest_values(loaded, problem, place, jobs)
+    return _least_cases(loaded, problem, place, jobs)
 
 
 def _largest_values(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> Solution:
@@ -116,7 +119,7 @@ def _largest_values(campaign: Campaign, problem: Solve, place: Path, jobs: int) 
     from lvnav_trade.campaign.search import solve as inverse
     from lvnav_trade.report import search as page
 
-    solved = inverse.solve(campaign, problem, _jobs(jobs))
+    solved = inverse.solve(campaign, problem, _worker_count(jobs))
     blocks = page.solved(solved.answers, solved.intervals, solved.scanned, solved.confirmed, solved.names)
     frames = ("answers", "intervals", "scanned", "confirmed")
     file = _write_report(campaign, place, blocks, solved, jobs, frames)
@@ -131,7 +134,7 @@ def _least_cases(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> 
     from lvnav_trade.campaign.search import least as choice
     from lvnav_trade.report import search as page
 
-    choices = choice.least(campaign, problem, _jobs(jobs))
+    choices = choice.least(campaign, problem, _worker_count(jobs))
     blocks = page.chosen(choices.answers, choices.confirmed, choices.least)
     file = _write_report(campaign, place, blocks, choices, jobs, ("answers", "confirmed"))
     return Solution(choices.answers, choices.confirmed, choices.seconds, file)
@@ -169,9 +172,15 @@ def indices(
     loaded, place = _campaign_and_folder(campaign, sets, folder, "indices")
     if loaded.indices is None:
         raise InputError(f"{campaign}: has no block indices; add one to compute sensitivity indices")
-    result = sensitivity.indices(loaded, loaded.indices, _jobs(jobs))
+    result = sensitivity.indices(loaded, loaded.indices, _worker_count(jobs))
     blocks = page.indexed(
-        result.indices, result.case, result.error, result.covered, result.predicted, result.samples, result.remark
+        result.indices,
+        result.case,
+        result.error,
+        result.covered,
+        result.predicted,
+        result.samples,
+        result.remark,
     )
     file = _write_report(loaded, place, blocks, result, jobs, ("indices",))
     return Sensitivity(
@@ -217,9 +226,16 @@ def tune(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
     loaded, place = _campaign_and_folder(campaign, sets, folder, "tune")
     if loaded.tune is None:
         raise InputError(f"{campaign}: tunes no filter; give a block tune")
-    result = tuning.tune(loaded, loaded.tune, _jobs(jobs))
+    result = tuning.tune(loaded, loaded.tune, _worker_count(jobs))
     card = dump(result.card.model_dump(mode="json", exclude_defaults=True))
     blocks = page.tuned(result.values, result.cases, result.card.source)
     report = _write_report(loaded, place, blocks, result, jobs, ("values", "cases"), {_FILTER_CARD: card})
-    card_file = report.parent / _FILTER_CARD
-    return Tuning(result.values, result.cases, result.card, card_file, result.evaluations, result.seconds, report)
+    return Tuning(
+        result.values,
+        result.cases,
+        result.card,
+        report.parent / _FILTER_CARD,
+        result.evaluations,
+        result.seconds,
+        report,
+    )

@@ -26,7 +26,7 @@ _TOKEN = re.compile(
 )
 _UNIT = re.compile(r"\s+(?!(?:and|or|not|in)\b)(?P<unit>[^\W\d][^\s<>=!,]*|[%\u00b0][^\s<>=!,]*)")
 _WORD = re.compile(r"\s*(?P<word>[\w#.+%-]+)")
-_JOINING = ("and", "or", "not", "in")
+_OPERATORS = ("and", "or", "not", "in")
 
 
 def column_named(name: str, frame: pd.DataFrame) -> str:
@@ -52,19 +52,20 @@ def column_named(name: str, frame: pd.DataFrame) -> str:
     columns = [str(column) for column in frame.columns]
     if name in columns:
         return name
-    fitting = [column for column in columns if name in (column.removeprefix("axis_"), *_shortened(column))]
+    fitting = [column for column in columns if name in (column.removeprefix("axis_"), *_short_names(column))]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
         raise InputError(f"{quoted(name)} fits several columns: {', '.join(fitting)}")
-    known = dict.fromkeys(min((column, *_shortened(column)), key=len) for column in columns)
-    raise InputError(f"no column {quoted(name)}{hint(name, list(known))}; there are {', '.join(known)}")
+    shortest = dict.fromkeys(min((column, *_short_names(column)), key=len) for column in columns)
+    raise InputError(f"no column {quoted(name)}{hint(name, list(shortest))}; there are {', '.join(shortest)}")
 
 
-def _shortened(column: str) -> tuple[str, ...]:
+def _short_names(column: str) -> tuple[str, ...]:
     """Return the names of a column without its unit, with and without ``axis_``."""
-    bare = unit_at_end(column)[0].removesuffix("_count").removesuffix("_number")
-    return bare, bare.removeprefix("axis_")
+    name, _ = unit_at_end(column)
+    name = name.removesuffix("_count").removesuffix("_number")
+    return name, name.removeprefix("axis_")
 
 
 def chosen(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
@@ -91,44 +92,51 @@ def chosen(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
     for condition in conditions:
         if len(condition) > _LENGTH:
             raise InputError(f"{quoted(condition)}: {len(condition)} characters; at most {_LENGTH}")
-        whole = " ".join(_translated(condition, frame))
+        expression = " ".join(_pandas_tokens(condition, frame))
         try:
-            kept = frame.eval(whole, engine="python")
+            is_chosen = frame.eval(expression, engine="python")
         except Exception as error:  # pandas raises whatever its parser meets
-            why = str(error).strip().partition("\n")[0]
-            raise InputError(f"{quoted(condition)} is no condition such as 'velocity < 0.1 m/s' ({why})") from None
-        if not isinstance(kept, pd.Series) or kept.dtype != bool:
+            reason = str(error).strip().partition("\n")[0]
+            raise InputError(f"{quoted(condition)} is no condition such as 'velocity < 0.1 m/s' ({reason})") from None
+        if not isinstance(is_chosen, pd.Series) or is_chosen.dtype != bool:
             raise InputError(f"{quoted(condition)} compares nothing; write a condition such as 'velocity < 0.1 m/s'")
-        frame = frame[kept]
+        frame = frame[is_chosen]
     return frame.reset_index(drop=True)
 
 
-def _translated(condition: str, frame: pd.DataFrame) -> Iterator[str]:
+def _pandas_tokens(condition: str, frame: pd.DataFrame) -> Iterator[str]:
     """Yield the tokens of a condition for pandas: names of columns, numbers in SI, words in quotation marks.
 
     Only the tokens listed here are passed on. Attributes and calls are refused, since `DataFrame.eval` would run them.
     """
-    at, column, compared = 0, "", False
-    while condition[at:].strip():
-        if compared and column and _is_text(frame, column):
+    position = 0
+    column = ""  # last named column
+    after_comparison = False
+    while condition[position:].strip():
+        if after_comparison and column and _is_text(frame, column):
             # a word compared with a text column is a value unless it names a column itself
-            word = _WORD.match(condition, at)
+            word = _WORD.match(condition, position)
             if word is not None and word["word"] not in map(str, frame.columns):
                 yield repr(word["word"])
-                at, compared = word.end(), False
+                position = word.end()
+                after_comparison = False
                 continue
-        token = _TOKEN.match(condition, at)
+        token = _TOKEN.match(condition, position)
         if token is None:
-            raise InputError(f"{quoted(condition)}: {quoted(condition[at:].strip())} has no meaning in a condition")
-        at, compared = token.end(), bool(token["comparison"])
-        if token["name"] and token["name"] not in _JOINING:
-            if condition[at:].lstrip().startswith("("):
+            rest = condition[position:].strip()
+            raise InputError(f"{quoted(condition)}: {quoted(rest)} has no meaning in a condition")
+        position = token.end()
+        after_comparison = bool(token["comparison"])
+        unit = _UNIT.match(condition, position) if token["number"] else None
+        if token["name"] and token["name"] not in _OPERATORS:
+            if condition[position:].lstrip().startswith("("):
                 raise InputError(f"{quoted(condition)}: {token['name']}() has no meaning in a condition")
             column = column_named(token["name"], frame)
             yield column
-        elif token["number"] and (unit := _UNIT.match(condition, at)) is not None:
-            yield repr(_quantity(f"{token['number']} {unit['unit'].rstrip(')')}", column))
-            at = unit.start("unit") + len(unit["unit"].rstrip(")"))
+        elif unit is not None:
+            unit_text = unit["unit"].rstrip(")")  # parentheses are tokens of the condition
+            yield repr(_si_number(f"{token['number']} {unit_text}", column))
+            position = unit.start("unit") + len(unit_text)
         else:
             yield token[0].strip()
 
@@ -137,9 +145,9 @@ def _is_text(frame: pd.DataFrame, column: str) -> bool:
     return not pd.api.types.is_numeric_dtype(frame[column])
 
 
-def _quantity(text: str, column: str) -> float:
+def _si_number(text: str, column: str) -> float:
     """Return a quantity in the unit of the compared column; InputError if the dimensions differ."""
-    unit = unit_at_end(column)[1]
+    _, unit = unit_at_end(column)
     if not unit:
         raise InputError(f"{quoted(text)}: {column or 'what it is compared with'} has no unit")
     try:
@@ -201,17 +209,21 @@ def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | No
     """
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     if loaded.is_space:
-        return loaded, _design(DesignSpace(loaded), case)
+        return loaded, _find_design(DesignSpace(loaded), case)
     all_cases = cases(loaded)
-    return loaded, find(all_cases, case) if case else all_cases[0]
+    if case:
+        return loaded, find(all_cases, case)
+    return loaded, all_cases[0]
 
 
-def _design(designs: DesignSpace, wanted: str | None) -> Case:
+def _find_design(designs: DesignSpace, name: str | None) -> Case:
     """Return the design with a digest, its first digits, or a label (``design 12``); the first design if None."""
-    number = None if wanted is None else number_in(wanted)
+    number = None if name is None else number_in(name)
     if number is not None and number < len(designs):
         return designs.case(number)
     for case in designs.cases():
-        if wanted is None or case.label == wanted or (len(wanted) >= _DIGITS and case.id.startswith(wanted)):
+        if name is None or case.label == name:
             return case
-    raise InputError(f"no case {wanted!r} among {len(designs)} designs; give {_DIGITS} digits of its digest or more")
+        if len(name) >= _DIGITS and case.id.startswith(name):
+            return case
+    raise InputError(f"no case {name!r} among {len(designs)} designs; give {_DIGITS} digits of its digest or more")

@@ -19,7 +19,7 @@ from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
-    from lvnav_trade.campaign.reading.study_card import StudySection
+    from lvnav_trade.campaign.reading.study_card import StudyCard, StudySection
     from lvnav_trade.report.script import StudyResult, StudyScript
 
 SCRIPT = "study.py"
@@ -75,24 +75,21 @@ def study(
         A campaign, study.yaml or an input of the script has an error: nothing has been computed. Or the folder is not
         one of the tool's and contains a script, which this function does not run.
     """
-    from lvnav_trade.campaign.reading.study_card import load_study
-    from lvnav_trade.report.printed import mistakes
-    from lvnav_trade.report.script import StudyScript
     from lvnav_trade.report.study import build
 
     owned(keep, "study")  # refused before anything is computed
-    script = folder if isinstance(folder, StudyScript) else script_of(folder)
-    description, questions = load_study(script.folder, runs, script.figures)
-    refuse_all([*script.mistakes(questions), *mistakes(description, questions, script)])
-    place = Path(results) if results is not None else Path("results") / (description.name or script.folder.name)
-    not_run = _without_results([question.campaign for question in questions], place) if only_page else []
-    task = None if only_page else Task(jobs, fresh, report=False)
+    script, description, questions = _load_study(folder, runs)
+    place = _results_folder(results, description, script)
+    not_run: list[Campaign] = []
+    task = None
+    if only_page:
+        not_run = _without_results([question.campaign for question in questions], place)
+    else:
+        task = Task(jobs, fresh, report=False)
     to_run = [question for question in questions if question.campaign not in not_run]
-    answered, failures = _answers(to_run, place, task, watch or StudyWatch(), script)
-    counts = {answer.campaign.name: _count_reproduced(answer, script) for answer in answered}
-    published, reproduced = (sum(count[k] for count in counts.values()) for k in (0, 1))
-    page = build(description, answered, Path(keep), not_run, script)
-    return Study(page, counts, published, reproduced, failures)
+    answered, failures = _run_sections(to_run, place, task, watch or StudyWatch(), script)
+    report = build(description, answered, Path(keep), not_run, script)
+    return _study_outcome(report, answered, failures, script)
 
 
 def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
@@ -117,15 +114,10 @@ def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
     InputError
         The study has an input error, the folder has no report, or the study no longer defines a stored row.
     """
-    from lvnav_trade.campaign.reading.study_card import load_study
-    from lvnav_trade.report.printed import mistakes
-    from lvnav_trade.report.recount import recount as written
-    from lvnav_trade.report.script import StudyScript
+    from lvnav_trade.report.recount import recount as rewrite
 
-    script = folder if isinstance(folder, StudyScript) else script_of(folder)
-    description, questions = load_study(script.folder, None, script.figures)
-    refuse_all([*script.mistakes(questions), *mistakes(description, questions, script)])
-    return written(description, [question.campaign for question in questions], keep, script)
+    script, description, questions = _load_study(folder, None)
+    return rewrite(description, [question.campaign for question in questions], keep, script)
 
 
 def renew(
@@ -162,25 +154,48 @@ def renew(
         As for `study`. Also: there is no such campaign or no kept report, or the study no longer defines a stored row
         of another campaign.
     """
+    from lvnav_trade.report.recount import renew as rewrite
+
+    script, description, questions = _load_study(folder, runs)
+    names = [question.campaign.name for question in questions]
+    for name in campaigns:
+        if name not in names:
+            raise InputError(f"{script.folder}: no campaign {name!r}{hint(name, names)}; there are {', '.join(names)}")
+    place = _results_folder(results, description, script)
+    to_run = [question for question in questions if question.campaign.name in campaigns]
+    task = Task(jobs, fresh, report=False)
+    answered, failures = _run_sections(to_run, place, task, watch or StudyWatch(), script)
+    report = rewrite(description, [question.campaign for question in questions], keep, script, answered)
+    return _study_outcome(report, answered, failures, script)
+
+
+def _load_study(
+    folder: str | Path | StudyScript, runs: int | None
+) -> tuple[StudyScript, StudyCard, Sequence[StudySection]]:
+    """Return the script, the description and the campaigns of a study; InputError if one of them has an error."""
     from lvnav_trade.campaign.reading.study_card import load_study
     from lvnav_trade.report.printed import mistakes
-    from lvnav_trade.report.recount import renew as written
     from lvnav_trade.report.script import StudyScript
 
     script = folder if isinstance(folder, StudyScript) else script_of(folder)
-    found, questions = load_study(script.folder, runs, script.figures)
-    refuse_all([*script.mistakes(questions), *mistakes(found, questions, script)])
-    known = [one.campaign.name for one in questions]
-    for name in campaigns:
-        if name not in known:
-            raise InputError(f"{script.folder}: no campaign {name!r}{hint(name, known)}; there are {', '.join(known)}")
-    place = Path(results) if results is not None else Path("results") / (found.name or script.folder.name)
-    asked = [one for one in questions if one.campaign.name in campaigns]
-    answered, failures = _answers(asked, place, Task(jobs, fresh, report=False), watch or StudyWatch(), script)
-    counts = {one.campaign.name: _count_reproduced(one, script) for one in answered}
-    stated, hold = (sum(one[k] for one in counts.values()) for k in (0, 1))
-    page = written(found, [one.campaign for one in questions], keep, script, answered)
-    return Study(page, counts, stated, hold, failures)
+    description, questions = load_study(script.folder, runs, script.figures)
+    refuse_all([*script.mistakes(questions), *mistakes(description, questions, script)])
+    return script, description, questions
+
+
+def _results_folder(results: str | Path | None, description: StudyCard, script: StudyScript) -> Path:
+    """Return the folder for the results of the campaigns; ``results/NAME`` if None."""
+    if results is not None:
+        return Path(results)
+    return Path("results") / (description.name or script.folder.name)
+
+
+def _study_outcome(report: Path, answered: Sequence[StudyResult], failures: list[str], script: StudyScript) -> Study:
+    """Return the report of a study with the numbers of published and of reproduced values."""
+    counts = {answer.campaign.name: _count_reproduced(answer, script) for answer in answered}
+    n_published = sum(published for published, _ in counts.values())
+    n_reproduced = sum(reproduced for _, reproduced in counts.values())
+    return Study(report, counts, n_published, n_reproduced, failures)
 
 
 def script_of(folder: str | Path) -> StudyScript:
@@ -258,25 +273,30 @@ def _without_results(campaigns: Sequence[Campaign], place: Path) -> list[Campaig
     return not_run if len(not_run) < len(campaigns) else []
 
 
-def _answers(
+def _run_sections(
     questions: Sequence[StudySection], place: Path, task: Task | None, watch: StudyWatch, script: StudyScript
 ) -> tuple[list[StudyResult], list[str]]:
     """Return every campaign with its results, and the failed runs of all campaigns."""
     from lvnav_trade.report.script import StudyResult
 
-    results = [_results_of(each.campaign, place / each.campaign.name, task, watch, script) for each in questions]
-    answered = [
-        StudyResult(question.part, question.campaign, result.tables)
-        for question, result in zip(questions, results, strict=True)
-    ]
-    return answered, [line for result in results for line in result.failures]
+    answered: list[StudyResult] = []
+    failures: list[str] = []
+    for question in questions:
+        campaign = question.campaign
+        results = _campaign_results(campaign, place / campaign.name, task, watch, script)
+        answered.append(StudyResult(question.part, campaign, results.tables))
+        failures += results.failures
+    return answered, failures
 
 
-def _results_of(campaign: Campaign, place: Path, task: Task | None, watch: StudyWatch, script: StudyScript) -> Results:
+def _campaign_results(
+    campaign: Campaign, place: Path, task: Task | None, watch: StudyWatch, script: StudyScript
+) -> Results:
     """Return the results of a campaign; run it first if a task is given."""
     if task is not None:
         refuse_all(list(script.mistakes_in_flight(campaign, flight_events(campaign))))
-        carry_out(campaign, place, task._replace(progress=watch.progress() if watch.progress else None))
+        progress = watch.progress() if watch.progress else None
+        carry_out(campaign, place, task._replace(progress=progress))
     results = Results(place)
     if watch.on_campaign is not None:
         watch.on_campaign(campaign.name, results)
@@ -293,7 +313,8 @@ def _count_reproduced(answered: StudyResult, script: StudyScript) -> tuple[int, 
     from lvnav_trade.report.script import published_rows
     from lvnav_trade.results.evaluation.published import COLUMNS, evidence, held
 
-    name, settings = answered.campaign.name, answered.campaign.model_dump(mode="json")
+    name = answered.campaign.name
+    settings = answered.campaign.model_dump(mode="json")
     rows = pd.DataFrame(published_rows(name, answered.tables, settings, script), columns=COLUMNS)
     rows = rows[evidence(rows)]
     return len(rows), int(held(rows).sum())

@@ -94,9 +94,7 @@ class Frames:
     injection: pd.DataFrame  # injection accuracy of guided ascents: achieved orbit against target
     injection_sources: pd.DataFrame  # budget of the achieved orbit: navigation and sources of the vehicle
     cutoff: pd.DataFrame  # how guided ascents end: depletion, time, propellant left
-    failed_injections: (
-        pd.DataFrame
-    )  # guided runs that do not reach their cut-off, with their largest vehicle dispersions
+    failed_injections: pd.DataFrame  # guided runs without cut-off, with their largest vehicle dispersions
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test
     rate_and_acceleration: pd.DataFrame  # errors of rate and acceleration by phase
