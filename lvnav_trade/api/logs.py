@@ -99,7 +99,7 @@ def process_log(
     Raises
     ------
     InputError
-        Campaign or log cannot be read, or a filter needs what the log does not have: nothing has been written.
+        Campaign or log cannot be read, or a filter needs data that the log does not have: nothing has been written.
     """
     from lvnav_trade.campaign.reading.load import load
     from lvnav_trade.campaign.recorded_log import OutagePlan, process

@@ -1,4 +1,4 @@
-"""What a campaign computes, as tables: their dictionary, metrics, verdicts, comparison.
+"""Results of a campaign as tables: their dictionary, metrics, verdicts, comparison.
 
 Read `metric.py` first, then `registry.py`.
 """

@@ -60,6 +60,6 @@ def metric_of(name: str) -> Metric:
     return find(name) or StateError.of(name, "")
 
 
-def names(wanted: Callable[[Metric], bool]) -> tuple[str, ...]:
+def names(condition: Callable[[Metric], bool]) -> tuple[str, ...]:
     """Return the names of the metrics that satisfy a condition."""
-    return tuple(name for name, metric in registry().items() if wanted(metric))
+    return tuple(name for name, metric in registry().items() if condition(metric))

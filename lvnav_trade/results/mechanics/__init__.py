@@ -1,4 +1,4 @@
-"""Orbital mechanics of navigation errors: orbits, impact points, correction impulses.
+"""Orbital mechanics of navigation errors: orbits, free fall and impact points, correction impulses.
 
 Read `mission_errors.py` first.
 """

@@ -21,7 +21,7 @@ _FEWEST = 8  # steps of a fall
 
 
 class Impact(NamedTuple):
-    """Impact points. All fields are NaN where there is none.
+    """Impact points; all fields are NaN for a state without an impact point.
 
     r_e : (..., 3), m. Point on the ellipsoid, frame e.
     latitude, longitude : (...,), rad. Geodetic coordinates.

@@ -22,8 +22,8 @@ from lvnav_trade.results.mechanics.orbits import osculating
 PLACES = 48
 _ROUNDS = 400
 _CHUNK = 1024
-# Powers of the rounds: 1 is the plain rule, 2 in every round is faster and may lose the rank; one large step after some
-# plain ones takes two thirds of the time of 1.5 in every round
+# Powers of the rounds: 1 is the plain rule, 2 in every round is faster and may lose the rank. A large step after some
+# plain steps takes two thirds of the time of 1.5 in every round.
 _POWERS = (1, 1, 1, 6)
 _FLOOR = 1e-9  # smallest weight of a position, which keeps the equations regular
 

@@ -90,10 +90,12 @@ def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[
     one epoch less the estimated elements at the other.
     """
     elements = orbits.mean if epochs.is_mean else orbits.osculating
-    true_r_i, true_v_i = coast(state.r_i, state.v_i, epochs.true)
-    true = elements(true_r_i[0], true_v_i[0])
-    estimated_r_i, estimated_v_i = coast(state.r_i - error[:, 3:], state.v_i - error[:, :3], epochs.estimated)
-    return _element_differences(true, elements(estimated_r_i, estimated_v_i))
+    r_i, v_i = coast(state.r_i, state.v_i, epochs.true)
+    true = elements(r_i[0], v_i[0])
+    estimated_r_i = state.r_i - error[:, 3:]
+    estimated_v_i = state.v_i - error[:, :3]
+    estimated = elements(*coast(estimated_r_i, estimated_v_i, epochs.estimated))
+    return _element_differences(true, estimated)
 
 
 def _element_differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVectors) -> dict[str, Floats]:

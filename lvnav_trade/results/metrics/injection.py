@@ -165,7 +165,7 @@ class InjectionError(_InjectionMetric):
 
 @dataclass(frozen=True)
 class Depletion(_InjectionMetric):
-    """One for a run whose last stage is empty before its cut-off, zero for a run that reaches it.
+    """1 for a run whose last stage is empty before its cut-off, 0 for a run that reaches it.
 
     A run that ends otherwise has no injection, and counts as infinite in a requirement.
     """

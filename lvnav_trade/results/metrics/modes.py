@@ -88,7 +88,7 @@ def mode_numbers(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats
 
     Entry time: s from the start of the phase to the n-th transition into the mode; the length of the phase if there is
     none. Entry share: 1 if the transition occurs, else 0. Duration: s in the mode. Changes: number of transitions into
-    the mode. If a reason is stated, only transitions with this reason count.
+    the mode. If the statement gives a reason, only transitions with this reason count.
     """
     from lvnav_trade.results.statistics.select import phase, pick
 

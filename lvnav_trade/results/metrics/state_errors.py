@@ -177,8 +177,8 @@ class StateError(Metric):
     def _history_rows(
         self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str
     ) -> tuple[pd.DataFrame, float, str]:
-        """Return the history at the stated event or phase, the SI value of the unit, and the reason if there is no
-        history.
+        """Return the history at the event or phase of a statement, the SI value of the unit, and the reason if there is
+        no history.
         """
         from lvnav_trade.results.statistics.per_run import within
         from lvnav_trade.results.statistics.select import history_of

@@ -63,7 +63,7 @@ VERDICTS = [
 
 
 def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
-    """Return each case's point of impact over the flight, with its error; rows only where there is one.
+    """Return each case's point of impact over the flight, with its error; no rows for times without impact point.
 
     only : digest of the only case to evaluate
 

@@ -67,7 +67,7 @@ LEAST = 1e-7
 
 
 def orbit(tables: Tables) -> pd.DataFrame:
-    """Return the orbit of each case at its final event, and at earlier ones from which it does not fall, with errors.
+    """Return the orbit of each case, with its errors, at the final event and at earlier events if it clears the ground.
 
     Heights are above the equatorial radius. An error is true less estimated, of averaged elements. Columns:
 
@@ -285,12 +285,15 @@ def mardia(sample: Floats) -> tuple[float, float, float]:
     covariance = centred.T @ centred / n
     products = centred @ np.linalg.solve(covariance, centred.T)  # (n, n), x_i' S^-1 x_j
     skewness = float(np.mean(products**3))
-    excess_kurtosis = float(np.mean(np.diagonal(products) ** 2)) - k * (k + 2)
+    kurtosis = float(np.mean(np.diagonal(products) ** 2))
+    gaussian_kurtosis = k * (k + 2)
+    excess_kurtosis = kurtosis - gaussian_kurtosis
 
     # Of a Gaussian: n skewness / 6 is chi-squared, the kurtosis normal with variance 8 k (k + 2) / n.
     n_freedom = k * (k + 1) * (k + 2) // 6
     p_skewness = float(stats.chi2.sf(n * skewness / 6.0, n_freedom))
-    p_kurtosis = 2.0 * float(stats.norm.sf(abs(excess_kurtosis) / np.sqrt(8.0 * k * (k + 2) / n)))
+    kurtosis_sigma = np.sqrt(8.0 * k * (k + 2) / n)
+    p_kurtosis = 2.0 * float(stats.norm.sf(abs(excess_kurtosis) / kurtosis_sigma))
     return skewness, excess_kurtosis, min(1.0, 2.0 * min(p_skewness, p_kurtosis))
 
 

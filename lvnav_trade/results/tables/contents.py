@@ -1,4 +1,4 @@
-"""Folders that the tool writes: a list of their files, and the manifest, read even where it is damaged."""
+"""Folders that the tool writes: the list of their files, and the manifest, which may be damaged."""
 
 import hashlib
 import json

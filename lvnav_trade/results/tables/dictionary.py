@@ -20,9 +20,9 @@ TABLES: dict[str, dict[str, str]] = {
 }
 # Feature of a campaign that each table belongs to; a table without rows is not written
 FEATURES: dict[str, str] = {table: _STATED["features"][table] for table in TABLES}
-# The same of the CSV tables beside a report
+# Feature of a campaign that each CSV table of a report belongs to
 REPORTED: dict[str, str] = _STATED["reported"]
-# Names in results of version 2 by the present ones: of tables, and of columns by table
+# Names in results of version 2 by the present names: of tables, and of columns by table
 TABLES_OF_VERSION_2: dict[str, str] = _STATED["version_2"]["tables"]
 COLUMNS_OF_VERSION_2: dict[str, dict[str, str]] = _STATED["version_2"]["columns"]
 # Suffix of a column of errors in the table `runs`, by the SI unit of the output

@@ -116,7 +116,7 @@ def _arrow_table(name: str, case_id: str, content: dict[str, Any] | list[dict[st
     A single text or number applies to every row. Columns that are not in the schema are real numbers and come last.
     """
     if isinstance(content, list):
-        content = _columns_from_rows(content)
+        content = _transpose_rows(content)
     n_row = 0
     for values in content.values():
         n_row = max(n_row, 1 if isinstance(values, str | int | float) else len(values))
@@ -133,7 +133,7 @@ def _arrow_table(name: str, case_id: str, content: dict[str, Any] | list[dict[st
     return pa.table(arrays, schema=schema)
 
 
-def _columns_from_rows(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _transpose_rows(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return rows with equal keys as columns."""
     if not rows:
         return {}
@@ -145,10 +145,14 @@ def _freedom(covariance: Floats, mean: Floats) -> Floats:
 
     Two moments are matched (Satterthwaite): E = tr C + m'm, Var = 2 tr C^2 + 4 m'Cm, freedom 2 E^2 / Var.
     """
-    expected = np.trace(covariance, axis1=1, axis2=2) + np.sum(mean**2, axis=1)
-    variance = 2.0 * np.sum(covariance**2, axis=(1, 2)) + 4.0 * np.einsum("ni,nij,nj->n", mean, covariance, mean)
+    total = np.trace(covariance, axis1=1, axis2=2)
+    expected = total + np.sum(mean**2, axis=1)
+    of_covariance = 2.0 * np.sum(covariance**2, axis=(1, 2))
+    of_mean = 4.0 * np.einsum("ni,nij,nj->n", mean, covariance, mean)
+    variance = of_covariance + of_mean
     is_constant = variance <= 2.0 * expected**2 / _NORM_LIKE_CONSTANT
-    return np.where(is_constant, _NORM_LIKE_CONSTANT, 2.0 * expected**2 / np.where(is_constant, 1.0, variance))
+    freedom = 2.0 * expected**2 / np.where(is_constant, 1.0, variance)
+    return np.where(is_constant, _NORM_LIKE_CONSTANT, freedom)
 
 
 def _name_columns(outputs: tuple[Output, ...], n: int) -> dict[str, Any]:

@@ -84,13 +84,13 @@ def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
 
 
 def _satellites(prepared: Prepared) -> dict[str, Any]:
-    """Return the satellites above the horizon or with a channel; if there are none, the one of highest elevation.
+    """Return the satellites above the horizon or with a channel; if there are none, the highest satellite.
 
     So every epoch has at least one row.
     """
     sky = prepared.sky
     delays = prepared.delays
-    step = 1  # epochs between stored ones
+    step = 1  # every n-th epoch is stored
     if len(sky.t) > 1:
         step = max(1, round(SKY_STEP / float(np.median(np.diff(sky.t)))))
     elevation = sky.elevation[::step]

@@ -188,7 +188,7 @@ def load(results: Path | str | Tables) -> Tables:
 def stored_table(folder: Path, name: str) -> pa.Table:
     """Read a table of a folder of results; a table without rows is not on disk and returned empty.
 
-    The columns of results of the previous version are renamed to the present ones.
+    The columns of results of the previous version get their present names.
 
     Raises an InputError if the table is missing or damaged, or a column has values of another type.
     """

@@ -69,7 +69,7 @@ def run_columns(
         "failure": np.repeat(failures, n_event),
         "t_failed_s": np.repeat(summary.t_failed, n_event),
         "nees_ratio": summary.event_nees.ravel(),
-        **_columns_by_name(errors, summary.event_error),
+        **_split_columns(errors, summary.event_error),
     }
     n_interval = summary.worst.shape[1]
     interval_errors = {
@@ -77,8 +77,8 @@ def run_columns(
         "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
         "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
         "failure": np.repeat(failures, n_interval),
-        **_columns_by_name(errors, summary.worst),
-        **_columns_by_name(means, np.sqrt(summary.mean_square)),
+        **_split_columns(errors, summary.worst),
+        **_split_columns(means, np.sqrt(summary.mean_square)),
     }
     return {
         "runs": runs,
@@ -153,7 +153,7 @@ def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str,
     }
 
 
-def _columns_by_name(names: list[str], values: Any) -> dict[str, Any]:
+def _split_columns(names: list[str], values: Any) -> dict[str, Any]:
     """Return values (n_run, n, n_name) as one column (n_run * n,) per name."""
     return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
 

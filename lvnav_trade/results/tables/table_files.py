@@ -122,7 +122,7 @@ class RowWriter:
             self._waiting[name] = waiting
 
     def noted(self, parts: Iterable[_Part], tables: Callable[[_Part], Mapping[str, pa.Table]]) -> Iterator[_Part]:
-        """Yield parts unchanged, one by one, after appending the tables of each."""
+        """Yield parts unchanged, after appending the tables of each part."""
         for part in parts:
             self.add(tables(part))
             yield part
@@ -232,7 +232,11 @@ def binaries(values: list[NDArray[Any]]) -> pa.LargeBinaryArray:
 
 def integers(rows: Sequence[Sequence[int]]) -> pa.ListArray:
     """Return lists of whole numbers, one list per row."""
-    ends = np.cumsum([0, *map(len, rows)], dtype=np.int32)
-    flat = np.array([number for row in rows for number in row], dtype=np.int64)
-    starts = pa.Array.from_buffers(pa.int32(), ends.size, [None, pa.py_buffer(ends)])
-    return pa.ListArray.from_arrays(starts, column(flat, pa.int64()))
+    lengths = [len(row) for row in rows]
+    ends = np.cumsum([0, *lengths], dtype=np.int32)
+    numbers: list[int] = []
+    for row in rows:
+        numbers += row
+    content = column(np.array(numbers, dtype=np.int64), pa.int64())
+    offsets = pa.Array.from_buffers(pa.int32(), ends.size, [None, pa.py_buffer(ends)])
+    return pa.ListArray.from_arrays(offsets, content)
