@@ -298,7 +298,7 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     if first is None:
         raise ValueError("there is no part to merge")
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
-    histogram = counts(first)
+    histogram = counts(first) if len(first.bins) else first.histogram.copy()
     joined_names = _PER_RUN + _ROWS if rows else _PER_RUN
     joined = {name: [getattr(first, name)] for name in joined_names}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}

@@ -37,18 +37,18 @@ MUTATIONS = {
     ),
     "lever arm of a position with the wrong sign": Mutation(
         "sensors/receiver_solution.py",
-        "= at[6 + first + (axis + 2) % 3]",
-        "= -at[6 + first + (axis + 2) % 3]",
+        "h[H_ATT + second] = at[arm + third]",
+        "h[H_ATT + second] = -at[arm + third]",
         OBSERVABLE,
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",
-        "line, name) ** 2 * 4.0 for name in channels.observables)",
+        "simulation/preparation/signals/noise.py", "variance = assumed_sigma(scenario, model, seen, line, name) ** 2",
+        "variance = 4.0 * assumed_sigma(scenario, model, seen, line, name) ** 2",
         "tests/simulation/preparation/signals/test_receiver_measurements.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",
-        "line, name) ** 2 * 4.0 for name in channels.observables)",
+        "simulation/preparation/signals/noise.py", "variance = assumed_sigma(scenario, model, seen, line, name) ** 2",
+        "variance = 4.0 * assumed_sigma(scenario, model, seen, line, name) ** 2",
         "tests/simulation/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
@@ -60,15 +60,16 @@ MUTATIONS = {
         "tests/kernels/test_covariance.py::test_rows_of_an_epoch_may_come_in_any_order",
     ),
     "time constant of the truth twice too long": Mutation(
-        "simulation/preparation/imu.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
+        "simulation/preparation/imu.py", "math.exp(-step / term.time_constant)",
+        "math.exp(-0.5 * step / term.time_constant)",
         "tests/imu/test_error_model.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of a Gauss-Markov process scaled wrongly": Mutation(
-        "simulation/preparation/imu.py", "expm1(-2.0 * step / b.time_constant)", "expm1(-step / b.time_constant)",
+        "simulation/preparation/imu.py", "expm1(-2.0 * step / term.time_constant)", "expm1(-step / term.time_constant)",
         "tests/imu/test_error_model.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
-        "filter/model.py", "2.0 * _square(sigma) * np.tanh", "_square(sigma) * np.tanh",
+        "filter/model.py", "2.0 * square_of(sigma) * np.tanh", "square_of(sigma) * np.tanh",
         "tests/filter/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(

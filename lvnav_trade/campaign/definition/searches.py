@@ -87,3 +87,9 @@ class Tune(units.Card):
         (), description="labels of cases that are not used in the search and validate its result"
     )
     evaluations: int = Field(120, ge=10, le=2000, description="largest number of evaluations of all cases")
+
+    def _faults(self) -> Iterator[str]:
+        paths = [variable.path for variable in self.variables]
+        for path in sorted(set(paths)):
+            if paths.count(path) > 1:
+                yield f"variables: {path} is stated {paths.count(path)} times; state it once"

@@ -61,10 +61,11 @@ def search(
     for low, high in pairwise(possible_values):
         is_low_permitted, is_high_permitted = excess(low) <= 0.0, excess(high) <= 0.0
         if is_low_permitted != is_high_permitted:
-            if refine:
-                crossing = _crossing(excess, low, high, log)
-            else:
-                crossing = low if is_low_permitted else high
+            permitted = low if is_low_permitted else high
+            try:
+                crossing = _crossing(excess, low, high, log) if refine else permitted
+            except ValueError:  # a value between them is not possible: excess is NaN there
+                crossing = permitted
             crossings.append((high, crossing))
     first, last = possible_values[0], possible_values[-1]
     intervals, first_beyond = _intervals(first, last, crossings, excess(first) <= 0.0)

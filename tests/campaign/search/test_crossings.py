@@ -43,3 +43,10 @@ def test_values_that_are_not_possible_are_passed_over_and_lists_are_not_refined(
         lambda x: {"a": math.nan if x == 2.0 else x / 3.5}, np.array([1.0, 2.0, 3.0, 4.0]), False, refine=False
     )
     assert (found.answer, found.limiting_requirement) == (3.0, "a")
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_an_impossible_value_between_two_possible_ones_ends_the_interval_at_the_permitted_grid_value(log: bool) -> None:
+    """Of the grid 1, 2, 4 the ratio is 1 at 3; between 2.5 and 3.5 it is not possible."""
+    result = search(lambda x: {"a": math.nan if 2.5 < x < 3.5 else x / 3.0}, np.array([1.0, 2.0, 4.0]), log=log)
+    assert (result.answer, result.limiting_requirement) == (2.0, "a")
