@@ -10,8 +10,9 @@ import numpy as np
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, quaternions, rotation_e_n
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.trajectory.attitude_algebra import body_axes
 from lvnav_trade.trajectory.disturbances import OscillationCard, oscillations
-from lvnav_trade.trajectory.truth import Trajectory, attitude_spline, body_axes, oscillating, pad_phase, pad_times
+from lvnav_trade.trajectory.truth import Trajectory, attitude_spline, oscillating, pad_phase, pad_times
 from tests.building import loaded, prepare_hop, with_fields
 
 THETA0 = 0.3

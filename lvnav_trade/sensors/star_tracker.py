@@ -30,7 +30,7 @@ from lvnav_trade.sensors.sensor import (
     StateUnit,
     each_scalar,
 )
-from lvnav_trade.trajectory.truth import product
+from lvnav_trade.trajectory.attitude_algebra import product
 
 _ARCSEC = 648000.0 / math.pi
 

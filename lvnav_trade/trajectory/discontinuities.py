@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
@@ -34,9 +35,14 @@ class RowGap(NamedTuple):
 def holes(t: Floats) -> list[RowGap]:
     """Return the gaps between rising times t (n,) in s."""
     interval = np.diff(t)
-    neighbour = np.maximum(np.append(interval[1:], 0.0), np.append(0.0, interval[:-1]))
-    gaps = np.flatnonzero((interval > _MANY * neighbour) & (neighbour > 0.0)).tolist()
-    return [RowGap(k, float(t[k]), float(t[k + 1]), float(neighbour[k])) for k in gaps]
+    after = np.append(interval[1:], 0.0)
+    before = np.append(0.0, interval[:-1])
+    neighbour = np.maximum(after, before)
+    is_gap = (interval > _MANY * neighbour) & (neighbour > 0.0)
+    gaps = []
+    for k in np.flatnonzero(is_gap).tolist():
+        gaps.append(RowGap(row=k, start=float(t[k]), end=float(t[k + 1]), usual=float(neighbour[k])))
+    return gaps
 
 
 def bridged(
@@ -130,71 +136,131 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
         One sigma (m/s) of the velocities from which the force is computed; 0 if unknown.
     """
     jumps: list[ForceJump] = []
-    stated, hidden = np.broadcast_to(noise, t.shape), np.full(force.shape, np.inf)
+    velocity_noise = np.broadcast_to(noise, t.shape)
+    hidden = np.full(force.shape, np.inf)  # size above which a finer interval would have shown the jump
     while force.size > 2 * _SIDE:
         width = np.diff(t)
-        limit = np.maximum(
-            _SMALLEST, _SIGNIFICANT * np.maximum(_noise(force), np.hypot(stated[1:], stated[:-1]) / width)
-        )
+        force_noise = np.hypot(velocity_noise[1:], velocity_noise[:-1]) / width
+        limit = np.maximum(_SMALLEST, _SIGNIFICANT * np.maximum(_estimate_noise(force), force_noise))
         near = _SIDE * np.median(width)
-        new = _separate(t, force, limit, hidden)
-        jumps += [jump for jump in new if all(abs(jump.time - other.time) > near for other in jumps)]
+        new = []
+        for jump in _find_jumps(t, force, limit, hidden):
+            if all(abs(jump.time - earlier.time) > near for earlier in jumps):
+                new.append(jump)
+        jumps += new
         if 2.0 * np.median(width) > coarsest or np.all(limit <= _SMALLEST):
             break
-        n = force.size // 2
+        # Join the intervals in pairs: their velocity gains add, the noise of the inner velocity drops out.
+        n_pair = force.size // 2
         missed = np.where(limit > _SMALLEST, _BURIED * limit, 0.0)
-        hidden = np.minimum(missed[: 2 * n : 2], missed[1 : 2 * n : 2])
-        gained = (force * width)[: 2 * n].reshape(n, 2).sum(axis=1)
-        t, stated = t[: 2 * n + 1 : 2], stated[: 2 * n + 1 : 2]
-        force = gained / np.diff(t)
+        hidden = np.minimum(missed[: 2 * n_pair : 2], missed[1 : 2 * n_pair : 2])
+        velocity_gain = (force * width)[: 2 * n_pair].reshape(n_pair, 2).sum(axis=1)
+        t = t[: 2 * n_pair + 1 : 2]
+        velocity_noise = velocity_noise[: 2 * n_pair + 1 : 2]
+        force = velocity_gain / np.diff(t)
     return sorted(jumps, key=lambda jump: jump.time)
 
 
-def _noise(force: Floats) -> float:
+def _estimate_noise(force: Floats) -> float:
     """Return one sigma of the force of an interval, estimated robustly from second differences.
 
     The median ignores a few jumps. A second difference of white noise has sqrt(6) sigmas; the median absolute value of
     a Gaussian is 0.6745 sigmas.
     """
-    return float(np.median(np.abs(np.diff(force, 2)))) / (0.6745 * math.sqrt(6.0))
+    second_difference = np.abs(np.diff(force, 2))
+    return float(np.median(second_difference)) / (0.6745 * math.sqrt(6.0))
 
 
-def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[ForceJump]:
+class _Candidates(NamedTuple):
+    """Intervals that may contain a jump.
+
+    k : (m,). Index of the interval.
+    before, after : (2, m) m/s^2. Fitted lines on either side, at both ends of the interval.
+    size : (m,) m/s^2. Smaller of the differences of both lines at the ends.
+    residual : (m,) m/s^2. Larger residual of both lines.
+    share : (m,). Part of the interval before the jump, by its mean force.
+    steepness : (m,) m/s^2. Larger rise or fall of both lines over their length.
+    """
+
+    k: NDArray[np.int64]
+    before: Floats
+    after: Floats
+    size: Floats
+    residual: Floats
+    share: Floats
+    steepness: Floats
+
+    def is_clear(self, limit: Floats, hidden: Floats) -> NDArray[np.bool_]:
+        """Return which candidates are jumps of a size between `limit` and `hidden` (n,) m/s^2."""
+        apart = self.after - self.before
+        # lines that cross within the interval are a bend, not a jump
+        clear = (apart[0] * apart[1] > 0.0) & (self.residual <= _STRAIGHT * self.size)
+        clear &= np.abs(self.share - 0.5) <= 0.6
+        clear &= (self.size > limit[self.k]) & (self.size <= hidden[self.k])
+        # wrong rows may also lie on a straight line, but on a steep one
+        clear &= self.steepness <= _FLAT * self.size
+        return np.asarray(clear)
+
+
+def _candidates(t: Floats, force: Floats) -> _Candidates:
+    """Return the candidates for a jump: all intervals with room for a line on either side."""
+    level, slope, middle, residual = _fit_lines(0.5 * (t[1:] + t[:-1]), force)
+    k = np.arange(_SIDE, force.size - _SIDE)
+    first, second = k - _SIDE, k + 1  # the lines before and after an interval
+    ends = t[[k, k + 1]]
+    before = level[first] + slope[first] * (ends - middle[first])
+    after = level[second] + slope[second] * (ends - middle[second])
+    # mean force = share x before + (1 - share) x after
+    mean_after = np.mean(after, axis=0)
+    difference = np.mean(before, axis=0) - mean_after
+    share = (force[k] - mean_after) / np.where(difference == 0.0, 1.0, difference)
+    steepest = np.maximum(np.abs(slope[first]), np.abs(slope[second]))
+    return _Candidates(
+        k=k,
+        before=before,
+        after=after,
+        size=np.min(np.abs(after - before), axis=0),
+        residual=np.maximum(residual[first], residual[second]),
+        share=share,
+        steepness=_SIDE * (t[k + 1] - t[k]) * steepest,
+    )
+
+
+def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[ForceJump]:
     """Yield the jumps whose size is between `limit` and `hidden` (n,) m/s^2, the clearest first.
 
     None lies within the fitted lines of another.
     """
-    level, slope, middle, off = _lines(0.5 * (t[1:] + t[:-1]), force)
-    k = np.arange(_SIDE, force.size - _SIDE)
-    first, second = k - _SIDE, k + 1  # the lines before and after an interval
-    before, after = (level[j] + slope[j] * (t[[k, k + 1]] - middle[j]) for j in (first, second))  # at both ends
-    apart = after - before  # difference of the lines at both ends of the interval
-    size, worst = np.min(np.abs(apart), axis=0), np.maximum(off[first], off[second])
-    span = np.mean(before, axis=0) - np.mean(after, axis=0)
-    part = (force[k] - np.mean(after, axis=0)) / np.where(span == 0.0, 1.0, span)  # of the interval before the jump
-    clear = (apart[0] * apart[1] > 0.0) & (worst <= _STRAIGHT * size) & (np.abs(part - 0.5) <= 0.6)
-    clear &= (size > limit[k]) & (size <= hidden[k])  # lines that cross within the interval are a bend, not a jump
-    drift = _SIDE * (t[k + 1] - t[k]) * np.maximum(np.abs(slope[first]), np.abs(slope[second]))
-    clear &= drift <= _FLAT * size  # wrong rows may also lie on a straight line, but on a steep one
-    score = np.where(clear, size - 3.0 * worst, 0.0)
+    candidates = _candidates(t, force)
+    is_clear = candidates.is_clear(limit, hidden)
+    score = np.where(is_clear, candidates.size - 3.0 * candidates.residual, 0.0)
     while score.size and np.max(score) > 0.0:
-        j = int(np.argmax(score))
-        begin, end = t[k[j]], t[k[j] + 1]
-        time = begin + min(max(float(part[j]), 0.0), 1.0) * (end - begin)
-        yield ForceJump(float(time), float(before[0, j]), float(after[1, j]), float(end - begin))
-        score[max(j - _SIDE, 0) : j + _SIDE + 1] = 0.0
+        best = int(np.argmax(score))
+        k = candidates.k[best]
+        begin, end = t[k], t[k + 1]
+        share = min(max(float(candidates.share[best]), 0.0), 1.0)
+        yield ForceJump(
+            time=float(begin + share * (end - begin)),
+            before=float(candidates.before[0, best]),
+            after=float(candidates.after[1, best]),
+            width=float(end - begin),
+        )
+        score[max(best - _SIDE, 0) : best + _SIDE + 1] = 0.0
 
 
-def _lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _fit_lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Fit straight lines to every `_SIDE` successive forces (n,) at times t (n,).
 
     Returns level at the mean time, slope, mean time, and largest residual, each (n - _SIDE + 1,).
     """
-    times, forces = (np.lib.stride_tricks.sliding_window_view(values, _SIDE) for values in (t, force))
+    times = np.lib.stride_tricks.sliding_window_view(t, _SIDE)
+    forces = np.lib.stride_tricks.sliding_window_view(force, _SIDE)
     middle, level = times.mean(axis=1), forces.mean(axis=1)
-    far, rise = times - middle[:, None], forces - level[:, None]
-    slope = np.sum(far * rise, axis=1) / np.sum(far**2, axis=1)
-    return level, slope, middle, np.max(np.abs(rise - slope[:, None] * far), axis=1)
+    x = times - middle[:, None]
+    y = forces - level[:, None]
+    slope = np.sum(x * y, axis=1) / np.sum(x**2, axis=1)
+    residual = np.abs(y - slope[:, None] * x)
+    return level, slope, middle, np.max(residual, axis=1)
 
 
 def suggested_events(
@@ -207,7 +273,8 @@ def suggested_events(
     sign.
     """
     suggested: dict[str, str] = {}
-    stage, counts = 1, {"rise": 0, "fall": 0}
+    stage = 1
+    counts = {"rise": 0, "fall": 0}
     for jump in force_jumps(t, force, coarsest, noise):
         if abs(jump.after) < _COAST * abs(jump.before):
             name = f"stage{stage}_cutoff"
@@ -219,7 +286,8 @@ def suggested_events(
             counts[sense] += 1
             name = f"{sense}_{counts[sense]}"
         near = _NEAR + 2.0 * jump.width
-        if all(abs(jump.time - time) > near for time in declared.values()):
+        is_declared = any(abs(jump.time - time) <= near for time in declared.values())
+        if not is_declared:
             digits = max(0, 1 - math.floor(math.log10(jump.width)))
             suggested[name] = f"{jump.time:.{digits}f} s"
     return suggested

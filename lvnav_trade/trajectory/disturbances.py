@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -150,22 +149,26 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
     total = SmallMotion(*(np.zeros((t.size, 3)) for _ in SmallMotion._fields))
     for oscillation in oscillations:
         within = (oscillation.start < t) & (t < oscillation.end)
-        for whole, part in zip(total, _motion_of(oscillation, t[within]), strict=True):
-            whole[within] += part
+        motion = _oscillation_motion(oscillation, t[within])
+        for sum_, term in zip(total, motion, strict=True):
+            sum_[within] += term
     return total
 
 
-def _motion_of(oscillation: Oscillation, t: Floats) -> SmallMotion:
-    w, dw, ddw = (column[:, None] for column in _window(oscillation, t))
-    parts = (np.hstack([amplitude.real, amplitude.imag]) for amplitude in (oscillation.turn, oscillation.shift))
-    waves = sum_of_waves(t - oscillation.start, oscillation.omega, *parts)
-    turn, turn_rate, shift, rate, acceleration = np.split(waves, 5, axis=1)
+def _oscillation_motion(oscillation: Oscillation, t: Floats) -> SmallMotion:
+    """Return the motion of one oscillation within its window, by the product rule of window and waves."""
+    window, window_rate, window_acceleration = _window(oscillation, t)
+    w, dw, ddw = window[:, None], window_rate[:, None], window_acceleration[:, None]
+    turn_parts = np.hstack([oscillation.turn.real, oscillation.turn.imag])
+    shift_parts = np.hstack([oscillation.shift.real, oscillation.shift.imag])
+    waves = sum_of_waves(t - oscillation.start, oscillation.omega, turn_parts, shift_parts)
+    turn, turn_rate, shift, shift_rate, shift_acceleration = np.split(waves, 5, axis=1)
     return SmallMotion(
-        w * turn,
-        dw * turn + w * turn_rate,
-        w * shift,
-        dw * shift + w * rate,
-        ddw * shift + 2.0 * dw * rate + w * acceleration,
+        turn=w * turn,
+        turn_rate=dw * turn + w * turn_rate,
+        shift=w * shift,
+        shift_rate=dw * shift + w * shift_rate,
+        shift_acceleration=ddw * shift + 2.0 * dw * shift_rate + w * shift_acceleration,
     )
 
 
@@ -203,7 +206,8 @@ def oscillations(
     InputError
         A time lies outside the flight, or a window is too short for its ramps.
     """
-    instants, result = {"start": span[0], "end": span[1], **events}, []
+    instants = {"start": span[0], "end": span[1], **events}
+    result = []
     for k, card in enumerate(cards, start=1):
         start, end = resolve(card.start, instants), resolve(card.end, instants)
         where = f"oscillation {k}: "
@@ -211,14 +215,25 @@ def oscillations(
             raise InputError(f"{where}from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
         if start < span[0] or end > span[1]:
             raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
-        rows = [*map(_cone, card.coning), *map(_tone, card.tones), *chain.from_iterable(map(_lines, card.noise))]
-        rows += chain.from_iterable(map(_sway, card.modes))
-        result.append(Oscillation(start, end, card.ramp, *map(np.array, zip(*rows, strict=True))))
+        omega, turn, shift = zip(*_sinusoids(card), strict=True)
+        result.append(Oscillation(start, end, card.ramp, np.array(omega), np.array(turn), np.array(shift)))
     return tuple(result)
 
 
-Row = tuple[float, Complex, Complex]
+Sinusoid = tuple[float, Complex, Complex]
+"""Angular frequency (rad/s), complex amplitudes of rotation vector (3,) rad and displacement (3,) m."""
 _NONE: Complex = np.zeros(3, dtype=complex)
+
+
+def _sinusoids(card: OscillationCard) -> list[Sinusoid]:
+    """Return the sinusoids of a card."""
+    sinusoids = [_coning_sinusoid(coning) for coning in card.coning]
+    sinusoids += [_tone_sinusoid(tone) for tone in card.tones]
+    for noise in card.noise:
+        sinusoids += _noise_sinusoids(noise)
+    for mode in card.modes:
+        sinusoids += _mode_sinusoids(mode)
+    return sinusoids
 
 
 def _unit(axis: Axis, step: int = 0) -> Complex:
@@ -226,57 +241,76 @@ def _unit(axis: Axis, step: int = 0) -> Complex:
     return np.eye(3, dtype=complex)[("xyz".index(axis) + step) % 3]
 
 
-def _cone(card: Coning) -> Row:
-    vector = card.angle * np.exp(1j * card.phase) * (_unit(card.axis, 1) - 1j * _unit(card.axis, 2))
-    return 2.0 * math.pi * card.frequency, vector, _NONE
+def _coning_sinusoid(card: Coning) -> Sinusoid:
+    # The real part of (e1 - i e2) exp(i w t) is e1 cos w t + e2 sin w t: a vector that turns about the axis.
+    circle = _unit(card.axis, 1) - 1j * _unit(card.axis, 2)
+    turn = card.angle * np.exp(1j * card.phase) * circle
+    return 2.0 * math.pi * card.frequency, turn, _NONE
 
 
-def _tone(card: Tone) -> Row:
-    omega, wave = 2.0 * math.pi * card.frequency, -1j * np.exp(1j * card.phase) * _unit(card.axis)
+def _tone_sinusoid(card: Tone) -> Sinusoid:
+    omega = 2.0 * math.pi * card.frequency
+    wave = -1j * np.exp(1j * card.phase) * _unit(card.axis)
     if card.angle is not None:
         return omega, card.angle * wave, _NONE
     assert card.acceleration is not None
-    return omega, _NONE, -card.acceleration / omega**2 * wave
+    return omega, _NONE, -card.acceleration / omega**2 * wave  # two integrals of the acceleration
 
 
-def _lines(card: Noise) -> Iterable[Row]:
+def _random_pairs(name: str, count: int) -> tuple[Floats, Floats]:
+    """Return two arrays (count,) of uniform numbers from 0 to 1, from the fixed stream of a name."""
+    word = source_word(name)
+    raw = np.random.Philox(key=int(word)).random_raw(2 * count)
+    first, second = raw.reshape(2, count) / 2.0**64
+    return first, second
+
+
+def _noise_sinusoids(card: Noise) -> Iterator[Sinusoid]:
     """Yield the lines of a band: equal steps of log frequency, each with one line that has the power of the step.
 
     Frequencies within a step and phases are drawn from a fixed stream, so that lines of two axes do not beat.
     """
-    density = card.acceleration or card.rate or ()
+    density = np.array(card.acceleration or card.rate or ())
+    breakpoints = np.array(card.frequency)
     edges = np.geomspace(card.frequency[0], card.frequency[-1], card.lines + 1)
+    quantity = "acceleration" if card.rate is None else "rate"
     for axis in card.axes:
-        word = source_word(f"{card.name} {axis} {'acceleration' if card.rate is None else 'rate'}")
-        raw = np.random.Philox(key=int(word)).random_raw(2 * card.lines)
-        where, phase = raw.reshape(2, card.lines) / 2.0**64
-        frequency = edges[:-1] * (edges[1:] / edges[:-1]) ** where
-        power = np.diff(_cumulated(np.array(card.frequency), np.array(density), edges))
-        for f, a, p in zip(frequency, np.sqrt(2.0 * power), 2.0 * np.pi * phase, strict=True):
-            omega, wave = 2.0 * math.pi * f, a * np.exp(1j * p) * _unit(axis)
-            yield (omega, wave / (1j * omega), _NONE) if card.rate is not None else (omega, _NONE, -wave / omega**2)
+        place, turns = _random_pairs(f"{card.name} {axis} {quantity}", card.lines)
+        frequencies = edges[:-1] * (edges[1:] / edges[:-1]) ** place
+        power = np.diff(_cumulated(breakpoints, density, edges))
+        amplitudes = np.sqrt(2.0 * power)  # a sinusoid of amplitude a has the power a^2 / 2
+        phases = 2.0 * np.pi * turns
+        for frequency, amplitude, phase in zip(frequencies, amplitudes, phases, strict=True):
+            omega = 2.0 * math.pi * frequency
+            wave = amplitude * np.exp(1j * phase) * _unit(axis)
+            if card.rate is not None:
+                yield omega, wave / (1j * omega), _NONE
+            else:
+                yield omega, _NONE, -wave / omega**2
 
 
 _SLOWEST, _FASTEST = 0.02, 20.0  # times the frequency of a mode: less than 1e-4 of the power lies outside
 
 
-def _sway(card: SwayMode) -> Iterator[Row]:
+def _mode_sinusoids(card: SwayMode) -> Iterator[Sinusoid]:
     """Yield the lines of a mode: of equal power, with fixed frequencies within equal parts of the density."""
     if card.damping is None:
-        yield _swaying(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
+        yield _sway_sinusoid(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
         return
-    word = source_word(f"{card.name} {card.axis} mode")
-    where, phase = np.random.Philox(key=int(word)).random_raw(2 * card.lines).reshape(2, card.lines) / 2.0**64
+    place, turns = _random_pairs(f"{card.name} {card.axis} mode", card.lines)
+    # Response of a damped oscillator to white torque, over the ratio of a frequency to that of the mode
     ratio = np.geomspace(_SLOWEST, _FASTEST, 20001)
     density = 1.0 / ((1.0 - ratio**2) ** 2 + (2.0 * card.damping * ratio) ** 2)
-    power = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(ratio))])
-    at = np.interp((np.arange(card.lines) + where) / card.lines, power / power[-1], ratio)
+    power_steps = 0.5 * (density[1:] + density[:-1]) * np.diff(ratio)
+    power = np.concatenate([[0.0], np.cumsum(power_steps)])
+    quantiles = (np.arange(card.lines) + place) / card.lines
+    line_ratios = np.interp(quantiles, power / power[-1], ratio)
     peak = card.angle * math.sqrt(2.0 / card.lines)
-    for factor, turns in zip(at.tolist(), phase.tolist(), strict=True):
-        yield _swaying(card, factor * card.frequency, peak, 2.0 * math.pi * turns)
+    for line_ratio, turn in zip(line_ratios.tolist(), turns.tolist(), strict=True):
+        yield _sway_sinusoid(card, line_ratio * card.frequency, peak, 2.0 * math.pi * turn)
 
 
-def _swaying(card: SwayMode, frequency: float, peak: float, phase: float) -> Row:
+def _sway_sinusoid(card: SwayMode, frequency: float, peak: float, phase: float) -> Sinusoid:
     """Return a sinusoid of a mode: its rotation vector, and the displacement of the IMU at the lever arm."""
     turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
     return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)
@@ -289,9 +323,12 @@ def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
     """
     slope = np.diff(np.log(density)) / np.diff(np.log(f))
     total = np.zeros_like(at)
-    for k, p in enumerate(slope + 1.0):
+    for k, exponent in enumerate(slope + 1.0):
         upper = np.clip(at, f[k], f[k + 1]) / f[k]
-        total += density[k] * f[k] * np.log(upper) if abs(p) < 1e-12 else density[k] * f[k] / p * (upper**p - 1.0)
+        if abs(exponent) < 1e-12:
+            total += density[k] * f[k] * np.log(upper)
+        else:
+            total += density[k] * f[k] / exponent * (upper**exponent - 1.0)
     return total
 
 
@@ -312,4 +349,5 @@ def disturbance(card: GravityCard | None) -> tuple[ErrorTerm, ...]:
     """Return the disturbance as a true error term in a tuple; an empty tuple without a card or with zero sigma."""
     if card is None or card.sigma == 0.0:
         return ()
-    return (ErrorTerm("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, card.time or math.inf),)
+    correlation_time = card.time or math.inf
+    return (ErrorTerm("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, correlation_time),)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import chain, pairwise
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.records import Floats, Motion, Reference
+from lvnav_trade.trajectory.attitude_algebra import product, rotation_quaternions, rotation_vector_rate
 from lvnav_trade.trajectory.disturbances import Oscillation, small_motion
 
 _AT_ONCE = 4096
@@ -127,9 +128,9 @@ class Trajectory:
 
     def _reached(self, t: Floats) -> Floats:
         """Return altitude (m), speed (m/s, relative to the Earth) and dynamic pressure (Pa) at t (n,) s, (3, n)."""
-        at = motion(self, t)
-        height = frames.geodetic_from_ecef(at.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
-        speed = np.linalg.norm(frames.earth_velocity(at.r_i, at.v_i), axis=1)
+        flight = motion(self, t)
+        height = frames.geodetic_from_ecef(flight.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
+        speed = np.linalg.norm(frames.earth_velocity(flight.r_i, flight.v_i), axis=1)
         density = np.array([atmosphere(h)[0] for h in height.tolist()])
         return np.stack([height, speed, 0.5 * density * speed**2])
 
@@ -146,7 +147,8 @@ def splined(
 
 def pad_times(start: float, hold: float, step: float = PAD_STEP) -> Floats:
     """Return the knots (n,) s, at most `step` s apart, of `hold` seconds at rest on the pad that end at `start`."""
-    return start + np.linspace(-hold, 0.0, max(8, int(np.ceil(hold / step))) + 1)
+    n_interval = max(8, int(np.ceil(hold / step)))
+    return start + np.linspace(-hold, 0.0, n_interval + 1)
 
 
 def pad_phase(
@@ -179,12 +181,15 @@ def pad_phase(
 def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) -> BSpline:
     """Return the quintic spline through r (n, 3) at t (n,), with velocity and acceleration (2, 3) of both ends."""
     v, a = np.asarray(v_ends), np.asarray(a_ends)
-    return make_interp_spline(t, r, k=5, bc_type=([(1, v[0]), (2, a[0])], [(1, v[1]), (2, a[1])]))
+    first = [(1, v[0]), (2, a[0])]
+    last = [(1, v[1]), (2, a[1])]
+    return make_interp_spline(t, r, k=5, bc_type=(first, last))
 
 
-def join_samples(parts: Sequence[Floats]) -> Floats:
+def join_samples(samples: Sequence[Floats]) -> Floats:
     """Return the samples of successive phases as one array, with the common sample of two phases only once."""
-    return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
+    without_last = [values[:-1] for values in samples[:-1]]
+    return np.concatenate([*without_last, samples[-1]])
 
 
 def attitude_spline(t: Floats, q: Floats) -> BSpline:
@@ -201,125 +206,120 @@ def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
     if t.size and not (trajectory.start <= t.min() and t.max() <= trajectory.end):
         span = f"{trajectory.start:g} to {trajectory.end:g} s"
         raise ValueError(f"times {t.min():g} to {t.max():g} s, the trajectory has {span}")
-    parts = Motion(t, *(np.empty((t.size, width)) for width in (3, 3, 4, 3, 3)))
+    widths = (3, 3, 4, 3, 3)
+    result = Motion(t, *(np.empty((t.size, width)) for width in widths))
     starts = np.array([phase.start for phase in trajectory.phases[1:]])
-    index = np.searchsorted(starts, t, side="right")
-    for k in np.unique(index):
-        inside = np.flatnonzero(index == k)
-        for here in (inside[piece] for piece in _stretches(inside.size)):
-            for whole, part in zip(parts[1:], _in_phase(trajectory.phases[k], t[here])[1:], strict=True):
-                whole[here] = part
-    return parts
+    phase_index = np.searchsorted(starts, t, side="right")
+    for k in np.unique(phase_index):
+        inside = np.flatnonzero(phase_index == k)
+        for block in _blocks(inside.size):
+            indices = inside[block]
+            block_motion = _phase_motion(trajectory.phases[k], t[indices])
+            for values, block_values in zip(result[1:], block_motion[1:], strict=True):
+                values[indices] = block_values
+    return result
 
 
-def _stretches(n: int) -> Iterator[slice]:
+def _blocks(n: int) -> Iterator[slice]:
     """Return slices of at most `_AT_ONCE` that together cover n indices."""
     return (slice(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE))
 
 
-def _in_phase(phase: Phase, t: Floats) -> Motion:
+def _to_body(C_b_i: Floats, vectors: Floats) -> Floats:
+    """Return vectors (n, 3) of frame i in body axes, C_b_i^T v, row by row."""
+    return np.einsum("kji,kj->ki", C_b_i, vectors)
+
+
+def _phase_motion(phase: Phase, t: Floats) -> Motion:
+    """Return the motion at times t (n,) within a phase."""
     r, v = phase.position(t), phase.position(t, 1)
     if phase.oscillations:
-        return _shaken(phase, t, r, v)
-    q, w_ib_b = _turning(phase, t)
-    f_b = np.einsum("kji,kj->ki", frames.matrices(q), phase.position(t, 2) - gravity_along(r))
+        return _oscillating_motion(phase, t, r, v)
+    q, w_ib_b = _mean_rotation(phase, t)
+    f_b = _to_body(frames.matrices(q), phase.position(t, 2) - gravity_along(r))
     return Motion(t, r, v, q, f_b, w_ib_b)
 
 
-def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
+def _quaternion_rate(q: Floats, slope: Floats) -> Floats:
+    """Return 2 vec(q* slope) (n, 3): the body rate of a quaternion q (n, 4) of unit length with derivative slope.
+
+    The part of the derivative that changes the length is along q and has no vector part in the product.
+    """
+    w, xyz = q[:, :1], q[:, 1:]
+    dw, dxyz = slope[:, :1], slope[:, 1:]
+    return np.asarray(2.0 * (w * dxyz - dw * xyz - np.cross(xyz, dxyz)))
+
+
+def _mean_rotation(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
     """Return quaternion (n, 4) and body rate (n, 3) at times t (n,) of the body without its oscillations."""
-    raw = phase.attitude(t)
-    length = np.linalg.norm(raw, axis=1, keepdims=True)
-    q, slope = raw / length, phase.attitude(t, 1) / length
-    # w = 2 vec(q* qdot). The part of qdot that changes the length is along q and has no vector part in the product.
-    w, xyz, dw, dxyz = q[:, :1], q[:, 1:], slope[:, :1], slope[:, 1:]
-    rate = 2.0 * (w * dxyz - dw * xyz - np.cross(xyz, dxyz))
+    spline = phase.attitude(t)
+    length = np.linalg.norm(spline, axis=1, keepdims=True)
+    q = spline / length
+    rate = _quaternion_rate(q, phase.attitude(t, 1) / length)
     if phase.spin is None:
         return q, rate
     roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
-    rate = np.einsum("kji,kj->ki", frames.matrices(roll), rate)
+    rate = _to_body(frames.matrices(roll), rate)
     rate[:, 0] += phase.spin(t, 1)
     return product(q, roll), rate
 
 
-def _turning_faster(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
-    """Return the angular acceleration (n, 3) rad/s^2: the derivative of the body rate w_ib_b (n, 3) of `_turning`."""
-    raw, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
-    square = np.sum(raw * raw, axis=1, keepdims=True)
-    w, xyz = raw[:, :1], raw[:, 1:]
-    # qdot* qdot is a scalar and drops out of the vector part; the last line corrects for the change of length.
-    bend = 2.0 * (w * second[:, 1:] - second[:, :1] * xyz - np.cross(xyz, second[:, 1:])) / square
-    rate = 2.0 * (w * first[:, 1:] - first[:, :1] * xyz - np.cross(xyz, first[:, 1:])) / square
-    bend -= rate * (2.0 * np.sum(raw * first, axis=1, keepdims=True) / square)
+def _angular_acceleration(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
+    """Return the derivative (n, 3) rad/s^2 of the body rate w_ib_b (n, 3) of `_mean_rotation`."""
+    spline, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
+    square = np.sum(spline * spline, axis=1, keepdims=True)
+    # d/dt 2 vec(q* qdot) / |q|^2. qdot* qdot is a scalar and drops out of the vector part; the second term corrects for
+    # the change of length.
+    acceleration = _quaternion_rate(spline, second) / square
+    rate = _quaternion_rate(spline, first) / square
+    acceleration -= rate * (2.0 * np.sum(spline * first, axis=1, keepdims=True) / square)
     if phase.spin is None:
-        return np.asarray(bend)
+        return np.asarray(acceleration)
     roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
-    along = np.outer(phase.spin(t, 1), [1.0, 0.0, 0.0])
-    bend = np.einsum("kji,kj->ki", frames.matrices(roll), bend) - np.cross(along, w_ib_b)
-    bend[:, 0] += phase.spin(t, 2)
-    return bend
+    roll_rate = np.outer(phase.spin(t, 1), [1.0, 0.0, 0.0])
+    acceleration = _to_body(frames.matrices(roll), acceleration) - np.cross(roll_rate, w_ib_b)
+    acceleration[:, 0] += phase.spin(t, 2)
+    return acceleration
 
 
-def _shaken(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
+def _oscillating_motion(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
     """Return the motion at times t (n,) of an oscillating body; its mean position is r, its mean velocity v, (n, 3).
 
     The displacement d, in the axes of the body without oscillations, adds the acceleration
     d'' + 2 w x d' + w' x d + w x (w x d). The rotation vector p turns the body by exp(p) at the rate J(p) p', with
     J = 1 - (1 - cos |p|) / |p|^2 [p x] + (|p| - sin |p|) / |p|^3 [p x]^2.
     """
-    q, w = _turning(phase, t)
-    dw = _turning_faster(phase, t, w)
+    q, w = _mean_rotation(phase, t)
+    dw = _angular_acceleration(phase, t, w)
     small = small_motion(phase.oscillations, t)
-    C = frames.matrices(q)
-    speed = small.shift_rate + np.cross(w, small.shift)
-    push = small.shift_acceleration + np.cross(w, small.shift_rate + speed) + np.cross(dw, small.shift)
-    r = r + np.einsum("kij,kj->ki", C, small.shift)
-    f_i = phase.position(t, 2) + np.einsum("kij,kj->ki", C, push) - gravity_along(r)
+    C_b_i = frames.matrices(q)
+    # d' + w x d, and its derivative: 2 w x d' + w x (w x d) = w x (d' + velocity)
+    velocity = small.shift_rate + np.cross(w, small.shift)
+    acceleration = small.shift_acceleration + np.cross(w, small.shift_rate + velocity) + np.cross(dw, small.shift)
+    r = r + np.einsum("kij,kj->ki", C_b_i, small.shift)
+    v = v + np.einsum("kij,kj->ki", C_b_i, velocity)
+    f_i = phase.position(t, 2) + np.einsum("kij,kj->ki", C_b_i, acceleration) - gravity_along(r)
     swing = rotation_quaternions(small.turn)
-    back = frames.matrices(swing)
-    rate = np.einsum("kji,kj->ki", back, w) + _vector_rate(small.turn, small.turn_rate)
+    swing_rate = rotation_vector_rate(small.turn, small.turn_rate)
+    w_ib_b = _to_body(frames.matrices(swing), w) + swing_rate
     q = product(q, swing)
-    f_b = np.einsum("kji,kj->ki", frames.matrices(q), f_i)
-    return Motion(t, r, v + np.einsum("kij,kj->ki", C, speed), q, f_b, rate)
-
-
-def _vector_rate(p: Floats, dp: Floats) -> Floats:
-    """Return the body rate (n, 3) rad/s of a rotation vector p (n, 3), below half a turn, with derivative dp (n, 3)."""
-    x2 = np.sum(p * p, axis=1, keepdims=True)
-    small = x2 < 0.01
-    x = np.sqrt(np.where(small, 1.0, x2))  # 1 where the series apply, to avoid 0 / 0
-    a = np.where(small, 0.5 - x2 / 24.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0)), (1.0 - np.cos(x)) / x**2)
-    series = 1.0 / 6.0 - x2 / 120.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))
-    b = np.where(small, series, (x - np.sin(x)) / x**3)
-    once = np.cross(p, dp)
-    return np.asarray(dp - a * once + b * np.cross(p, once))
-
-
-def rotation_quaternions(p: Floats) -> Floats:
-    """Return the quaternions (n, 4), scalar first, of rotation vectors p (n, 3) rad; continuous in p."""
-    half = 0.5 * np.linalg.norm(p, axis=1, keepdims=True)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * p], axis=1)  # numpy: sinc(x) = sin(pi x)/(pi x)
-
-
-def product(p: Floats, q: Floats) -> Floats:
-    """Return the quaternion products p q (n, 4): rotation p (n, 4), then q (n, 4) about the rotated axes."""
-    a, b, u, v = p[:, :1], q[:, :1], p[:, 1:], q[:, 1:]
-    scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
-    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+    f_b = _to_body(frames.matrices(q), f_i)
+    return Motion(t, r, v, q, f_b, w_ib_b)
 
 
 def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -> Trajectory:
     """Return the trajectory with oscillations added, its phases cut at the ends of ramps so that each is smooth."""
     if not oscillations:
         return trajectory
-    edges = ((shake.start, shake.start + shake.ramp, shake.end - shake.ramp, shake.end) for shake in oscillations)
-    cuts = sorted(set(chain.from_iterable(edges)))
+    ramp_ends = set()
+    for shake in oscillations:
+        ramp_ends |= {shake.start, shake.start + shake.ramp, shake.end - shake.ramp, shake.end}
     phases: list[Phase] = []
     for phase in trajectory.phases:
-        times = [phase.start, *(cut for cut in cuts if phase.start < cut < phase.end), phase.end]
-        for start, end in pairwise(times):
-            here = tuple(shake for shake in oscillations if shake.start < end and start < shake.end)
-            phases.append(phase._replace(start=start, end=end, oscillations=here))
+        cuts = [time for time in sorted(ramp_ends) if phase.start < time < phase.end]
+        for start, end in pairwise([phase.start, *cuts, phase.end]):
+            active = tuple(shake for shake in oscillations if shake.start < end and start < shake.end)
+            phases.append(phase._replace(start=start, end=end, oscillations=active))
     return replace(trajectory, phases=tuple(phases))
 
 
@@ -337,7 +337,6 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
     """
     n_imu = math.floor((trajectory.end - trajectory.start) * rate + 1e-6)
     t = np.minimum(trajectory.start + np.arange(n_imu + 1) / rate, trajectory.end)
-    at = motion(trajectory, t)
     dtheta, dvel = np.zeros((n_imu, 3)), np.zeros((n_imu, 3))
     for phase in trajectory.phases:
         begin, end = np.maximum(t[:-1], phase.start), np.minimum(t[1:], phase.end)
@@ -345,50 +344,43 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
         if within.size:
             ticks = slice(within[0], within[-1] + 1)
             _add_integrals(phase, begin[ticks], end[ticks], dtheta[ticks], dvel[ticks])
-    return Reference(t, *at[1:], dtheta, dvel)
+    return Reference(t, *motion(trajectory, t)[1:], dtheta, dvel)
 
 
 def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dvel: Floats) -> None:
     """Add the integrals of body rate and specific force over the intervals begin to end (n,) to dtheta, dvel (n, 3)."""
     length = end - begin
-    rule = list(zip(*_quadrature(_fastest(phase) * float(np.max(length))), strict=True))
-    for piece in _stretches(length.size):
-        turn, push = np.zeros_like(dtheta[piece]), np.zeros_like(dvel[piece])
-        for node, weight in rule:
-            at = _in_phase(phase, begin[piece] + node * length[piece])
-            scale = (weight * length[piece])[:, None]
-            turn += scale * at.w_ib_b
-            push += scale * at.f_b
-        dtheta[piece] += turn
-        dvel[piece] += push
+    nodes, weights = _quadrature(_highest_frequency(phase) * float(np.max(length)))
+    for block in _blocks(length.size):
+        turn, velocity = np.zeros_like(dtheta[block]), np.zeros_like(dvel[block])
+        for node, weight in zip(nodes, weights, strict=True):
+            node_motion = _phase_motion(phase, begin[block] + node * length[block])
+            scale = (weight * length[block])[:, None]
+            turn += scale * node_motion.w_ib_b
+            velocity += scale * node_motion.f_b
+        dtheta[block] += turn
+        dvel[block] += velocity
 
 
-def _fastest(phase: Phase) -> float:
+def _highest_frequency(phase: Phase) -> float:
     """Return the highest angular frequency (rad/s) of force and rate in a phase, second harmonics included."""
     spin = 0.0
     if phase.spin is not None:
-        inside = phase.spin.x[(phase.start < phase.spin.x) & (phase.spin.x < phase.end)]
-        spin = float(np.max(np.abs(phase.spin(np.concatenate([[phase.start], inside, [phase.end]]), 1))))
-    return spin + 2.0 * max((float(np.max(shake.omega)) for shake in phase.oscillations), default=0.0)
+        is_inside = (phase.start < phase.spin.x) & (phase.spin.x < phase.end)
+        times = np.concatenate([[phase.start], phase.spin.x[is_inside], [phase.end]])
+        spin = float(np.max(np.abs(phase.spin(times, 1))))
+    oscillation = max((float(np.max(shake.omega)) for shake in phase.oscillations), default=0.0)
+    return spin + 2.0 * oscillation
 
 
 @lru_cache(maxsize=256)
 def _quadrature(angle: float) -> tuple[Floats, Floats]:
     """Return Gauss-Legendre nodes and weights on (0, 1): three, or enough for `angle` rad of a sine wave to 1e-12."""
-    n, exact = max(3, int(0.25 * angle)), np.sinc(0.5 * angle / np.pi)  # fewer nodes do not resolve the wave
+    n_node = max(3, int(0.25 * angle))  # fewer nodes do not resolve the wave
+    exact = np.sinc(0.5 * angle / np.pi)
     while True:
-        nodes, weights = np.polynomial.legendre.leggauss(n)
-        if abs(0.5 * weights @ np.cos(0.5 * angle * nodes) - exact) < 1e-12:
+        nodes, weights = np.polynomial.legendre.leggauss(n_node)
+        integral = 0.5 * weights @ np.cos(0.5 * angle * nodes)
+        if abs(integral - exact) < 1e-12:
             return 0.5 * (1.0 + nodes), 0.5 * weights
-        n += 1
-
-
-def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
-    """Return the attitude C_b_i (n, 3, 3) of a body with x axis x (n, 3), frame i, and roll angle roll (n,) rad.
-
-    right : (n, 3), frame i. Direction of the y axis at zero roll, before its component along x is removed.
-    """
-    level = frames.unit(right - np.sum(right * x, axis=1, keepdims=True) * x)
-    below = frames.cross(x, level)
-    c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
-    return np.stack([x, c * level + s * below, c * below - s * level], axis=-1)
+        n_node += 1

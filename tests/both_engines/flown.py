@@ -8,9 +8,10 @@ import numpy as np
 
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, quaternions, rotation_e_n
 from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.attitude_algebra import body_axes
 from lvnav_trade.trajectory.disturbances import OscillationCard, oscillations
 from lvnav_trade.trajectory.flight import Phase, Trajectory
-from lvnav_trade.trajectory.truth import attitude_spline, body_axes, oscillating, pad_phase, pad_times, position_spline
+from lvnav_trade.trajectory.truth import attitude_spline, oscillating, pad_phase, pad_times, position_spline
 from tests.building import SITE_R, SITE_V, fly
 
 FROM_PAD = "from the pad, "

@@ -12,8 +12,9 @@ from pydantic import ValidationError
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.trajectory.attitude_algebra import product, rotation_quaternions
 from lvnav_trade.trajectory.disturbances import OscillationCard, SmallMotion, oscillations, small_motion
-from lvnav_trade.trajectory.truth import Trajectory, motion, oscillating, product, reference, rotation_quaternions
+from lvnav_trade.trajectory.truth import Trajectory, motion, oscillating, reference
 from tests.building import flight, turning
 
 G = 9.80665

@@ -10,8 +10,9 @@ import pytest
 
 from lvnav_trade.kernels.earth import OMEGA, gravity_along, gravity_j4
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, matrices
+from lvnav_trade.trajectory.attitude_algebra import product
 from lvnav_trade.trajectory.flights.sounding import SpinStep, spin_angle
-from lvnav_trade.trajectory.truth import Phase, Trajectory, motion, product, reference, rotation_quaternions
+from lvnav_trade.trajectory.truth import Phase, Trajectory, motion, reference
 from tests import building
 from tests.potential import potential_j4
 from tests.trajectory.flight_cases import ascent, recorded
@@ -214,10 +215,3 @@ def test_a_spin_turns_the_body_about_its_own_axis():
     C, C_bare = matrices(motion(flight, t).q_b_i), matrices(motion(bare, t).q_b_i)
     assert np.max(np.abs(C[:, :, 0] - C_bare[:, :, 0])) < 1e-12
     assert np.max(np.abs(np.einsum("ki,ki->k", C[:, :, 1], C_bare[:, :, 2]) - np.sin(spin(t)))) < 1e-11
-
-
-def test_quaternions_of_rotation_vectors_multiply_as_matrices_do():
-    draw = np.random.default_rng(3)
-    p, q = (rotation_quaternions(draw.normal(size=(20, 3))) for _ in range(2))
-    assert np.max(np.abs(matrices(product(p, q)) - matrices(p) @ matrices(q))) < 1e-14
-    assert np.array_equal(rotation_quaternions(np.zeros((1, 3))), [[1.0, 0.0, 0.0, 0.0]])

@@ -36,11 +36,15 @@ def fly_dispersed(
     """
     vehicle = dispersed(card, dispersion)
     require_possible(vehicle)
-    span, aim = law_span(card, aim), pitched(aim, dispersion.pitch_program)
-    last, twice = len(card.vehicle.stages), card.parking is not None
-    burns = [(card.inserting, "burn")] if not twice or card.inserting < last else []
-    for number, name in [*burns, (last, "burn_2")] if twice else burns:
-        aim = _until_empty(vehicle, aim, span, number, name)
+    span = law_span(card, aim)
+    aim = pitched(aim, dispersion.pitch_program)
+    last = len(card.vehicle.stages)
+    burns_twice = card.parking is not None
+    # With a parking orbit the last stage inserts by its second burn; an earlier stage inserts into the parking orbit.
+    if not burns_twice or card.inserting < last:
+        aim = _limit_burn(vehicle, aim, span, card.inserting, "burn")
+    if burns_twice:
+        aim = _limit_burn(vehicle, aim, span, last, "burn_2")
     flight = fly_ascent(vehicle, aim, span=span)
     _require_aloft(flight)
     return vehicle, aim, flight
@@ -48,32 +52,33 @@ def fly_dispersed(
 
 def _require_aloft(flight: SimulatedAscent) -> None:
     """Raise InputError if a flight falls more than a kilometre below its start."""
-    start = float(np.linalg.norm(flight.legs[0].y[0, :3]))
+    start_radius = float(np.linalg.norm(flight.legs[0].y[0, :3]))
     for leg in flight.legs:
-        low = np.linalg.norm(leg.y[:, :3], axis=1) < start - _GROUND
-        if np.any(low):
-            message = f"the dispersed vehicle falls to the ground {leg.t[np.argmax(low)]:.0f} s after lift-off"
+        is_low = np.linalg.norm(leg.y[:, :3], axis=1) < start_radius - _GROUND
+        if np.any(is_low):
+            time = leg.t[np.argmax(is_low)]
+            message = f"the dispersed vehicle falls to the ground {time:.0f} s after lift-off"
             raise InputError(records=[Mistake(message, "trajectory.dispersion")])
 
 
 def dispersed(card: VehicleAscent, dispersion: Dispersion) -> VehicleAscent:
     """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError if it cannot fly."""
-    vehicle = card.vehicle
-    fairing = vehicle.fairing
-    changed = vehicle.model_copy(
-        update={
-            "stages": tuple(_motor(stage, dispersion) for stage in vehicle.stages),
-            "boosters": tuple(_motor(group, dispersion) for group in vehicle.boosters),
-            "payload": vehicle.payload * dispersion.mass,
-            "fairing": fairing and fairing.model_copy(update={"mass": fairing.mass * dispersion.mass}),
-        }
-    )
-    for fault in changed._faults():
+    vehicle, fairing = card.vehicle, card.vehicle.fairing
+    if fairing is not None:
+        fairing = fairing.model_copy(update={"mass": fairing.mass * dispersion.mass})
+    update = {
+        "stages": tuple(_disperse_motor(stage, dispersion) for stage in vehicle.stages),
+        "boosters": tuple(_disperse_motor(group, dispersion) for group in vehicle.boosters),
+        "payload": vehicle.payload * dispersion.mass,
+        "fairing": fairing,
+    }
+    dispersed_vehicle = vehicle.model_copy(update=update)
+    for fault in dispersed_vehicle._faults():
         raise InputError(records=[Mistake(f"the dispersed vehicle cannot be flown: {fault}", "trajectory.dispersion")])
-    return card.model_copy(update={"vehicle": changed})
+    return card.model_copy(update={"vehicle": dispersed_vehicle})
 
 
-def _motor(motor: Stage | Boosters, dispersion: Dispersion) -> Stage | Boosters:
+def _disperse_motor(motor: Stage | Boosters, dispersion: Dispersion) -> Stage | Boosters:
     update = {
         "specific_impulse": motor.specific_impulse * dispersion.specific_impulse,
         "dry": motor.dry * dispersion.mass,
@@ -89,16 +94,20 @@ def pitched(aim: TargetingUnknowns, up: float) -> TargetingUnknowns:
     """Return an aim with the pitch programme raised by an angle `up` (rad): less kick, and a law of more elevation."""
     if up == 0.0:
         return aim
-    first, last = (math.tan(math.atan(slope) + up) for slope in (aim.tangent, aim.tangent_end))
-    return aim._replace(kick=aim.kick - up, tangent=first, tangent_end=last)
+    return aim._replace(
+        kick=aim.kick - up,
+        tangent=math.tan(math.atan(aim.tangent) + up),
+        tangent_end=math.tan(math.atan(aim.tangent_end) + up),
+    )
 
 
-def _until_empty(card: VehicleAscent, aim: TargetingUnknowns, span: float, number: int, burn: str) -> TargetingUnknowns:
+def _limit_burn(card: VehicleAscent, aim: TargetingUnknowns, span: float, number: int, burn: str) -> TargetingUnknowns:
     """Return the aim with the burn of a stage limited by its propellant."""
     stage = card.vehicle.stages[number - 1]
     flow = stage.full_thrust / stage.exhaust_speed
     for _ in range(_DEPLETION):
-        remaining = left_in_orbit(card, fly_ascent(card, aim, final_coast=False, span=span), number)
+        flight = fly_ascent(card, aim, final_coast=False, span=span)
+        remaining = left_in_orbit(card, flight, number)
         if remaining >= -_EMPTY:
             return aim
         shorter = getattr(aim, burn) + remaining / flow

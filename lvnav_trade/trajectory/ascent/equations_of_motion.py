@@ -112,7 +112,8 @@ def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], dr
     """Return the drag force per airspeed (N s/m) and the ambient pressure (Pa) at position r and airspeed vector w."""
     density, pressure, _, sound = atmosphere(height_above(r[0], r[1], r[2]))
     speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    return 0.5 * density * speed * coefficient_at(speed / sound, drag) * drag.area, pressure
+    coefficient = coefficient_at(speed / sound, drag)
+    return 0.5 * density * speed * coefficient * drag.area, pressure
 
 
 @jit
@@ -120,17 +121,19 @@ def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Dra
     """Return the time derivative of the state y (7,): position (m) and velocity (m/s) in frame i, mass (kg)."""
     r = (y[0], y[1], y[2])
     v = (y[3], y[4], y[5])
-    w = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
-    push, pressure = drag_factor(r, w, drag)
-    other, flow = thrust_beside(t, pressure, engine.beside)
-    thrust, throttle = thrust_of(y[6], pressure, engine, other)
-    thrust += other
+    mass = y[6]
+    airspeed = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
+    drag_per_speed, pressure = drag_factor(r, airspeed, drag)
+    motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
+    thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
+    thrust += motor_thrust
     u = direction(t, r, v, steering)
-    g = gravity_j4(r[0], r[1], r[2])
-    ax = g[0] + (thrust * u[0] - push * w[0]) / y[6]
-    ay = g[1] + (thrust * u[1] - push * w[1]) / y[6]
-    az = g[2] + (thrust * u[2] - push * w[2]) / y[6]
-    return v[0], v[1], v[2], ax, ay, az, -engine.mass_flow * throttle - flow
+    gravity = gravity_j4(r[0], r[1], r[2])
+    ax = gravity[0] + (thrust * u[0] - drag_per_speed * airspeed[0]) / mass
+    ay = gravity[1] + (thrust * u[1] - drag_per_speed * airspeed[1]) / mass
+    az = gravity[2] + (thrust * u[2] - drag_per_speed * airspeed[2]) / mass
+    mass_rate = -engine.mass_flow * throttle - motor_flow
+    return v[0], v[1], v[2], ax, ay, az, mass_rate
 
 
 @making_arrays
@@ -163,12 +166,12 @@ def fly(
     t, y = np.empty(n_step + 1), np.empty((n_step + 1, 7))
     for k in range(n_step + 1):
         t[k] = t0 + duration * k / n_step
-    here = y0
+    state = y0
     for k in range(n_step + 1):
         if k > 0:
-            here = step(t[k - 1], t[k] - t[k - 1], here, steering, engine, drag)
+            state = step(t[k - 1], t[k] - t[k - 1], state, steering, engine, drag)
         for i in range(7):
-            y[k, i] = here[i]
+            y[k, i] = state[i]
     return t, y
 
 
@@ -183,11 +186,11 @@ def time_to_mass(
         y = step(t, h, y, steering, engine, drag)
         t += h
     t -= h
-    part = h
+    last_step = h
     for _ in range(4):  # secant on the last step, where the flow hardly changes
-        part *= (before[6] - mass) / (before[6] - y[6])
-        y = step(t, part, before, steering, engine, drag)
-    return t + part - t0
+        last_step *= (before[6] - mass) / (before[6] - y[6])
+        y = step(t, last_step, before, steering, engine, drag)
+    return t + last_step - t0
 
 
 @making_arrays

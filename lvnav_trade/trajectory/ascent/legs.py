@@ -32,11 +32,13 @@ def cuts(vehicle: VehicleCard, number: int) -> list[BurnPoint]:
     points = [BurnPoint(after) for after in _bends(stage)]
     if fairing is not None and fairing.stage == number:
         points.append(BurnPoint(fairing.after_ignition, fairing.mass, "fairing_separation"))
-    for group in vehicle.boosters if number == 1 else ():
+    boosters = vehicle.boosters if number == 1 else ()
+    for group in boosters:
+        burn_end = group.ignition + group.full_burn
         points += [BurnPoint(group.ignition + after) for after in _bends(group)]
         if group.ignition > 0.0:
             points.append(BurnPoint(group.ignition, event=f"{group.name}_ignition"))
-        points.append(BurnPoint(group.ignition + group.full_burn, event=f"{group.name}_cutoff"))
+        points.append(BurnPoint(burn_end, event=f"{group.name}_cutoff"))
         points.append(BurnPoint(group.gone, group.number * group.dry, f"{group.name}_separation"))
     return sorted(points, key=lambda cut: cut.after)
 
@@ -48,16 +50,21 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
     """
     stage = vehicle.stages[number - 1]
     middle = 0.5 * (begin + end)
-    burning: list[_Burning] = [
-        (group, group.number, group.ignition)
-        for group in vehicle.boosters
-        if number == 1 and group.ignition < middle < group.ignition + group.full_burn
-    ]
+    burning: list[_Burning] = []
+    for group in vehicle.boosters if number == 1 else ():
+        if group.ignition < middle < group.ignition + group.full_burn:
+            burning.append((group, group.number, group.ignition))
     if stage.profile is not None:
-        return Propulsion(0.0, 0.0, 0.0, math.inf, _together([(stage, 1, ignition), *burning], begin, end))
+        motors = _total_thrust([(stage, 1, ignition), *burning], begin, end)
+        return Propulsion(0.0, 0.0, 0.0, math.inf, motors)
     limit = math.inf if stage.thrust is None or vehicle.max_load is None else vehicle.max_load
-    beside = _together(burning, begin, end) if burning else NOTHING
-    return Propulsion(stage.full_thrust, stage.full_thrust / stage.exhaust_speed, stage.exit_area, limit, beside)
+    return Propulsion(
+        thrust=stage.full_thrust,
+        mass_flow=stage.full_thrust / stage.exhaust_speed,
+        exit_area=stage.exit_area,
+        max_load=limit,
+        beside=_total_thrust(burning, begin, end) if burning else NOTHING,
+    )
 
 
 def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
@@ -72,8 +79,9 @@ def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
         if vehicle.fairing is not None and vehicle.fairing.stage == number:
             mass += vehicle.fairing.mass
         boosters = vehicle.boosters if number == 1 else ()
-        beside = stage.propellant * max((group.gone for group in boosters), default=0.0) / stage.full_burn
-        alone = stage.propellant - beside
+        booster_time = max((group.gone for group in boosters), default=0.0)
+        joint_propellant = stage.propellant * booster_time / stage.full_burn
+        alone = stage.propellant - joint_propellant
         gain += stage.exhaust_speed * math.log1p(alone / (mass + stage.dry))
         if boosters:
             gain += _joint_gain(boosters, stage, stage.propellant - alone, mass + stage.dry + alone)
@@ -81,42 +89,50 @@ def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
     return gain
 
 
-def _joint_gain(groups: tuple[Boosters, ...], stage: Stage, beside: float, mass: float) -> float:
+def _joint_gain(groups: tuple[Boosters, ...], stage: Stage, stage_propellant: float, mass: float) -> float:
     """Return the velocity gain (m/s) while boosters and stage burn together.
 
-    beside : kg. Propellant of the stage burnt in that time.
+    stage_propellant : kg. Propellant of the stage burnt in that time.
     mass : kg. Mass at the end.
     """
-    parts = [(group.number * group.propellant, group.exhaust_speed) for group in groups]
-    parts.append((beside, stage.exhaust_speed))
-    total = sum(propellant for propellant, _ in parts)
-    mean = sum(propellant * speed for propellant, speed in parts) / total
-    return mean * math.log1p(total / (mass + sum(group.number * group.dry for group in groups)))
+    burnt = [(group.number * group.propellant, group.exhaust_speed) for group in groups]
+    burnt.append((stage_propellant, stage.exhaust_speed))
+    total = sum(propellant for propellant, _ in burnt)
+    mean_exhaust = sum(propellant * speed for propellant, speed in burnt) / total
+    dry = sum(group.number * group.dry for group in groups)
+    return mean_exhaust * math.log1p(total / (mass + dry))
 
 
 def _bends(motor: Motor) -> list[float]:
     """Return the points of a motor's thrust profile, s after ignition; with guidance it may burn beyond the last."""
-    return [] if motor.profile is None else [part * motor.full_burn for part in motor.profile.part[1:]]
+    if motor.profile is None:
+        return []
+    return [share * motor.full_burn for share in motor.profile.part[1:]]
 
 
 def _thrust_at(motor: Motor, after: float) -> float:
     """Return the vacuum thrust (N) of a motor `after` s from ignition; constant after its burn time."""
     if motor.profile is None:
         return motor.full_thrust
-    part, level = motor.profile.part, motor.profile.thrust
-    mean = sum(0.5 * (level[k] + level[k + 1]) * (part[k + 1] - part[k]) for k in range(len(part) - 1))
+    share, level = motor.profile.part, motor.profile.thrust
+    intervals = range(len(share) - 1)
+    mean = sum(0.5 * (level[k] + level[k + 1]) * (share[k + 1] - share[k]) for k in intervals)
     x = min(max(after / motor.full_burn, 0.0), 1.0)
-    k = next(k for k in range(len(part) - 1) if x <= part[k + 1])
-    return motor.full_thrust * (level[k] + (level[k + 1] - level[k]) * (x - part[k]) / (part[k + 1] - part[k])) / mean
+    k = next(k for k in intervals if x <= share[k + 1])
+    slope = (level[k + 1] - level[k]) * (x - share[k]) / (share[k + 1] - share[k])
+    return motor.full_thrust * (level[k] + slope) / mean
 
 
-def _together(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
+def _total_thrust(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
     """Return the total of motors over an interval in which the thrust of each is linear."""
     total = np.zeros(5)
     for motor, number, ignition in burning:
-        first, last = (_thrust_at(motor, t - ignition) for t in (begin, end))
-        push, rise, speed = number * first, number * ((last - first) / (end - begin)), motor.exhaust_speed
-        total += [push, rise, push / speed, rise / speed, number * motor.exit_area]
+        first = _thrust_at(motor, begin - ignition)
+        last = _thrust_at(motor, end - ignition)
+        thrust = number * first
+        slope = number * ((last - first) / (end - begin))
+        exhaust = motor.exhaust_speed
+        total += [thrust, slope, thrust / exhaust, slope / exhaust, number * motor.exit_area]
     return Unthrottled(begin, *total.tolist())
 
 
@@ -200,27 +216,27 @@ class Pilot:
     def __init__(self, card: VehicleAscent, aim: TargetingUnknowns, span: float | None) -> None:
         vehicle = card.vehicle
         self.span = law_span(card, aim) if span is None else span
-        up, downrange, _ = site_axes(card.site, aim.azimuth)
         self.card, self.aim, self.t = card, aim, 0.0
+        up, downrange, _ = site_axes(card.site, aim.azimuth)
         theta0 = gmst(card.epoch)
         n_law = 1 if card.parking is None else 2
-        kick_end = card.vertical_rise + card.kick_duration
         self.steering = Steering(
-            up,
-            downrange,
-            theta0,
-            card.vertical_rise,
-            card.kick_duration,
-            aim.kick,
-            kick_end,
-            card.slew,
-            np.full(n_law, np.inf),
-            np.zeros((n_law, 3)),
-            np.zeros(n_law),
-            np.zeros(n_law),
+            up_e=up,
+            downrange_e=downrange,
+            theta0=theta0,
+            kick_start=card.vertical_rise,
+            kick_duration=card.kick_duration,
+            kick_angle=aim.kick,
+            follow_start=card.vertical_rise + card.kick_duration,
+            slew=card.slew,
+            law_start=np.full(n_law, np.inf),
+            normal_i=np.zeros((n_law, 3)),
+            tangent=np.zeros(n_law),
+            rate=np.zeros(n_law),
         )
         self.drag = Drag(vehicle.reference_area, np.array(vehicle.mach), np.array(vehicle.drag_coefficient))
-        self.y = np.concatenate([*pad_state(card.site, float(earth_angle(theta0, 0.0))), [lift_off_mass(card)]])
+        r_i, v_i = pad_state(card.site, float(earth_angle(theta0, 0.0)))
+        self.y = np.concatenate([r_i, v_i, [lift_off_mass(card)]])
         self.legs: list[AscentLeg] = []
         self.events = {"liftoff": 0.0, "kick": card.vertical_rise}
 
@@ -235,43 +251,49 @@ class Pilot:
 
     def begin_law(self, k: int, tangent: float, rate: float, yaw: float = 0.0) -> None:
         """Start steering law k, in the present orbital plane or rotated from it to the right by yaw (rad)."""
-        s = self.steering
-        s.law_start[k], s.tangent[k], s.rate[k] = self.t, tangent, rate
+        steering = self.steering
+        steering.law_start[k] = self.t
+        steering.tangent[k] = tangent
+        steering.rate[k] = rate
         normal = unit(np.cross(self.y[:3], self.y[3:6]))
-        s.normal_i[k] = math.cos(yaw) * normal - math.sin(yaw) * np.cross(unit(self.y[:3]), normal)
+        along = np.cross(unit(self.y[:3]), normal)
+        steering.normal_i[k] = math.cos(yaw) * normal - math.sin(yaw) * along
 
     def burn(self, number: int, duration: float | None, again: bool = False) -> None:
         """Burn for a duration (s), or until the propellant is depleted, from cut to cut; a second burn has no cuts."""
         vehicle = self.card.vehicle
         stage, mark = vehicle.stages[number - 1], "_2" if again else ""
-        begin, elapsed = self.t, 0.0
-        self.events[f"stage{number}_ignition{mark}"] = begin
-        left = self.y[6] - stage.propellant
-        left -= sum(group.number * group.propellant for group in vehicle.boosters if number == 1)
+        ignition, elapsed = self.t, 0.0
+        self.events[f"stage{number}_ignition{mark}"] = ignition
+        empty_mass = self.y[6] - stage.propellant
+        empty_mass -= sum(group.number * group.propellant for group in vehicle.boosters if number == 1)
         # the depletion time of a stage that can be throttled follows from the integration
         if duration is None and (stage.thrust is None or vehicle.max_load is None):
             duration = stage.full_burn
         name = f"stage {number} burn{mark.replace('_', ' ')}"
-        ends = math.inf if duration is None else begin + duration
+        end = math.inf if duration is None else ignition + duration
         for cut in [] if again else cuts(vehicle, number):
-            if begin + cut.after >= ends:
+            if ignition + cut.after >= end:
                 break
             piece = cut.after - elapsed
             if piece > _SLIVER:
-                awaits = vehicle.fairing is not None and vehicle.fairing.stage == number
-                held = awaits and "fairing_separation" not in self.events
-                push = engine(vehicle, number, begin, self.t, self.t + piece)
-                self.leg(f"{name} with fairing" if held else name, piece, push)
+                push = engine(vehicle, number, ignition, self.t, self.t + piece)
+                self.leg(f"{name} with fairing" if self._has_fairing(number) else name, piece, push)
             if cut.event:
                 self.events[cut.event] = self.t
             self.y[6] -= cut.drop
-            left -= cut.drop
+            empty_mass -= cut.drop
             elapsed = cut.after
-        push = engine(vehicle, number, begin, self.t, ends)
+        push = engine(vehicle, number, ignition, self.t, end)
         if duration is None:
-            ends = self.t + time_to_mass(self.t, left, STEP, self.y, self.steering, push, self.drag)
-        self.leg(name, ends - self.t, push)
+            end = self.t + time_to_mass(self.t, empty_mass, STEP, self.y, self.steering, push, self.drag)
+        self.leg(name, end - self.t, push)
         self.events[f"stage{number}_cutoff{mark}"] = self.t
+
+    def _has_fairing(self, number: int) -> bool:
+        """Return whether the fairing is released in the burn of a stage, and is not released yet."""
+        fairing = self.card.vehicle.fairing
+        return fairing is not None and fairing.stage == number and "fairing_separation" not in self.events
 
     def stage(self, number: int) -> None:
         """Simulate a stage that is not cut off in orbit, from the coast before ignition to its separation."""

@@ -12,21 +12,38 @@ from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Flight
 from lvnav_trade.trajectory.truth import BEYOND, WARNING, Trajectory, motion
 
 _STEP = 0.05  # s at most between the times at which a flight is looked at
-_RATE = "is a row wrong there, an event early or late, an angle in another unit, or does one jump by a turn?"
-_SHOWN = {  # by field: limited quantity, unit in messages, its size in SI, and the probable cause beyond the limit
-    "highest_load": (
-        "specific force",
-        "g",
-        STANDARD_GRAVITY,
-        "is an event missing there, are digits wrong, or are the rows noisier than stated or than their digits?",
+
+
+class _Limit(NamedTuple):
+    """A limited quantity.
+
+    quantity : Its name in messages.
+    unit : Unit in messages.
+    size : Size of that unit in SI.
+    cause : Probable cause of a value beyond the limit.
+    """
+
+    quantity: str
+    unit: str
+    size: float
+    cause: str
+
+
+_WRONG_RATE = "is a row wrong there, an event early or late, an angle in another unit, or does one jump by a turn?"
+_LIMITS = {
+    "highest_load": _Limit(
+        quantity="specific force",
+        unit="g",
+        size=STANDARD_GRAVITY,
+        cause="is an event missing there, are digits wrong, or are the rows noisier than stated or than their digits?",
     ),
-    "highest_rate": ("pitch and yaw rate", "deg/s", math.pi / 180.0, _RATE),
-    "highest_spin": ("roll rate", "deg/s", math.pi / 180.0, _RATE),
-    "highest_misfit": (
-        "RMS misfit to the record",
-        "sigma",
-        1.0,
-        "are digits wrong, is an event missing, or is the noise larger than stated?",
+    "highest_rate": _Limit("pitch and yaw rate", "deg/s", math.pi / 180.0, _WRONG_RATE),
+    "highest_spin": _Limit("roll rate", "deg/s", math.pi / 180.0, _WRONG_RATE),
+    "highest_misfit": _Limit(
+        quantity="RMS misfit to the record",
+        unit="sigma",
+        size=1.0,
+        cause="are digits wrong, is an event missing, or is the noise larger than stated?",
     ),
 }
 
@@ -62,15 +79,16 @@ class Peak(NamedTuple):
 
 def peaks(flight: Trajectory) -> tuple[Peak, ...]:
     """Return the largest specific force (m/s^2), rate across the roll axis and roll rate (rad/s) of a trajectory."""
-    spans = (
-        (phase.start, phase.end, max(8, math.ceil((phase.end - phase.start) / _STEP)) + 2) for phase in flight.phases
-    )
-    t = np.concatenate([np.linspace(*span)[1:-1] for span in spans])
-    at = motion(flight, t)
+    times = []
+    for phase in flight.phases:
+        n_interval = max(8, math.ceil((phase.end - phase.start) / _STEP))
+        times.append(np.linspace(phase.start, phase.end, n_interval + 2)[1:-1])
+    t = np.concatenate(times)
+    true = motion(flight, t)
     sizes = {
-        "highest_load": np.linalg.norm(at.f_b, axis=1),
-        "highest_rate": np.hypot(at.w_ib_b[:, 1], at.w_ib_b[:, 2]),
-        "highest_spin": np.abs(at.w_ib_b[:, 0]),
+        "highest_load": np.linalg.norm(true.f_b, axis=1),
+        "highest_rate": np.hypot(true.w_ib_b[:, 1], true.w_ib_b[:, 2]),
+        "highest_spin": np.abs(true.w_ib_b[:, 0]),
     }
     return tuple(Peak(name, float(np.max(size)), float(t[np.argmax(size)])) for name, size in sizes.items())
 
@@ -83,40 +101,42 @@ def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: 
     InputError with value, time and limit of every quantity beyond the limits of the card, each at its field.
     """
     largest = [*further, *peaks(flight)]
-    refused = [peak for peak in largest if peak.size > getattr(card, peak.field)]
-    if refused:
-        causes = [remark.text for remark in flight.remarks if remark.kind == WARNING]
-        raise InputError(
-            records=[Mistake(_refusal(card, file, peak, causes), f"trajectory.{peak.field}") for peak in refused]
-        )
-    beyond = [
-        f"{_described(peak)} (usually at most {_shown(peak.field, _usual(card, peak.field))})"
-        for peak in largest
-        if peak.size > _usual(card, peak.field)
-    ]
+    causes = [remark.text for remark in flight.remarks if remark.kind == WARNING]
+    mistakes = []
+    for peak in largest:
+        if peak.size > getattr(card, peak.field):
+            mistakes.append(Mistake(_refusal(card, file, peak, causes), f"trajectory.{peak.field}"))
+    if mistakes:
+        raise InputError(records=mistakes)
+    beyond = []
+    for peak in largest:
+        default = _default_limit(card, peak.field)
+        if peak.size > default:
+            beyond.append(f"{_peak_text(peak)} (usually at most {_size_text(peak.field, default)})")
     return flight.remarked(BEYOND, [", ".join(beyond)] if beyond else [])
 
 
-def _usual(card: FileFlightCard, field: str) -> float:
+def _default_limit(card: FileFlightCard, field: str) -> float:
     """Return the default of a limit (SI)."""
     return float(type(card).model_fields[field].default)
 
 
-def _shown(field: str, size: float) -> str:
-    _, unit, factor, _ = _SHOWN[field]
-    return f"{size / factor:.4g} {unit}"
+def _size_text(field: str, size: float) -> str:
+    limit = _LIMITS[field]
+    return f"{size / limit.size:.4g} {limit.unit}"
 
 
-def _described(peak: Peak) -> str:
+def _peak_text(peak: Peak) -> str:
     when = "with the worst row at" if peak.field == "highest_misfit" else "at"
-    return f"{_SHOWN[peak.field][0]} of {_shown(peak.field, peak.size)} {when} {peak.time:.6g} s"
+    return f"{_LIMITS[peak.field].quantity} of {_size_text(peak.field, peak.size)} {when} {peak.time:.6g} s"
 
 
 def _refusal(card: FileFlightCard, file: str, peak: Peak, causes: list[str]) -> str:
+    """Return the message on a peak beyond the limit of its card."""
     allowed = getattr(card, peak.field)
-    word = "usual" if allowed == _usual(card, peak.field) else "allowed"
-    hints = "; ".join([_SHOWN[peak.field][3], *causes])
+    word = "usual" if allowed == _default_limit(card, peak.field) else "allowed"
+    hints = "; ".join([_LIMITS[peak.field].cause, *causes])
     return (
-        f"{file}: {_described(peak)}; at most {_shown(peak.field, allowed)} is {word}: {hints}; if it is true, raise "
-        f"{peak.field}"
+        f"{file}: {_peak_text(peak)}; at most {_size_text(peak.field, allowed)} is {word}: {hints}; if it is true, "
+        f"raise {peak.field}"
     )

@@ -114,18 +114,18 @@ class RebuiltPhase(NamedTuple):
 
 def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0: float) -> Course:
     """Return the flight over the great circle of normals that leaves the site by the azimuth (rad), to injection."""
-    way: Course = []
-    angle = 0.0
+    stretches: Course = []
+    range_angle = 0.0
     for begin, end in pairwise([0.0, *breaks, float(climb.altitude.t[-1])]):
         t = stretch_knots(begin, end)
         inside = np.clip(t, begin + 1e-9, end - 1e-9)  # one-sided values at the breaks
-        psi = _range_angle(site, azimuth, t, climb, inside, angle)
-        angle = float(psi[-1])
-        r_e, v_e = _on_the_way(site, azimuth, psi, climb, inside)
+        psi = _range_angle(site, azimuth, t, climb, inside, range_angle)
+        range_angle = float(psi[-1])
+        r_e, v_e = _circle_motion(site, azimuth, psi, climb, inside)
         theta = earth_angle(theta0, t)
         v_i = eci_from_ecef(v_e + np.cross([0.0, 0.0, OMEGA], r_e), theta)
-        way.append((t, eci_from_ecef(r_e, theta), v_i))
-    return way
+        stretches.append((t, eci_from_ecef(r_e, theta), v_i))
+    return stretches
 
 
 def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
@@ -134,16 +134,23 @@ def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple
     psi : (n,) rad. Angles from the site.
     height : (n,) m. Heights.
     """
+    # The azimuth on the ellipsoid differs from that on the sphere of normals by the ratio of the radii of curvature.
     sine = math.sin(site.latitude)
-    ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)  # of the radii of meridian and prime vertical
-    up, downrange, _ = site_axes(site, math.atan2(ratio * math.sin(azimuth), math.cos(azimuth)))
-    normal = np.cos(psi)[:, None] * up + np.sin(psi)[:, None] * downrange
-    tangent = np.cos(psi)[:, None] * downrange - np.sin(psi)[:, None] * up
-    latitude, longitude = np.arcsin(normal[:, 2].copy()), np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())
+    meridian_over_vertical = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)
+    circle_azimuth = math.atan2(meridian_over_vertical * math.sin(azimuth), math.cos(azimuth))
+    up, downrange, _ = site_axes(site, circle_azimuth)
+    cosine_psi = np.cos(psi)[:, None]
+    sine_psi = np.sin(psi)[:, None]
+    normal = cosine_psi * up + sine_psi * downrange
+    tangent = cosine_psi * downrange - sine_psi * up
+    latitude = np.arcsin(normal[:, 2].copy())
+    longitude = np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())
     north, east, _ = np.einsum("kij,kj->ik", rotation_e_n(latitude, longitude), tangent)
-    across = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
-    meridian = across**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
-    return latitude, longitude, np.stack([(meridian + height) * north, (across + height) * east], axis=1)
+    # Radii of curvature in the prime vertical and in the meridian
+    vertical_radius = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
+    meridian_radius = vertical_radius**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
+    derivatives = np.stack([(meridian_radius + height) * north, (vertical_radius + height) * east], axis=1)
+    return latitude, longitude, derivatives
 
 
 def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:
@@ -152,66 +159,90 @@ def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Fl
     The rate is horizontal speed over the radius of curvature, which hardly depends on the angle: four iterations of the
     quadrature are accurate to 1e-11 rad.
     """
-    level, height = climb.level(inside), site.height + climb.altitude(inside)
+    level = climb.level(inside)
+    height = site.height + climb.altitude(inside)
     psi = np.full_like(t, first)
     for _ in range(4):
-        rate = level / np.hypot(*_on_circle(site, azimuth, psi, height)[2].T)
+        _, _, derivatives = _on_circle(site, azimuth, psi, height)
+        rate = level / np.hypot(*derivatives.T)
         psi = first + make_interp_spline(t, rate, k=5).antiderivative()(t)
     return np.asarray(psi)
 
 
-def _on_the_way(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Floats) -> tuple[Floats, Floats]:
+def _circle_motion(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Floats) -> tuple[Floats, Floats]:
     """Return position (m) and Earth-relative velocity (m/s), each (n, 3) in frame e."""
     height = site.height + climb.altitude(t)
-    latitude, longitude, heading = _on_circle(site, azimuth, psi, height)
-    v_n = np.column_stack([climb.level(t)[:, None] * unit(heading), -climb.altitude(t, 1)])
+    latitude, longitude, derivatives = _on_circle(site, azimuth, psi, height)
+    horizontal = climb.level(t)[:, None] * unit(derivatives)
+    v_n = np.column_stack([horizontal, -climb.altitude(t, 1)])
     v_e = np.einsum("kji,kj->ki", rotation_e_n(latitude, longitude), v_n)
     return ecef_from_geodetic(latitude, longitude, height), v_e
 
 
-def _injected(way: Course) -> dict[str, float]:
+def _injection_orbit(stretches: Course) -> dict[str, float]:
     """Return perigee, apogee and inclination at injection."""
-    _, r_i, v_i = way[-1]
+    _, r_i, v_i = stretches[-1]
     return achieved(np.concatenate([r_i[-1], v_i[-1]]))
 
 
-def tracks_of(way: Course, coast: float) -> list[RebuiltPhase]:
+def tracks_of(stretches: Course, coast: float) -> list[RebuiltPhase]:
     """Return the phases to injection and the final coast of `coast` seconds.
 
     Velocity is interpolated and integrated to position, each phase from the end of the previous phase, so that both are
     continuous. The position differs from the fitted altitude by less than a millimetre.
     """
-    stretches: list[RebuiltPhase] = []
-    for number, (t, r, v) in enumerate(way, start=1):
+    phases: list[RebuiltPhase] = []
+    for number, (t, r, v) in enumerate(stretches, start=1):
         position = make_interp_spline(t, v, k=5).antiderivative()
-        position.c += stretches[-1].position(t[0]) if stretches else r[0]
-        stretches.append(RebuiltPhase(f"stretch {number}", float(t[0]), float(t[-1]), position))
-    return [*stretches, _final_coast(stretches[-1], coast)]
+        position.c += phases[-1].position(t[0]) if phases else r[0]
+        phases.append(RebuiltPhase(f"stretch {number}", float(t[0]), float(t[-1]), position))
+    return [*phases, _final_coast(phases[-1], coast)]
 
 
 def _final_coast(last: RebuiltPhase, duration: float) -> RebuiltPhase:
+    """Return the free fall after the last phase."""
     state = np.concatenate([last.position(last.end), last.position(last.end, 1), [1.0]])
-    none, no_vectors = np.zeros(0), np.zeros((0, 3))
     # Without thrust and drag the steering has no effect.
-    idle = Steering(np.eye(3)[2], np.eye(3)[0], 0.0, np.inf, 1.0, 0.0, np.inf, 1.0, none, no_vectors, none, none)
+    no_numbers, no_vectors = np.zeros(0), np.zeros((0, 3))
+    idle = Steering(
+        up_e=np.eye(3)[2],
+        downrange_e=np.eye(3)[0],
+        theta0=0.0,
+        kick_start=np.inf,
+        kick_duration=1.0,
+        kick_angle=0.0,
+        follow_start=np.inf,
+        slew=1.0,
+        law_start=no_numbers,
+        normal_i=no_vectors,
+        tangent=no_numbers,
+        rate=no_numbers,
+    )
     vacuum = Drag(0.0, np.array([0.0, 1.0]), np.zeros(2))
-    t, y = fly(last.end, duration, max(8, int(np.ceil(duration / _STEP))), state, idle, COASTING, vacuum)
-    ends = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
-    return RebuiltPhase("final coast", last.end, float(t[-1]), position_spline(t, y[:, :3], y[[0, -1], 3:6], ends))
+    n_step = max(8, int(np.ceil(duration / _STEP)))
+    t, y = fly(last.end, duration, n_step, state, idle, COASTING, vacuum)
+    end_accelerations = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
+    position = position_spline(t, y[:, :3], y[[0, -1], 3:6], end_accelerations)
+    return RebuiltPhase("final coast", last.end, float(t[-1]), position)
+
+
+def _thrust_spline(phase: RebuiltPhase, t: Floats) -> BSpline:
+    """Return the spline of the direction of the specific force of a phase, through its knots t (n,)."""
+    force = phase.position(t, 2) - gravity_along(phase.position(t))
+    return make_interp_spline(t, unit(force), k=5)
 
 
 def _pointing(
-    card: RecordedAscent, azimuth: float, stretches: list[RebuiltPhase], coasts: list[tuple[float, float]]
+    card: RecordedAscent, azimuth: float, phases: list[RebuiltPhase], coasts: list[tuple[float, float]]
 ) -> BSpline:
-    """Return the attitude spline over pad and flight, x along the specific force of the powered stretches."""
+    """Return the attitude spline over pad and flight, x along the specific force of the powered phases."""
     up_e, _, right_e = site_axes(card.site, azimuth)
     theta0 = gmst(card.epoch)
-    free = [begin for begin, _ in coasts] + [stretches[-1].start]
-    times = [stretch_knots(stretch.start, stretch.end) for stretch in stretches]
-    thrusts = [
-        None if s.start in free else make_interp_spline(t, unit(s.position(t, 2) - gravity_along(s.position(t))), k=5)
-        for s, t in zip(stretches, times, strict=True)
-    ]
+    coast_starts = [begin for begin, _ in coasts] + [phases[-1].start]
+    times = [stretch_knots(phase.start, phase.end) for phase in phases]
+    thrusts: list[BSpline | None] = []
+    for phase, phase_t in zip(phases, times, strict=True):
+        thrusts.append(None if phase.start in coast_starts else _thrust_spline(phase, phase_t))
     before = pad_knots(card.pad_hold, _STEP)
     t = np.concatenate([before, join_samples(times)])
     along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
@@ -235,32 +266,40 @@ def rebuild(card: RecordedAscent) -> Trajectory:
         exceeds a limit of the card.
     """
     record, notes = _until_injection(card, read(card.file))
-    breaks = sorted(time for name, time in card.events.items() if _BREAK.match(name) and time < record.t[-1])
-    cutoffs = [time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name]
-    coasts = [span for span in pairwise([*breaks, card.events["injection"]]) if span[0] in cutoffs]
+    breaks, coasts = _breaks_and_coasts(card, record)
     climb = smooth(record, breaks, coasts, card.speed_noise, card.altitude_noise)
     azimuth, theta0 = _azimuth(card, climb, breaks), gmst(card.epoch)
-    way = course(card.site, azimuth, climb, breaks, theta0)
-    tracks = tracks_of(way, card.coast_after_injection)
+    stretches = course(card.site, azimuth, climb, breaks, theta0)
+    tracks = tracks_of(stretches, card.coast_after_injection)
     attitude = _pointing(card, azimuth, tracks, coasts)
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     phases = (*pad, *(Phase(*track, attitude) for track in tracks))
     flight = Trajectory(phases, {"liftoff": 0.0, **card.events}, theta0, card.epoch)
-    powered = motion(flight, np.linspace(0.0, flight.end, 4000))
+    load = np.linalg.norm(motion(flight, np.linspace(0.0, flight.end, 4000)).f_b, axis=1)
     flight.facts.update(
         {
             "record": card.source,
-            **_injected(way),
+            **_injection_orbit(stretches),
             "azimuth_rad": azimuth,
-            "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
+            "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
             "smoothing_misfit": climb.misfit,
             **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
         }
     )
-    noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)  # of the climb
+    # Noise of a velocity: that of the speed, and gravity in an interval times altitude noise over the way in it
+    noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)
     missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
     flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])
     return within_limits(flight, card, card.file, (_misfit(card, record, climb),))
+
+
+def _breaks_and_coasts(card: RecordedAscent, record: AscentRecord) -> tuple[list[float], list[tuple[float, float]]]:
+    """Return the times (s) at which thrust jumps, and the intervals (s) from a cut-off to the next jump or the end."""
+    jumps = {name: time for name, time in card.events.items() if _BREAK.match(name)}
+    breaks = sorted(time for time in jumps.values() if time < record.t[-1])
+    cutoffs = [time for name, time in jumps.items() if "cutoff" in name]
+    intervals = pairwise([*breaks, card.events["injection"]])
+    return breaks, [interval for interval in intervals if interval[0] in cutoffs]
 
 
 def _misfit(card: RecordedAscent, record: AscentRecord, climb: Climb) -> Peak:
@@ -276,20 +315,30 @@ def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[Ascent
     for name, time in card.events.items():
         if not 0.0 <= time <= injection:
             raise InputError(f"{card.name}: event {name!r} at {time:g} s is outside lift-off to injection")
-    usual = float(np.median(np.diff(record.t)))
+    interval = float(np.median(np.diff(record.t)))
     if record.t[0] > 0.0:
         record = AscentRecord(*(np.append(0.0, column) for column in record))
-    first, end = np.searchsorted(record.t, [0.0, injection], side="right")  # and a row on either side
-    record = AscentRecord(*(column[max(first - 1, 0) : end + 1] for column in record))
-    short, last = bridged(record.t, injection - usual, LONGEST_HOLE, card.file)
-    record = AscentRecord(*(column[: None if last is None else last.row + 1] for column in record))
-    if record.t[-1] < injection - usual:
+    # from lift-off to injection, and a row on either side
+    first, end = np.searchsorted(record.t, [0.0, injection], side="right")
+    record = _slice_record(record, max(first - 1, 0), end + 1)
+    short, last = bridged(record.t, injection - interval, LONGEST_HOLE, card.file)
+    if last is not None:
+        record = _slice_record(record, 0, last.row + 1)
+    if record.t[-1] < injection - interval:
         raise InputError(
             f"{card.file}: the record goes from {record.t[0]:g} to {record.t[-1]:g} s, lift-off to injection at "
             f"{injection:g} s is needed"
         )
-    t = np.concatenate([[0.0], record.t[(record.t > 0.0) & (record.t < injection)], [injection]])
-    return AscentRecord(t, *(np.interp(t, record.t, column) for column in record[1:])), described(short)
+    inside = (record.t > 0.0) & (record.t < injection)
+    t = np.concatenate([[0.0], record.t[inside], [injection]])
+    speed = np.interp(t, record.t, record.speed)
+    altitude = np.interp(t, record.t, record.altitude)
+    return AscentRecord(t, speed, altitude), described(short)
+
+
+def _slice_record(record: AscentRecord, first: int, end: int) -> AscentRecord:
+    """Return the rows of a record from `first` to before `end`."""
+    return AscentRecord(*(column[first:end] for column in record))
 
 
 def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
@@ -297,6 +346,7 @@ def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
     if card.azimuth is not None:
         return card.azimuth
     inclination = card.inclination or 0.0
+    # Without Earth rotation: cos(inclination) = sin(azimuth) cos(latitude)
     sine = math.cos(inclination) / math.cos(card.site.latitude)
     if abs(sine) >= 1.0:
         raise InputError(
@@ -304,9 +354,11 @@ def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
             f"{math.degrees(card.site.latitude):.2f} deg"
         )
     first = math.asin(sine) if card.direction == "ascending" else math.pi - math.asin(sine)
+    theta0 = gmst(card.epoch)
 
     def excess(azimuth: float) -> float:
-        return _injected(course(card.site, azimuth, climb, breaks, gmst(card.epoch)))["inclination_rad"] - inclination
+        orbit = _injection_orbit(course(card.site, azimuth, climb, breaks, theta0))
+        return orbit["inclination_rad"] - inclination
 
     solution = root_scalar(excess, x0=first, x1=first + 0.01, xtol=1e-10, maxiter=30)
     if not solution.converged or abs(excess(solution.root)) > 1e-6:

@@ -45,9 +45,10 @@ def read(path: str) -> AscentRecord:
     """
     rows: list[list[float]] = []
     for index, (number, line) in enumerate(text_lines(path, DATA_BYTES)):
-        fields, where = [field.strip() for field in line.split(",")], f"{path}:{number}"
+        fields = [field.strip() for field in line.split(",")]
+        where = f"{path}:{number}"
         if index > 0:
-            rows.append(_row(fields, rows[-1] if rows else None, where))
+            rows.append(_parse_row(fields, rows[-1] if rows else None, where))
         elif fields != HEADER:
             raise InputError(f"{where}: the header is {quoted(','.join(fields))}, expected {','.join(HEADER)!r}")
     if len(rows) < 12:
@@ -55,7 +56,7 @@ def read(path: str) -> AscentRecord:
     return AscentRecord(*np.array(rows).T.copy())
 
 
-def _row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
+def _parse_row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
     if len(fields) != len(HEADER):
         raise InputError(f"{where}: {len(fields)} fields, expected {len(HEADER)}")
     row = []
@@ -85,15 +86,17 @@ def differences(recorded: FlightRecords, flight: Trajectory, site: Site) -> dict
     facts: dict[str, float | str] = {"compared_with": recorded.source}
     if recorded.file is not None:
         record = read(recorded.file)
-        flown = (record.t >= 0.0) & (record.t <= flight.events["injection"])
-        at = motion(flight, record.t[flown])
-        speed = np.linalg.norm(earth_velocity(at.r_i, at.v_i), axis=1)
-        height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(flight.theta0, at.t)))[2]
-        facts |= residual_facts(
-            "record", AscentRecord(*(column[flown] for column in record)), speed, height - site.height
-        )
-    common = {name: time for name, time in recorded.events.items() if name in flight.events}
-    return facts | {f"{name}_after_record_s": flight.events[name] - time for name, time in common.items()}
+        inside = (record.t >= 0.0) & (record.t <= flight.events["injection"])
+        record = AscentRecord(*(column[inside] for column in record))
+        true = motion(flight, record.t)
+        speed = np.linalg.norm(earth_velocity(true.r_i, true.v_i), axis=1)
+        r_e = ecef_from_eci(true.r_i, earth_angle(flight.theta0, true.t))
+        altitude = geodetic_from_ecef(r_e)[2] - site.height
+        facts |= residual_facts("record", record, speed, altitude)
+    for name, time in recorded.events.items():
+        if name in flight.events:
+            facts[f"{name}_after_record_s"] = flight.events[name] - time
+    return facts
 
 
 def residual_facts(of: str, record: AscentRecord, speed: Floats, altitude: Floats) -> dict[str, float]:
@@ -114,11 +117,29 @@ def force_along(record: AscentRecord) -> Floats:
     It is the acceleration plus the component of gravity along the path, which starts vertically. The Earth is assumed
     flat and not rotating.
     """
-    interval, mean = np.diff(record.t), 0.5 * (record.speed[1:] + record.speed[:-1])
-    rise = np.diff(record.altitude) / interval
-    steepness = np.where(mean < _UPRIGHT, 1.0, rise / np.maximum(mean, _UPRIGHT))
+    interval = np.diff(record.t)
+    mean_speed = 0.5 * (record.speed[1:] + record.speed[:-1])
+    climb_rate = np.diff(record.altitude) / interval
+    sine_climb = np.where(mean_speed < _UPRIGHT, 1.0, climb_rate / np.maximum(mean_speed, _UPRIGHT))
     radius = SEMI_MAJOR + 0.5 * (record.altitude[1:] + record.altitude[:-1])
-    return np.asarray(np.diff(record.speed) / interval + GM / radius**2 * steepness)
+    return np.asarray(np.diff(record.speed) / interval + GM / radius**2 * sine_climb)
+
+
+class _FreeFall(NamedTuple):
+    """Matrices of the splines in free fall, and gravity there.
+
+    altitude_2 : Second derivative of altitude.
+    altitude_1 : First derivative of altitude.
+    level_1 : Derivative of horizontal speed.
+    level : Horizontal speed.
+    gravity : (n,) m/s^2.
+    """
+
+    altitude_2: csc_array
+    altitude_1: csc_array
+    level_1: csc_array
+    level: csc_array
+    gravity: Floats
 
 
 class Climb(NamedTuple):
@@ -136,7 +157,7 @@ class Climb(NamedTuple):
         return np.asarray(np.hypot(self.altitude(t, 1), self.level(t)))
 
 
-class _Problem(NamedTuple):
+class _FitProblem(NamedTuple):
     """Least-squares fit of splines to a recorded ascent: altitude (suffix h) and horizontal speed (suffix u).
 
     The matrices multiply the free spline coefficients.
@@ -150,8 +171,7 @@ class _Problem(NamedTuple):
     level : Horizontal speed at the recorded times.
     jerk_h : Third derivative of altitude, times the root of its weight.
     jerk_u : Second derivative of horizontal speed, times the root of its weight.
-    fall : In free fall: second and first derivative of altitude, derivative of horizontal speed, horizontal speed;
-        gravity (m/s^2).
+    fall : Matrices of the times in free fall.
     """
 
     record: AscentRecord
@@ -163,42 +183,63 @@ class _Problem(NamedTuple):
     level: csc_array
     jerk_h: csc_array
     jerk_u: csc_array
-    fall: tuple[csc_array, csc_array, csc_array, csc_array, Floats]
+    fall: _FreeFall
 
     def residual(self, c: Floats) -> Floats:
-        """Return the weighted residuals at free coefficients c: altitude, speed, roughness (two), free fall (two)."""
+        """Return the weighted residuals at free coefficients c: altitude, speed, roughness (two), free fall (two).
+
+        In free fall over a sphere of radius R: h'' = u^2 / R - g, and u' = -u h' / R.
+        """
         h, u = np.split(c, [self.height.shape[1]])
-        bend_h, slope_h, slope_u, level_u, gravity = self.fall
-        level = level_u @ u
-        down = bend_h @ h + gravity - level**2 / SEMI_MAJOR
-        along = slope_u @ u + level * (slope_h @ h) / SEMI_MAJOR
+        fall = self.fall
+        level = fall.level @ u
+        down = fall.altitude_2 @ h + fall.gravity - level**2 / SEMI_MAJOR
+        along = fall.level_1 @ u + level * (fall.altitude_1 @ h) / SEMI_MAJOR
         speed = (np.hypot(self.climb @ h, self.level @ u) - self.record.speed) / self.noise[0]
         altitude = (self.height @ h - self.record.altitude) / self.noise[1]
-        jerk = self.jerk_h @ h, self.jerk_u @ u
-        return np.concatenate([speed, altitude, *jerk, down / _COAST_NOISE, along / _COAST_NOISE])
+        return np.concatenate(
+            [
+                speed,
+                altitude,
+                self.jerk_h @ h,
+                self.jerk_u @ u,
+                down / _COAST_NOISE,
+                along / _COAST_NOISE,
+            ]
+        )
 
     def jacobian(self, c: Floats) -> csc_array:
+        """Return the derivative of the residuals by the coefficients c."""
         h, u = np.split(c, [self.height.shape[1]])
-        bend_h, slope_h, slope_u, level_u, _ = self.fall
+        fall = self.fall
         up, along = self.climb @ h, self.level @ u
         speed = self.noise[0] * np.maximum(np.hypot(up, along), _STEEPEST)
-        level, rise = diags_array(level_u @ u), diags_array(slope_h @ h)
-        rows = [
-            [diags_array(up / speed) @ self.climb, diags_array(along / speed) @ self.level],
+        level = diags_array(fall.level @ u)
+        rise = diags_array(fall.altitude_1 @ h)
+        speed_h = diags_array(up / speed) @ self.climb
+        speed_u = diags_array(along / speed) @ self.level
+        down_h = fall.altitude_2 / _COAST_NOISE
+        down_u = level @ fall.level * (-2.0 / SEMI_MAJOR / _COAST_NOISE)
+        along_h = level @ fall.altitude_1 / (SEMI_MAJOR * _COAST_NOISE)
+        along_u = (fall.level_1 + rise @ fall.level / SEMI_MAJOR) / _COAST_NOISE
+        blocks = [
+            [speed_h, speed_u],
             [self.height / self.noise[1], None],
             [self.jerk_h, None],
             [None, self.jerk_u],
-            [bend_h / _COAST_NOISE, level @ level_u * (-2.0 / SEMI_MAJOR / _COAST_NOISE)],
-            [level @ slope_h / (SEMI_MAJOR * _COAST_NOISE), (slope_u + rise @ level_u / SEMI_MAJOR) / _COAST_NOISE],
+            [down_h, down_u],
+            [along_h, along_u],
         ]
-        return csc_array(block_array(rows))
+        return csc_array(block_array(blocks))
 
     def start(self) -> Floats:
         """Return initial coefficients: a fit of altitude alone, then of the horizontal speed that remains."""
+        speed_noise, altitude_noise = self.noise
         record = self.record
-        h = _regularised(self.height / self.noise[1], self.jerk_h, record.altitude / self.noise[1])
+        h = _regularised(self.height / altitude_noise, self.jerk_h, record.altitude / altitude_noise)
         level = np.sqrt(np.maximum(record.speed**2 - (self.climb @ h) ** 2, 0.0))
-        return np.concatenate([h, _regularised(self.level / self.noise[0], self.jerk_u, level / self.noise[0])])
+        u = _regularised(self.level / speed_noise, self.jerk_u, level / speed_noise)
+        return np.concatenate([h, u])
 
     def solve(self, c: Floats) -> tuple[Floats, Floats]:
         """Return coefficients and residuals of the fit, from the start c.
@@ -207,24 +248,27 @@ class _Problem(NamedTuple):
         does not depend on the horizontal speed, hence the damping. The cost is flat there, so that the iteration ends
         with a step that reduces it by less than 1e-5.
         """
-        r, damping = self.residual(c), 1e-3
+        residual = self.residual(c)
+        damping = 1e-3
         for _ in range(_STEPS):
-            rows = self.jacobian(c)
-            trial = c - _damped(rows.T @ rows, rows.T @ r, damping)
-            r_trial = self.residual(trial)
-            gain = 1.0 - float(r_trial @ r_trial) / float(r @ r)
+            jacobian = self.jacobian(c)
+            trial = c - _damped(jacobian.T @ jacobian, jacobian.T @ residual, damping)
+            trial_residual = self.residual(trial)
+            gain = 1.0 - float(trial_residual @ trial_residual) / float(residual @ residual)
             if gain > 0.0:
-                c, r, damping = trial, r_trial, 0.2 * damping
+                c, residual = trial, trial_residual
+                damping = 0.2 * damping
             else:
                 damping *= 10.0
             if abs(gain) < 1e-5:
                 break
-        return c, r
+        return c, residual
 
 
 def _damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
     """Return the solution of (normal + damping times its diagonal) @ x = slope; splines make the matrix sparse."""
-    return np.asarray(splu(csc_array(normal + damping * diags_array(normal.diagonal()))).solve(slope))
+    matrix = csc_array(normal + damping * diags_array(normal.diagonal()))
+    return np.asarray(splu(matrix).solve(slope))
 
 
 def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
@@ -253,17 +297,21 @@ def smooth(
     noise_speed, noise_altitude : float
         One sigma of the record (m/s, m).
     """
-    problem = _problem(record, breaks, coasts, (noise_speed, noise_altitude))
+    problem = _fit_problem(record, breaks, coasts, (noise_speed, noise_altitude))
     latest = problem.start()
+    n_data = 2 * record.t.size
 
     def fit(log_weight: float) -> Climb:
         nonlocal latest
         root = 10.0 ** (0.5 * log_weight)
-        latest, residual = problem._replace(jerk_h=root * problem.jerk_h, jerk_u=root * problem.jerk_u).solve(latest)
+        weighted = problem._replace(jerk_h=root * problem.jerk_h, jerk_u=root * problem.jerk_u)
+        latest, residual = weighted.solve(latest)
         h, u = np.split(latest, [problem.height.shape[1]])
-        misfit = float(np.sqrt(np.mean(residual[: 2 * record.t.size] ** 2)))
-        altitude = BSpline(problem.knots_h, np.concatenate([[0.0, 0.0], h]), 5)
-        return Climb(altitude, BSpline(problem.knots_u, np.concatenate([[0.0], u]), 4), misfit)
+        return Climb(
+            altitude=BSpline(problem.knots_h, np.concatenate([[0.0, 0.0], h]), 5),
+            level=BSpline(problem.knots_u, np.concatenate([[0.0], u]), 4),
+            misfit=float(np.sqrt(np.mean(residual[:n_data] ** 2))),
+        )
 
     low, high = _WEIGHTS
     smoothest = fit(high)
@@ -272,7 +320,8 @@ def smooth(
     roughest = fit(low)
     if roughest.misfit >= 1.0:
         return roughest
-    return fit(float(brentq(lambda weight: fit(weight).misfit - 1.0, low, high, xtol=0.1)))
+    log_weight = brentq(lambda weight: fit(weight).misfit - 1.0, low, high, xtol=0.1)
+    return fit(float(log_weight))
 
 
 def _knots(t: Floats, breaks: list[float], degree: int) -> Floats:
@@ -292,19 +341,34 @@ def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> cs
     return csc_array(BSpline(knots, np.eye(count), degree)(t, order)[:, fixed:])
 
 
-def _problem(
+def _fit_problem(
     record: AscentRecord, breaks: list[float], coasts: list[tuple[float, float]], noise: tuple[float, float]
-) -> _Problem:
+) -> _FitProblem:
     """Return the least-squares problem; rest at the start means two zero coefficients of altitude and one of speed."""
     t = record.t
-    knots_h, knots_u = _knots(t, breaks, 5), _knots(t, breaks, 4)
+    knots_h = _knots(t, breaks, 5)
+    knots_u = _knots(t, breaks, 4)
+    # The integral of the squared jerk is a sum over a fine grid.
     fine = np.linspace(t[0], t[-1], 4 * len(knots_h))
-    cell = np.sqrt(fine[1] - fine[0])
-    free = np.concatenate([np.zeros(0), *(np.linspace(begin, end, 12)[1:-1] for begin, end in coasts)])
-    gravity = GM / (SEMI_MAJOR + np.interp(free, t, record.altitude)) ** 2
-    at_data = _design(knots_h, 5, t, 0, 2), _design(knots_h, 5, t, 1, 2), _design(knots_u, 4, t, 0, 1)
-    jerk = cell * _design(knots_h, 5, fine, 3, 2), cell * _design(knots_u, 4, fine, 2, 1)
-    bend_h, slope_h = (_design(knots_h, 5, free, order, 2) for order in (2, 1))
-    slope_u, level_u = (_design(knots_u, 4, free, order, 1) for order in (1, 0))
-    fall = bend_h, slope_h, slope_u, level_u, gravity
-    return _Problem(record, noise, knots_h, knots_u, *at_data, *jerk, fall)
+    root_cell = np.sqrt(fine[1] - fine[0])
+    coast_times = [np.linspace(begin, end, 12)[1:-1] for begin, end in coasts]
+    fall_t = np.concatenate([np.zeros(0), *coast_times])
+    fall = _FreeFall(
+        altitude_2=_design(knots_h, 5, fall_t, 2, 2),
+        altitude_1=_design(knots_h, 5, fall_t, 1, 2),
+        level_1=_design(knots_u, 4, fall_t, 1, 1),
+        level=_design(knots_u, 4, fall_t, 0, 1),
+        gravity=GM / (SEMI_MAJOR + np.interp(fall_t, t, record.altitude)) ** 2,
+    )
+    return _FitProblem(
+        record=record,
+        noise=noise,
+        knots_h=knots_h,
+        knots_u=knots_u,
+        height=_design(knots_h, 5, t, 0, 2),
+        climb=_design(knots_h, 5, t, 1, 2),
+        level=_design(knots_u, 4, t, 0, 1),
+        jerk_h=root_cell * _design(knots_h, 5, fine, 3, 2),
+        jerk_u=root_cell * _design(knots_u, 4, fine, 2, 1),
+        fall=fall,
+    )

@@ -12,7 +12,8 @@ from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.quantities.frames import earth_angle, eci_from_ecef, quaternions, unit
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
-from lvnav_trade.trajectory.truth import attitude_spline, body_axes
+from lvnav_trade.trajectory.attitude_algebra import body_axes
+from lvnav_trade.trajectory.truth import attitude_spline
 
 Direction = tuple[float, float, float]
 _STEP = 0.5  # s between knots of the attitude
@@ -67,33 +68,48 @@ def _blend(weight: float, a: Direction, b: Direction) -> Direction:
     x = a[0] + weight * (b[0] - a[0])
     y = a[1] + weight * (b[1] - a[1])
     z = a[2] + weight * (b[2] - a[2])
-    n = math.sqrt(x * x + y * y + z * z)
-    return x / n, y / n, z / n
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
 
 
 @jit
-def _tilted(t: float, s: Steering) -> Direction:
+def _kick_direction(t: float, s: Steering) -> Direction:
     """Return the Earth-fixed direction of rise and kick, in frame i."""
     angle = s.kick_angle * smoothstep((t - s.kick_start) / s.kick_duration)
-    c, d = math.cos(angle), math.sin(angle)
-    x = c * s.up_e[0] + d * s.downrange_e[0]
-    y = c * s.up_e[1] + d * s.downrange_e[1]
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
+    x = cosine * s.up_e[0] + sine * s.downrange_e[0]
+    y = cosine * s.up_e[1] + sine * s.downrange_e[1]
+    z = cosine * s.up_e[2] + sine * s.downrange_e[2]
     theta = s.theta0 + OMEGA * t
-    ct, st = math.cos(theta), math.sin(theta)
-    return ct * x - st * y, st * x + ct * y, c * s.up_e[2] + d * s.downrange_e[2]
+    cos_theta = math.cos(theta)
+    sin_theta = math.sin(theta)
+    return cos_theta * x - sin_theta * y, sin_theta * x + cos_theta * y, z
 
 
 @jit
 def _linear_tangent(t: float, r: Direction, k: int, s: Steering) -> Direction:
-    """Return the direction of law k at position r, in frame i."""
-    n = s.normal_i[k]
-    hx, hy, hz = n[1] * r[2] - n[2] * r[1], n[2] * r[0] - n[0] * r[2], n[0] * r[1] - n[1] * r[0]
-    h = math.sqrt(hx * hx + hy * hy + hz * hz)
-    length = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-    slope = s.tangent[k] + s.rate[k] * (t - s.law_start[k])
-    level = 1.0 / math.sqrt(1.0 + slope * slope)
-    along, out = level / h, level * slope / length
-    return along * hx + out * r[0], along * hy + out * r[1], along * hz + out * r[2]
+    """Return the direction of law k at position r, in frame i.
+
+    It is cos(elevation) along the horizontal normal x r, plus sin(elevation) along r.
+    """
+    normal = s.normal_i[k]
+    horizontal_x = normal[1] * r[2] - normal[2] * r[1]
+    horizontal_y = normal[2] * r[0] - normal[0] * r[2]
+    horizontal_z = normal[0] * r[1] - normal[1] * r[0]
+    horizontal_length = math.sqrt(
+        horizontal_x * horizontal_x + horizontal_y * horizontal_y + horizontal_z * horizontal_z
+    )
+    radius = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    tangent = s.tangent[k] + s.rate[k] * (t - s.law_start[k])
+    cos_elevation = 1.0 / math.sqrt(1.0 + tangent * tangent)
+    along = cos_elevation / horizontal_length
+    outward = cos_elevation * tangent / radius
+    return (
+        along * horizontal_x + outward * r[0],
+        along * horizontal_y + outward * r[1],
+        along * horizontal_z + outward * r[2],
+    )
 
 
 @jit
@@ -103,15 +119,19 @@ def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
     Successive laws are blended with a quintic weight, so that the rate of the direction is continuous. This includes
     ignition and cut-off, because in a gravity turn thrust and drag do not rotate the velocity.
     """
-    u = _tilted(t, s)
+    u = _kick_direction(t, s)
     weight = smoothstep((t - s.follow_start) / s.kick_duration)
     if weight > 0.0:
-        wx, wy, wz = v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2]
-        w = math.sqrt(wx * wx + wy * wy + wz * wz)
-        u = _blend(weight, u, (wx / w, wy / w, wz / w))
+        # Velocity relative to the rotating Earth, v - OMEGA x r
+        wx = v[0] + OMEGA * r[1]
+        wy = v[1] - OMEGA * r[0]
+        wz = v[2]
+        speed = math.sqrt(wx * wx + wy * wy + wz * wz)
+        u = _blend(weight, u, (wx / speed, wy / speed, wz / speed))
     for k in range(s.law_start.size):
         if t > s.law_start[k]:
-            u = _blend(smoothstep((t - s.law_start[k]) / s.slew), u, _linear_tangent(t, r, k, s))
+            law_weight = smoothstep((t - s.law_start[k]) / s.slew)
+            u = _blend(law_weight, u, _linear_tangent(t, r, k, s))
     return u
 
 
@@ -120,7 +140,9 @@ def directions(t: Floats, y: Floats, s: Steering) -> Floats:
     """Return `direction` (n, 3) at times t (n,) and states y (n, 6 or more) of position and velocity."""
     out = np.empty((t.size, 3))
     for k in range(t.size):
-        u = direction(t[k], (y[k, 0], y[k, 1], y[k, 2]), (y[k, 3], y[k, 4], y[k, 5]), s)
+        r = (y[k, 0], y[k, 1], y[k, 2])
+        v = (y[k, 3], y[k, 4], y[k, 5])
+        u = direction(t[k], r, v, s)
         out[k, 0], out[k, 1], out[k, 2] = u
     return out
 
@@ -130,7 +152,9 @@ def roll_angle(roll: Roll, t: Floats) -> Floats:
     change = roll.flight - roll.pad
     if change == 0.0:
         return np.full_like(t, roll.pad)
-    return np.asarray(roll.pad + change * smoothsteps((t - roll.start) * roll.rate / (_PEAK * abs(change))))
+    # The smoothstep is steepest in its middle, by the factor _PEAK.
+    progress = smoothsteps((t - roll.start) * roll.rate / (_PEAK * abs(change)))
+    return np.asarray(roll.pad + change * progress)
 
 
 def smoothsteps(x: Floats) -> Floats:
@@ -152,7 +176,8 @@ def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: 
 
 def stretch_knots(begin: float, end: float) -> Floats:
     """Return the knots (n,) of the attitude over a stretch (s), both ends included, at least nine."""
-    return np.linspace(begin, end, max(8, int(np.ceil((end - begin) / _STEP))) + 1)
+    n_interval = max(8, int(np.ceil((end - begin) / _STEP)))
+    return np.linspace(begin, end, n_interval + 1)
 
 
 def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]) -> list[Floats]:
@@ -165,29 +190,34 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
     powered = [k for k, thrust in enumerate(thrusts) if thrust is not None]
     directions = []
     for k, (t, thrust) in enumerate(zip(times, thrusts, strict=True)):
-        knots = t if k == len(times) - 1 else t[:-1]
+        is_last = k == len(times) - 1
+        knots = t if is_last else t[:-1]
         if thrust is not None:
             directions.append(thrust(knots))
             continue
-        earlier = max((i for i in powered if i < k), default=None)
-        later = min((i for i in powered if i > k), default=None)
-        before = None if earlier is None else (thrusts[earlier], float(times[earlier][-1]))
-        after = None if later is None else (thrusts[later], float(times[later][0]))
-        directions.append(_through_coast(knots, before, after))
+        earlier = [i for i in powered if i < k]
+        later = [i for i in powered if i > k]
+        before = (thrusts[earlier[-1]], float(times[earlier[-1]][-1])) if earlier else None
+        after = (thrusts[later[0]], float(times[later[0]][0])) if later else None
+        directions.append(_coast_directions(knots, before, after))
     return directions
 
 
-def _through_coast(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
+def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
     """Return the directions (n, 3) in a coast, from the thrust `before` (spline and end in s) to that `after` (start).
 
     Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
     """
-    known = [side for side in (before, after) if side is not None]
-    if len(known) == 1:
-        (thrust, edge), sign = known[0], -1.0 if before is None else 1.0
-        faded = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
-        return unit(thrust(edge) + faded * thrust(edge, 1))
-    (leaving, begin), (arriving, end) = known
+    if before is None or after is None:
+        side = after if before is None else before
+        assert side is not None
+        thrust, edge = side
+        sign = -1.0 if before is None else 1.0
+        # Integral of the decaying rate exp(-|t - edge| / _DAMPING)
+        effective_time = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
+        return unit(thrust(edge) + effective_time * thrust(edge, 1))
+    leaving, begin = before
+    arriving, end = after
     weight = smoothsteps((t - begin) / (end - begin))[:, None]
     from_before = leaving(begin) + (t - begin)[:, None] * leaving(begin, 1)
     to_after = arriving(end) + (t - end)[:, None] * arriving(end, 1)

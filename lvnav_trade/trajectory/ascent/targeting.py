@@ -23,12 +23,24 @@ from lvnav_trade.trajectory.ascent.legs import (
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
+_SEA_LEVEL_PRESSURE = 101325.0  # Pa
 _LOST = 1e6  # residual of an aim that is not finite
 _SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5 m/s, 1e-9 rad
 _RESIDUAL = np.array([1e4, 10.0, 1e-2, 1e-3])  # m, m/s, rad, rad: residuals of one are about alike
 _LONGEST = 3.0  # times a whole burn; longer burns are not integrated
 _PATIENCE = 5  # unsuccessful kicks before a vehicle counts as too weak
-_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload that is too heavy: payloads tried instead
+# Payloads that are tried instead of a payload that is too heavy, over that payload
+_PAYLOAD_FRACTIONS = (
+    0.7,
+    0.5,
+    0.35,
+    0.25,
+    0.18,
+    0.12,
+    0.08,
+    0.05,
+    0.0,
+)
 _UNKNOWN = np.array([1e-3, 0.1, 0.1, 1.0])  # rad, tan, tan, s: so are steps of one
 
 
@@ -56,19 +68,23 @@ def solve(card: VehicleAscent) -> TargetingUnknowns:
 
 def require_possible(card: VehicleAscent) -> None:
     """Raise InputError if a vehicle does not lift off, or the site cannot reach the inclination."""
-    weight, push = lift_off_mass(card) * STANDARD_GRAVITY, engine(card.vehicle, 1, 0.0, 0.0, 1.0)
-    thrust = push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
+    weight = lift_off_mass(card) * STANDARD_GRAVITY
+    push = engine(card.vehicle, 1, 0.0, 0.0, 1.0)
+    booster_thrust, _ = thrust_beside(push.beside.since, _SEA_LEVEL_PRESSURE, push.beside)
+    thrust = push.thrust - _SEA_LEVEL_PRESSURE * push.exit_area + booster_thrust
     if thrust <= weight:
         raise InputError(
             f"{card.name}: the first stage does not lift off: {thrust / 1e3:.0f} kN of thrust at sea level, "
             f"{(weight - thrust) / 1e3:.0f} kN less than the weight"
         )
+    # A site at latitude phi can reach the inclination i if |cos i| < cos phi.
     if abs(math.cos(card.target.inclination)) >= math.cos(card.site.latitude):
         inclination, latitude = math.degrees(card.target.inclination), math.degrees(card.site.latitude)
-        short = math.acos(min(1.0, abs(math.cos(card.target.inclination))))
+        highest_latitude = math.acos(min(1.0, abs(math.cos(card.target.inclination))))
+        missing = math.degrees(abs(card.site.latitude) - highest_latitude)
         raise InputError(
             f"{card.name}: an inclination of {inclination:.2f} deg cannot be reached from a latitude of {latitude:.2f} "
-            f"deg without a turn of the plane: it misses by {math.degrees(abs(card.site.latitude) - short):.2f} deg"
+            f"deg without a turn of the plane: it misses by {missing:.2f} deg"
         )
 
 
@@ -80,14 +96,19 @@ def _first_guess(card: VehicleAscent) -> Floats:
     azimuth -= card.azimuth or 0.0
     stage = card.vehicle.stages[card.inserting - 1]
     burn = 0.95 * stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.full_thrust
-    twice = card.parking is not None and card.inserting == len(card.vehicle.stages)
-    return np.array([azimuth, 0.5, -0.1, 0.8 * burn if twice else burn])
+    burns_twice = card.parking is not None and card.inserting == len(card.vehicle.stages)
+    if burns_twice:
+        burn = 0.8 * burn
+    return np.array([azimuth, 0.5, -0.1, burn])
 
 
 def _aim(card: VehicleAscent, x: Floats, kick: float) -> TargetingUnknowns:
+    """Return the aim of the unknowns x: azimuth (or yaw, if the azimuth is prescribed), both tangents, burn."""
     first, tangent, tangent_end, burn = x.tolist()
     aim = TargetingUnknowns(first, kick, tangent, tangent_end, burn)
-    return aim if card.azimuth is None else aim._replace(azimuth=card.azimuth, yaw=first)
+    if card.azimuth is None:
+        return aim
+    return aim._replace(azimuth=card.azimuth, yaw=first)
 
 
 class InjectionPoint(NamedTuple):
@@ -98,23 +119,36 @@ class InjectionPoint(NamedTuple):
     climb: float = 0.0
 
 
-def _residuals(y: Floats, at: InjectionPoint, inclination: float) -> Floats:
+def _residuals(y: Floats, entry: InjectionPoint, inclination: float) -> Floats:
     """Return the residuals (4,) of a state y (7,): radius (m), speed (m/s), flight-path angle, inclination (rad)."""
-    length, pace = (float(np.linalg.norm(part)) for part in (y[:3], y[3:6]))
-    turn = float(elements_from_state(y[:3], y[3:6]).inclination) - inclination
-    return np.array([length - at.radius, pace - at.speed, _climb(y[:3], y[3:6]) - at.climb, turn])
+    r, v = y[:3], y[3:6]
+    reached_inclination = float(elements_from_state(r, v).inclination)
+    return np.array(
+        [
+            float(np.linalg.norm(r)) - entry.radius,
+            float(np.linalg.norm(v)) - entry.speed,
+            _climb(r, v) - entry.climb,
+            reached_inclination - inclination,
+        ]
+    )
 
 
 def _climb(r_i: Floats, v: Floats) -> float:
     """Return the flight-path angle (rad) of a velocity above the horizontal at a position."""
-    return math.asin(max(-1.0, min(1.0, float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v)))))
+    sine = float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v))
+    return math.asin(max(-1.0, min(1.0, sine)))
+
+
+def _orbital_speed(radius: float, perigee_radius: float, apogee_radius: float) -> float:
+    """Return the speed (m/s) by the vis-viva equation, v^2 = GM (2 / r - 1 / a)."""
+    return math.sqrt(GM * (2.0 / radius - 2.0 / (perigee_radius + apogee_radius)))
 
 
 def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> InjectionPoint:
     """Return the perigee or apogee of an orbit given by its altitudes (m)."""
     low, high = SEMI_MAJOR + perigee, SEMI_MAJOR + apogee
     radius = high if at_apogee else low
-    return InjectionPoint(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
+    return InjectionPoint(radius, _orbital_speed(radius, low, high))
 
 
 def entry_of(card: VehicleAscent) -> InjectionPoint:
@@ -124,9 +158,15 @@ def entry_of(card: VehicleAscent) -> InjectionPoint:
         return _apse((card.parking or orbit).perigee, orbit.apogee)
     low, high = SEMI_MAJOR + orbit.perigee, SEMI_MAJOR + orbit.apogee
     e = (high - low) / (high + low)
-    along, out = 1.0 + e * math.cos(orbit.anomaly), e * math.sin(orbit.anomaly)
-    radius = low * (1.0 + e) / along
-    return InjectionPoint(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
+    # Horizontal and radial velocity at a true anomaly f are as 1 + e cos f to e sin f.
+    horizontal = 1.0 + e * math.cos(orbit.anomaly)
+    radial = e * math.sin(orbit.anomaly)
+    radius = low * (1.0 + e) / horizontal
+    return InjectionPoint(
+        radius=radius,
+        speed=_orbital_speed(radius, low, high),
+        climb=math.atan2(radial, horizontal),
+    )
 
 
 def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> OptimizeResult:
@@ -138,10 +178,10 @@ def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> 
         if not np.all(np.isfinite(z)):  # the iteration diverged
             return np.full(z.size, _LOST)
         aim = _aim(card, guess + z * _UNKNOWN, kick)
-        astray = max(0.0, aim.burn - longest)  # a diverging iteration may have a burn of days
-        flight = fly_ascent(card, aim._replace(burn=aim.burn - astray), final_coast=False)
+        excess = max(0.0, aim.burn - longest)  # a diverging iteration may have a burn of days
+        flight = fly_ascent(card, aim._replace(burn=aim.burn - excess), final_coast=False)
         residuals = _residuals(flight.legs[-1].y[-1], entry, card.target.inclination) / _RESIDUAL
-        return np.asarray(residuals + astray)
+        return np.asarray(residuals + excess)
 
     result = root(miss, np.zeros(4), method="hybr", options={"xtol": 1e-12, "maxfev": most})
     result.x = guess + result.x * _UNKNOWN
@@ -156,38 +196,41 @@ def _state_at(flight: SimulatedAscent, t: float) -> Floats:
 def _best_kick(card: VehicleAscent) -> float:
     """Return the kick angle in rad that reaches the orbit with the shortest last burn."""
     guess = _first_guess(card)
-    start = _kick_for_climb(card, guess)
-    tried = 0
+    start = _moderate_kick(card, guess)
+    failures = 0
 
     def burn(kick: float) -> float:
-        nonlocal guess, tried
+        nonlocal guess, failures
         result = _reach(card, kick, guess)
         if np.linalg.norm(result.fun) > _SMALL:
-            tried += 1
-            if tried == _PATIENCE:
+            failures += 1
+            if failures == _PATIENCE:
                 _refuse_too_heavy(card)
             return 1e6 * (1.0 + float(np.linalg.norm(result.fun)))
-        guess, tried = result.x, _PATIENCE
+        guess = result.x
+        failures = _PATIENCE  # after a success the vehicle is not too weak
         return float(result.x[3])
 
-    best = minimize_scalar(burn, bounds=(0.7 * start, 1.3 * start), method="bounded", options={"xatol": 0.01 * start})
+    bounds = (0.7 * start, 1.3 * start)
+    best = minimize_scalar(burn, bounds=bounds, method="bounded", options={"xatol": 0.01 * start})
     return float(best.x)
 
 
-def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
+def _moderate_kick(card: VehicleAscent, guess: Floats) -> float:
     """Return the kick angle (rad) for which the first stage separates at a moderate climb angle."""
 
-    def climb(kick: float) -> float:
-        flight = fly_ascent(card, _aim(card, np.array([*guess[:3], 0.0]), kick), final_coast=False)
+    def excess_climb(kick: float) -> float:
+        aim = _aim(card, np.array([*guess[:3], 0.0]), kick)
+        flight = fly_ascent(card, aim, final_coast=False)
         y = _state_at(flight, flight.events["stage1_separation"])
         return _climb(y[:3], earth_velocity(y[:3], y[3:6])) - _CLIMB_AT_SEPARATION
 
     angles = np.radians([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-    climbs = [climb(float(angle)) for angle in angles]
-    k = next((k for k in range(len(angles) - 1) if climbs[k] > 0.0 >= climbs[k + 1]), None)
-    if k is None:
-        return float(angles[np.argmin(np.abs(climbs))])
-    return float(brentq(climb, angles[k], angles[k + 1], xtol=1e-4))
+    climbs = [excess_climb(float(angle)) for angle in angles]
+    for k in range(len(angles) - 1):
+        if climbs[k] > 0.0 >= climbs[k + 1]:
+            return float(brentq(excess_climb, angles[k], angles[k + 1], xtol=1e-4))
+    return float(angles[np.argmin(np.abs(climbs))])
 
 
 def _raise_orbit(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknowns:
@@ -204,35 +247,41 @@ def _raise_orbit(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknow
     low = InjectionPoint(SEMI_MAJOR + card.parking.perigee, 0.0)
     high = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
 
-    def full(z: Floats) -> TargetingUnknowns:
-        changed = _aim(card, begin + z[:4] * _UNKNOWN, aim.kick)
-        return changed._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
+    def complete_aim(z: Floats) -> TargetingUnknowns:
+        first_burn = _aim(card, begin + z[:4] * _UNKNOWN, aim.kick)
+        return first_burn._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
 
     def miss(z: Floats) -> Floats:
         if not np.all(np.isfinite(z)):
             return np.full(z.size, _LOST)
-        flight = fly_ascent(card, full(z), final_coast=False)
-        y = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
-        last = _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL
-        return np.append(last, (_residuals(y, low, 0.0) / _RESIDUAL)[[0, 2]])
+        flight = fly_ascent(card, complete_aim(z), final_coast=False)
+        first_cutoff = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
+        first_residuals = _residuals(first_cutoff, low, 0.0) / _RESIDUAL
+        last_residuals = _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL
+        return np.append(last_residuals, first_residuals[[0, 2]])
 
     result = root(miss, np.zeros(6), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
-    _require_converged(card, full(result.x), result)
-    return full(result.x)
+    solution = complete_aim(result.x)
+    _require_converged(card, solution, result)
+    return solution
 
 
 def _second_burn(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknowns:
     """Return the aim with coast and second burn of a Hohmann transfer, as initial values."""
     assert card.parking is not None
-    stage, mass = card.vehicle.stages[-1], mass_above(card, card.inserting)
-    exhaust = stage.exhaust_speed
+    stage = card.vehicle.stages[-1]
+    mass = mass_above(card, card.inserting)
     if card.inserting == len(card.vehicle.stages):
         mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
-    high = card.target.apogee
-    there, before = (_apse(low, high, at_apogee=True).speed for low in (card.target.perigee, card.parking.perigee))
-    burn = mass * exhaust / stage.full_thrust * -math.expm1(-(there - before) / exhaust)
-    a = SEMI_MAJOR + 0.5 * (card.parking.perigee + high)
-    return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
+    apogee = card.target.apogee
+    target_speed = _apse(card.target.perigee, apogee, at_apogee=True).speed
+    transfer_speed = _apse(card.parking.perigee, apogee, at_apogee=True).speed
+    # Rocket equation: burn = (m exhaust / thrust) (1 - exp(-dv / exhaust))
+    exhaust = stage.exhaust_speed
+    burn = mass * exhaust / stage.full_thrust * -math.expm1(-(target_speed - transfer_speed) / exhaust)
+    a = SEMI_MAJOR + 0.5 * (card.parking.perigee + apogee)
+    half_period = math.pi * math.sqrt(a**3 / GM)
+    return aim._replace(coast=half_period - 0.5 * burn, burn_2=burn)
 
 
 def _require_converged(card: VehicleAscent, aim: TargetingUnknowns, result: OptimizeResult) -> None:
@@ -283,27 +332,41 @@ def _refuse_too_heavy(card: VehicleAscent) -> None:
     difference of the ideal velocity gains with the two payloads. If even the vehicle without payload fails, a lower
     bound is computed from the energy of the orbit, without losses.
     """
-    vehicle = card.vehicle
-    payload, gain = vehicle.payload, impulse_speed(vehicle, vehicle.payload)
-    say = f"{card.name}: vehicle {vehicle.name!r} lacks "
-    possible = next((part * payload for part in _PARTS if _reaches(card, part * payload)), None)
-    if possible is None:
+    vehicle, payload = card.vehicle, card.vehicle.payload
+    gain = impulse_speed(vehicle, payload)
+    beginning = f"{card.name}: vehicle {vehicle.name!r} lacks "
+    bracket = _bracket_payload(card)
+    if bracket is None:
         lacking = _least_speed(card) - gain
         if lacking > 0.0:
             raise InputError(
-                f"{say}at least {lacking:.0f} m/s of delta-v for the target orbit, losses not counted; no payload, "
-                "however light, gets there"
+                f"{beginning}at least {lacking:.0f} m/s of delta-v for the target orbit, losses not counted; no "
+                "payload, however light, gets there"
             )
         return
-    above = min(part * payload for part in (1.0, *_PARTS) if part * payload > possible)
+    possible, impossible = bracket
     for _ in range(5):
-        middle = 0.5 * (possible + above)
-        possible, above = (middle, above) if _reaches(card, middle) else (possible, middle)
+        middle = 0.5 * (possible + impossible)
+        if _reaches(card, middle):
+            possible = middle
+        else:
+            impossible = middle
     lacking = impulse_speed(vehicle, possible) - gain
     raise InputError(
-        f"{say}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {possible:.0f} kg there, the "
-        f"payload is {payload:.0f} kg"
+        f"{beginning}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {possible:.0f} kg "
+        f"there, the payload is {payload:.0f} kg"
     )
+
+
+def _bracket_payload(card: VehicleAscent) -> tuple[float, float] | None:
+    """Return the largest payload (kg) of those tried that reaches the orbit, and the next larger; None for none."""
+    larger = card.vehicle.payload
+    for fraction in _PAYLOAD_FRACTIONS:
+        payload = fraction * card.vehicle.payload
+        if _reaches(card, payload):
+            return payload, larger
+        larger = payload
+    return None
 
 
 def _reaches(card: VehicleAscent, payload: float) -> bool:
@@ -312,13 +375,17 @@ def _reaches(card: VehicleAscent, payload: float) -> bool:
     if impulse_speed(light.vehicle, payload) < _least_speed(light):
         return False
     guess = _first_guess(light)
-    kick = light.kick_angle or _kick_for_climb(light, guess)
+    kick = light.kick_angle or _moderate_kick(light, guess)
     solution = _reach(light, kick, guess, 80)
+    if float(np.linalg.norm(solution.fun)) > _SMALL:
+        return False
     aim = _aim(light, solution.x, kick)
-    return float(np.linalg.norm(solution.fun)) <= _SMALL and propellant_left(light, aim, light.inserting) >= 0.0
+    return propellant_left(light, aim, light.inserting) >= 0.0
 
 
 def _least_speed(card: VehicleAscent) -> float:
     """Return the velocity gain (m/s) from the ground for the energy of the orbit, with the help of Earth rotation."""
-    a = SEMI_MAJOR + 0.5 * ((card.parking or card.target).perigee + card.target.apogee)
-    return math.sqrt(2.0 * GM / SEMI_MAJOR - GM / a) - OMEGA * SEMI_MAJOR * math.cos(card.target.inclination)
+    perigee = (card.parking or card.target).perigee
+    a = SEMI_MAJOR + 0.5 * (perigee + card.target.apogee)
+    surface_speed = math.sqrt(2.0 * GM / SEMI_MAJOR - GM / a)
+    return surface_speed - OMEGA * SEMI_MAJOR * math.cos(card.target.inclination)

@@ -13,7 +13,8 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
-from lvnav_trade.trajectory.truth import Phase, body_axes, join_samples, product, rotation_quaternions, splined
+from lvnav_trade.trajectory.attitude_algebra import body_axes, product, rotation_quaternions
+from lvnav_trade.trajectory.truth import Phase, join_samples, splined
 
 Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
 _TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres

@@ -20,6 +20,7 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.launch import pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import pad_state, site_axes
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
+from lvnav_trade.trajectory.attitude_algebra import body_axes
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
@@ -36,7 +37,7 @@ from lvnav_trade.trajectory.flights.free_flight import (
     newton,
     phases,
 )
-from lvnav_trade.trajectory.truth import Trajectory, attitude_spline, body_axes
+from lvnav_trade.trajectory.truth import Trajectory, attitude_spline
 
 _STEP = 0.25  # s between knots
 _LONGEST = 3600.0  # s; longest coast: a rocket that has not come down by then is in orbit

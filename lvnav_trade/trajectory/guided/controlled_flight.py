@@ -11,21 +11,13 @@ from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.launch import achieved, build_ascent
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent
+from lvnav_trade.trajectory.attitude_algebra import product, rotation_quaternions
 from lvnav_trade.trajectory.control_cards import SteeredCard
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
 from lvnav_trade.trajectory.guided.missions import Launch, fly_mission, launch_along
 from lvnav_trade.trajectory.guided.pilots import PathSegment, TurningPilot
-from lvnav_trade.trajectory.truth import (
-    Commands,
-    Phase,
-    Trajectory,
-    attitude_spline,
-    motion,
-    position_spline,
-    product,
-    rotation_quaternions,
-)
+from lvnav_trade.trajectory.truth import Commands, Phase, Trajectory, attitude_spline, motion, position_spline
 
 _SEED = 0  # a launch is drawn from its number alone
 _LOAD_STEP = 0.05  # s between the times at which the largest load is looked for

@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.quantities.frames import matrices, rotation_i_n
 from lvnav_trade.sensors.jacobian_row import H_ATT
 from lvnav_trade.sensors.pad.azimuth import AzimuthCard, fill, measure
-from lvnav_trade.trajectory.truth import product
+from lvnav_trade.trajectory.attitude_algebra import product
 from tests.sensors.pad.rows import R_I, THETA, VIEW, assert_rows_are_derivatives, rows, state
 
 CARD = AzimuthCard.model_validate({"name": "test", "source": "none", "sigma": "5 arcsec", "bias": "20 arcsec"})
