@@ -14,8 +14,8 @@ from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import Card, Fraction, Pause
 from lvnav_trade.trajectory.files.columns import LengthUnit, SpeedUnit, Three, TimeColumn
+from lvnav_trade.trajectory.files.row_fit import content_of
 from lvnav_trade.trajectory.files.rows import si
-from lvnav_trade.trajectory.files.table_flight import content_of
 
 FEWEST = 2
 MOST_STARTS = 400

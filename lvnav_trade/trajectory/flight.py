@@ -15,7 +15,8 @@ from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.disturbances import oscillations
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import require_consistent
-from lvnav_trade.trajectory.files.table_flight import content_of, from_table, residuals, undeclared
+from lvnav_trade.trajectory.files.row_fit import content_of
+from lvnav_trade.trajectory.files.table_flight import from_table, residuals, undeclared
 from lvnav_trade.trajectory.flights.orbital import OrbitalFlight, orbit
 from lvnav_trade.trajectory.flights.sounding import SoundingFlight, launch
 from lvnav_trade.trajectory.guided.controlled_flight import flown_ascent
@@ -53,14 +54,15 @@ def build(card: TrajectoryCard) -> Trajectory:
     """
     flight = _BUILDERS[card.kind](card)
     if card.named_times:
-        flight = replace(flight, events=flight.events | _named(flight, card.named_times))
-    return oscillating(flight, oscillations(card.oscillation, flight.events, (flight.start, flight.end)))
+        flight = replace(flight, events=flight.events | _named_times(flight, card.named_times))
+    span = (flight.start, flight.end)
+    return oscillating(flight, oscillations(card.oscillation, flight.events, span))
 
 
-def _named(flight: Trajectory, wanted: Mapping[str, str]) -> dict[str, float]:
+def _named_times(flight: Trajectory, named_times: Mapping[str, str]) -> dict[str, float]:
     """Return the named times (s) of a card; InputError for a time outside the flight or the name of an event."""
     times = {}
-    for name, text in wanted.items():
+    for name, text in named_times.items():
         try:
             if not name.isidentifier() or name in flight.instants:
                 raise InputError(f"{name!r} is an event already, or no name for one")
@@ -86,11 +88,11 @@ def identity(card: TrajectoryCard) -> str:
     dumped = card.model_dump(mode="json", exclude_defaults=True, exclude=unread)
     if isinstance(card, VehicleAscent):
         dumped["vehicle"].pop("dispersions", None)  # they change runs, not the nominal trajectory
-        guided = dumped.pop("guidance", None) is not None
-        for name in ("cutoff", "dispersion", "control", "attitude_lag") if guided else ():
-            dumped.pop(name, None)
-    data = without_marks(dumped)
-    text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)
+        if dumped.pop("guidance", None) is not None:
+            for name in ("cutoff", "dispersion", "control", "attitude_lag"):
+                dumped.pop(name, None)
+    identified = [type(card).__name__, without_marks(dumped), content(card)]
+    text = json.dumps(identified, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

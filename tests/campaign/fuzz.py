@@ -18,7 +18,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.quantities.data_file import read_columns
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.rows import usable
+from lvnav_trade.trajectory.files.row_checks import usable
 
 CAMPAIGN = """\
   faults:

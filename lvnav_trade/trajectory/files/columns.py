@@ -25,18 +25,20 @@ _NAME = re.compile(r"[A-Za-z_]\w*$")
 OWN_EVENTS = ("start", "liftoff", "end")
 
 
-def _unit_of(si: str) -> AfterValidator:
-    def known(unit: str) -> str:
-        parse(f"1 {unit}", si)
+def _unit_validator(si_unit: str) -> AfterValidator:
+    """Return the validator of a unit that must be convertible to an SI unit."""
+
+    def require_convertible(unit: str) -> str:
+        parse(f"1 {unit}", si_unit)
         return unit
 
-    return AfterValidator(known)
+    return AfterValidator(require_convertible)
 
 
-TimeUnit = Annotated[str, _unit_of("s")]
-LengthUnit = Annotated[str, _unit_of("m")]
-SpeedUnit = Annotated[str, _unit_of("m/s")]
-AngleUnit = Annotated[str, _unit_of("rad")]
+TimeUnit = Annotated[str, _unit_validator("s")]
+LengthUnit = Annotated[str, _unit_validator("m")]
+SpeedUnit = Annotated[str, _unit_validator("m/s")]
+AngleUnit = Annotated[str, _unit_validator("rad")]
 Three = Annotated[tuple[str, ...], Field(min_length=3, max_length=3)]
 
 
@@ -61,13 +63,12 @@ class PositionColumns(Card):
     height_unit: LengthUnit | None = Field(None, description="unit of the height if the frame is geodetic")
 
     def _faults(self) -> Iterator[str]:
-        parse(f"1 {self.unit}", "rad" if self.frame == "geodetic" else "m")
-        if (self.height_unit is None) == (self.frame == "geodetic"):
-            yield (
-                "height_unit is missing: the unit of the height"
-                if self.height_unit is None
-                else f"height_unit means nothing in frame {self.frame}"
-            )
+        is_geodetic = self.frame == "geodetic"
+        parse(f"1 {self.unit}", "rad" if is_geodetic else "m")
+        if is_geodetic and self.height_unit is None:
+            yield "height_unit is missing: the unit of the height"
+        if not is_geodetic and self.height_unit is not None:
+            yield f"height_unit means nothing in frame {self.frame}"
 
 
 class VelocityColumns(Card):
@@ -97,9 +98,9 @@ class AttitudeColumns(Card):
     unit: AngleUnit | None = Field(None, description="unit of Euler angles")
 
     def _faults(self) -> Iterator[str]:
-        wanted = {"quaternion": 4, "matrix": 9, "euler": 3}[self.form]
-        if len(self.columns) != wanted:
-            yield f"{self.form} takes {wanted} columns, not {len(self.columns)}"
+        n_column = {"quaternion": 4, "matrix": 9, "euler": 3}[self.form]
+        if len(self.columns) != n_column:
+            yield f"{self.form} takes {n_column} columns, not {len(self.columns)}"
         if (self.scalar is None) == (self.form == "quaternion"):
             yield "scalar is for a quaternion, and a quaternion needs it: first or last"
         if (self.turns is None) == (self.form != "euler"):
@@ -165,31 +166,37 @@ class TableTrajectory(FileFlightCard):
     coast_after_injection: ClassVar[float] = 0.0  # the flight ends with the last row
 
     def _faults(self) -> Iterator[str]:
-        parts = [part for part in (self.position, self.velocity, self.attitude) if part is not None]
-        if self.greenwich is not None and all(part.frame != "eci" for part in parts):
+        columns = [group for group in (self.position, self.velocity, self.attitude) if group is not None]
+        if self.greenwich is not None and all(group.frame != "eci" for group in columns):
             yield "greenwich is the angle of frame eci, and no columns are in it"
         yield from self._without_effect()
         for name in self.events:
-            if not _NAME.match(name) or name in OWN_EVENTS:
-                yield f"{name!r} cannot name an event" + (": it is one already" if name in OWN_EVENTS else "")
-        for name in (name for pair in self.moving_reference for name in pair):
-            if name not in (*self.events, *OWN_EVENTS):
-                known = ", ".join((*self.events, *OWN_EVENTS))
-                raise ValueError(f"moving_reference names {name!r}, which is no event (there are {known})")
+            if name in OWN_EVENTS:
+                yield f"{name!r} cannot name an event: it is one already"
+            elif not _NAME.match(name):
+                yield f"{name!r} cannot name an event"
+        events = (*self.events, *OWN_EVENTS)
+        for pair in self.moving_reference:
+            for name in pair:
+                if name not in events:
+                    raise ValueError(
+                        f"moving_reference names {name!r}, which is no event (there are {', '.join(events)})"
+                    )
         if self.moving_reference and self.velocity is None:
             yield "moving_reference needs a velocity: without it nothing tells how the point moves"
 
     def _without_effect(self) -> Iterator[str]:
         """Yield the settings that differ from their default and have no effect with the columns of the card."""
-        missing = {
+        is_idle = {
             "largest_force_angle": self.attitude is None,
             "attitude_noise": self.attitude is None,
             "velocity_noise": self.velocity is None,
             "pointing": self.attitude is not None,
             "roll": self.attitude is not None,
         }
-        fields = type(self).model_fields
-        for name in (name for name, idle in missing.items() if idle and getattr(self, name) != fields[name].default):
-            of = "velocity" if name.startswith("velocity") else "attitude"
-            has = "states" if name in ("pointing", "roll") else "does not state"
-            yield f"{name} has no effect: the card {has} columns of {of}; leave it out"
+        for name, idle in is_idle.items():
+            default = type(self).model_fields[name].default
+            if idle and getattr(self, name) != default:
+                quantity = "velocity" if name.startswith("velocity") else "attitude"
+                verb = "states" if name in ("pointing", "roll") else "does not state"
+                yield f"{name} has no effect: the card {verb} columns of {quantity}; leave it out"

@@ -56,7 +56,8 @@ def growth(imu: ImuCard, what: str, interval: float) -> float:
     sensor = imu.gyro if what == "attitude" else imu.accel
     bias = math.hypot(sensor.bias_repeatability, sensor.instability_sigma)
     if what == "position":
-        return math.hypot(sensor.random_walk * math.sqrt(interval**3 / 3.0), 0.5 * bias * interval**2)
+        noise_growth = sensor.random_walk * math.sqrt(interval**3 / 3.0)
+        return math.hypot(noise_growth, 0.5 * bias * interval**2)
     return math.hypot(sensor.random_walk * math.sqrt(interval), bias * interval)
 
 
@@ -66,7 +67,8 @@ def limit(residual: Residual, imu: ImuCard) -> float:
     Rounding errors are always allowed, also for an ideal IMU.
     """
     interval = max(residual.end - residual.start, SHORTEST)
-    return max(ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise, PRECISION[residual.what])
+    allowed = ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise
+    return max(allowed, PRECISION[residual.what])
 
 
 def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str, missing: str = "") -> None:

@@ -32,40 +32,42 @@ def clock_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
     InputError if the offset exceeds a minute, or the first row is a day from lift-off: the clock of the file then has
     another origin.
     """
-    t, last_rest = rows.t, rest_end(rows)
-    begin = float(t[0]) if last_rest is None else last_rest
-    shown = begin / si(card.time.unit, "s") + card.time.liftoff
-    text = f"state what the column shows at lift-off, as YAML: time: {{..., liftoff: {shown:.12g}}}"
+    last_rest = rest_end(rows)
+    begin = float(rows.t[0]) if last_rest is None else last_rest
+    column_value = begin / si(card.time.unit, "s") + card.time.liftoff
+    advice = f"state what the column shows at lift-off, as YAML: time: {{..., liftoff: {column_value:.12g}}}"
     if last_rest is None:
         if abs(begin) > STREAM:
-            raise InputError(f"{card.file}: the first row is {begin / 3600.0:.1f} h from lift-off: {text}")
+            raise InputError(f"{card.file}: the first row is {begin / 3600.0:.1f} h from lift-off: {advice}")
         return ""
-    if abs(last_rest) <= _LIFTOFF + float(np.max(np.diff(t[:3]))):
+    longest_interval = float(np.max(np.diff(rows.t[:3])))
+    if abs(last_rest) <= _LIFTOFF + longest_interval:
         return ""
-    rests = f"the vehicle rests on the ground until {last_rest:.9g} s, and lift-off is at 0 s: {text}"
+    remark = f"the vehicle rests on the ground until {last_rest:.9g} s, and lift-off is at 0 s: {advice}"
     if abs(last_rest) > _LATEST_LIFTOFF:
-        raise InputError(f"{card.file}: {rests}; events count from lift-off, and the epoch is its time")
-    return rests
+        raise InputError(f"{card.file}: {remark}; events count from lift-off, and the epoch is its time")
+    return remark
 
 
 def axes_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
     """Return the warning that the first row moves in the card's inertial axes but rests in those of another date."""
     frame = card.position.frame
-    if frame not in ("eci", "j2000") or rows.v_i is None or card.velocity is None or card.velocity.frame != frame:
+    if frame not in ("eci", "j2000") or card.greenwich is not None:
         return ""
-    if card.greenwich is not None:
+    if rows.v_i is None or card.velocity is None or card.velocity.frame != frame:
         return ""
     turn = rotation_to_date(card.epoch)
+    if frame != "eci":
+        turn = turn.T
     r, v = rows.r_i[0], rows.v_i[0]
     speed = float(np.linalg.norm(earth_velocity(r, v)))
-    turn = turn if frame == "eci" else turn.T
-    other = float(np.linalg.norm(earth_velocity(turn @ r, turn @ v)))
-    if speed > _WALK or other > 0.1 * speed:
+    turned_speed = float(np.linalg.norm(earth_velocity(turn @ r, turn @ v)))
+    if speed > _WALK or turned_speed > 0.1 * speed:
         return ""
     instead = {"eci": "j2000", "j2000": "eci"}[frame]
     return (
-        f"the first row moves at {speed:.3g} m/s over the Earth in frame {frame}, and at {other:.3g} m/s in frame "
-        f"{instead}: are the axes those?"
+        f"the first row moves at {speed:.3g} m/s over the Earth in frame {frame}, and at {turned_speed:.3g} m/s in "
+        f"frame {instead}: are the axes those?"
     )
 
 
@@ -88,13 +90,17 @@ class AttitudeInterpretation(NamedTuple):
 
 def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the interpretations of attitude columns by frame, scalar and sense, that of the card first."""
+    # dictionaries without values: the card's own setting comes first, and once
     frames = dict.fromkeys([attitude["frame"], *_FRAMES])
     if attitude["form"] == "euler":
-        yield from (attitude | {"frame": frame} for frame in frames)
+        for frame in frames:
+            yield attitude | {"frame": frame}
         return
-    scalars = dict.fromkeys([attitude["scalar"], "first", "last"] if attitude["form"] == "quaternion" else [None])
-    turns = dict.fromkeys([attitude["turns"], "body_to_frame", "frame_to_body"])
-    for scalar, frame, sense in product(scalars, frames, turns):
+    scalars: list[Any] = [None]
+    if attitude["form"] == "quaternion":
+        scalars = list(dict.fromkeys([attitude["scalar"], "first", "last"]))
+    senses = dict.fromkeys([attitude["turns"], "body_to_frame", "frame_to_body"])
+    for scalar, frame, sense in product(scalars, frames, senses):
         yield attitude | {"frame": frame, "turns": sense, "scalar": scalar}
 
 
@@ -107,13 +113,16 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
     """
     if card.attitude is None or not np.any(strong):
         return []
-    parts = [AttitudeColumns.model_validate(settings) for settings in readings(card.attitude.model_dump())]
-    along = unit(force[strong])
+    settings = [AttitudeColumns.model_validate(fields) for fields in readings(card.attitude.model_dump())]
+    thrust_direction = unit(force[strong])
     candidates = []
-    for part, q_b_i in zip(parts, read_attitudes(card, parts, r_i), strict=True):
-        if q_b_i is not None:
-            cosine = np.einsum("ij,ij->i", along, matrices(q_b_i[strong])[:, :, 0])
-            candidates.append(AttitudeInterpretation(part, float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))))
+    for columns, q_b_i in zip(settings, read_attitudes(card, settings, r_i), strict=True):
+        if q_b_i is None:
+            continue
+        roll_axis = matrices(q_b_i[strong])[:, :, 0]
+        cosine = np.einsum("ij,ij->i", thrust_direction, roll_axis)
+        angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        candidates.append(AttitudeInterpretation(columns, angle))
     return candidates
 
 
@@ -125,15 +134,19 @@ def better(card: TableTrajectory, candidates: list[AttitudeInterpretation]) -> s
     """
     if len(candidates) < 2:
         return ""
-    stated, best = candidates[0], min(candidates[1:], key=lambda reading: reading.angle)
-    if stated.angle < _CLEAR_ANGLE or best.angle > _CLEAR * stated.angle or stated.angle - best.angle < _CLEAR_ANGLE:
+    stated = candidates[0]
+    best = min(candidates[1:], key=lambda candidate: candidate.angle)
+    is_good = stated.angle < _CLEAR_ANGLE
+    is_similar = best.angle > _CLEAR * stated.angle or stated.angle - best.angle < _CLEAR_ANGLE
+    if is_good or is_similar:
         return ""
-    changed = ", ".join(
-        f"{name}: {value}" for name, value in best.part.model_dump().items() if value != getattr(stated.part, name)
-    )
+    changes = []
+    for name, value in best.part.model_dump().items():
+        if value != getattr(stated.part, name):
+            changes.append(f"{name}: {value}")
     text = (
         f"forces above 1 g lie {np.degrees(stated.angle):.2f} deg off the body's x axis (median) as the attitude is "
-        f"stated, and {np.degrees(best.angle):.2f} deg with {changed}"
+        f"stated, and {np.degrees(best.angle):.2f} deg with {', '.join(changes)}"
     )
     is_certain = stated.angle > _CERTAIN_ANGLE and best.angle < _CERTAIN * stated.angle
     if is_certain and "largest_force_angle" not in card.model_fields_set:

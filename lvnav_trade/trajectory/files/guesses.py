@@ -1,7 +1,7 @@
 """Guesses of the meaning of a user's columns, by their names, or else by the size of their numbers."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,6 +115,9 @@ class _Column(NamedTuple):
     frame: str
 
 
+_Reader = Callable[[Sequence[_Column]], Floats]  # reads the values (n, k) of columns
+
+
 def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] | None:
     """Return lift-off in UTC and the reason, if the column of time is seconds of GPS week, GPS time or Unix time.
 
@@ -122,32 +125,37 @@ def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] 
 
     near : ISO 8601 time in UTC that selects the era of a week number of ten bits.
     """
-    content = {part.part: part.content for part in guesses}
+    content = {guess.part: guess.content for guess in guesses}
     time, delimiter = content["time"], content.get("delimiter", ",")
     liftoff = time.get("liftoff", 0.0) * parse(f"1 {time['unit']}", "s")
-    name = _column(time["column"]).name
+    name = _parse_title(time["column"]).name
     if name in _SINCE_UNIX and liftoff > 0.0:
         return utc_after(UNIX_ORIGIN.isoformat(), liftoff), "from Unix time at lift-off"
     if name in _SINCE_GPS and liftoff > SECONDS_PER_WEEK:
         return utc_of(liftoff).isoformat(), "from GPS time at lift-off"
-    week = _named([_column(title) for title in column_names(file, delimiter)], [_WEEKS])
+    columns = [_parse_title(title) for title in column_names(file, delimiter)]
+    week = _find_columns(columns, [_WEEKS])
     if name not in _OF_WEEK or week is None:
         return None
-    number = float(read_columns(file, [week[0].title], delimiter)[0][0, 0])
+    table, _ = read_columns(file, [week[0].title], delimiter)
+    number = float(table[0, 0])
     if not 0.0 <= number < _LAST_WEEK or number != round(number):
         return None
     why = f"from {week[0].title} and {time['column']} at lift-off"
-    era = "; the week number has ten bits: confirm the year" if number < WEEK_ROLLOVER else ""
-    return utc_of(resolve_week(int(number), liftoff, gps_seconds(near))).isoformat(), why + era
+    if number < WEEK_ROLLOVER:
+        why += "; the week number has ten bits: confirm the year"
+    seconds = resolve_week(int(number), liftoff, gps_seconds(near))
+    return utc_of(seconds).isoformat(), why
 
 
 def left_out(file: str, guesses: Sequence[Guess]) -> list[str]:
     """Return the titles of the columns of a file that no guess uses."""
-    content = {part.part: part.content for part in guesses}
-    taken = {content["time"]["column"]}
-    for part in ("position", "velocity", "attitude"):
-        taken |= {*content.get(part, {}).get("columns", ())}
-    return [title for title in column_names(file, content.get("delimiter", ",")) if title not in taken]
+    content = {guess.part: guess.content for guess in guesses}
+    used = {content["time"]["column"]}
+    for name in ("position", "velocity", "attitude"):
+        used.update(content.get(name, {}).get("columns", ()))
+    titles = column_names(file, content.get("delimiter", ","))
+    return [title for title in titles if title not in used]
 
 
 def guess(file: str, time_column: str | None = None) -> list[Guess]:
@@ -157,157 +165,192 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
 
     time_column : Title of the column of time; None: guess it.
     """
-    delimiter = max((",", ";", "\t"), key=lambda column: len(column_names(file, column)))
-    columns = [_column(title) for title in column_names(file, delimiter)]
-    guesses = [Guess("delimiter", delimiter, "the header has more fields with it")] * (delimiter != ",")
-    time = _named(columns, [_TIME + _CLOCKS])
-    if time_column is not None:
-        time = [column for column in columns if column.title == time_column]
-        if not time:
-            raise InputError(f"{file}: no column {time_column!r}; it has {_titles(columns)}")
-    if time is None:
-        raise InputError(f"{file}: no column of time (one of {', '.join(_TIME)}); it has {_titles(columns)}")
+    delimiter = max((",", ";", "\t"), key=lambda character: len(column_names(file, character)))
+    columns = [_parse_title(title) for title in column_names(file, delimiter)]
+    guesses = []
+    if delimiter != ",":
+        guesses.append(Guess("delimiter", delimiter, "the header has more fields with it"))
 
-    def values(of: Sequence[_Column]) -> Floats:
-        return read_columns(file, [column.title for column in of], delimiter)[0]
+    def read_values(columns: Sequence[_Column]) -> Floats:
+        table, _ = read_columns(file, [column.title for column in columns], delimiter)
+        return table
 
-    t = values(time)[:, 0]
-    unit = time[0].unit or ("ms" if time[0].name == "itow" else "s")
-    guesses.append(
-        Guess(
-            "time",
-            {"column": time[0].title, "unit": unit},
-            _why(time[0].unit, f"{unit} assumed"),
-        )
-    )
-    position, place = _position(file, columns, values, t * parse(f"1 {unit}", "s"))
-    velocity = _velocity(columns, values)
+    time = _time_column(file, columns, time_column)
+    t = read_values([time])[:, 0]
+    unit = time.unit or ("ms" if time.name == "itow" else "s")
+    why = "by its name" if time.unit else f"{unit} assumed"
+    guesses.append(Guess("time", {"column": time.title, "unit": unit}, why))
+    seconds = t * parse(f"1 {unit}", "s")
+    position, place = _guess_position(file, columns, read_values, seconds)
+    velocity = _guess_velocity(columns, read_values)
     if position.content["frame"] == "unknown":
-        frame, why = _frame(place, t)
+        frame, why = _guess_frame(place, t)
         position = Guess("position", position.content | {"frame": frame}, f"{position.why}; {why}")
         if velocity is not None and velocity.content["frame"] == "unknown":
             velocity = Guess("velocity", velocity.content | {"frame": frame}, velocity.why)
-    moving = [] if velocity is None else [velocity]
-    return [*guesses, position, *moving, *_attitude(columns, values)]
+    guesses.append(position)
+    if velocity is not None:
+        guesses.append(velocity)
+    return [*guesses, *_guess_attitude(columns, read_values)]
+
+
+def _time_column(file: str, columns: Sequence[_Column], title: str | None) -> _Column:
+    """Return the column of time, by its title if that is not None; InputError if there is none."""
+    if title is not None:
+        for column in columns:
+            if column.title == title:
+                return column
+        raise InputError(f"{file}: no column {title!r}; it has {_titles(columns)}")
+    time = _find_columns(columns, [_TIME + _CLOCKS])
+    if time is None:
+        raise InputError(f"{file}: no column of time (one of {', '.join(_TIME)}); it has {_titles(columns)}")
+    return time[0]
 
 
 def is_clock(title: str) -> bool:
     """Return whether the origin of a column of time is not lift-off, according to its name."""
-    return _column(title).name in _CLOCKS
+    return _parse_title(title).name in _CLOCKS
 
 
-def _column(title: str) -> _Column:
+def _parse_title(title: str) -> _Column:
+    """Return name, unit and frame that a title contains."""
     text = title.strip().lower()
     match = _WITH_UNIT.fullmatch(text)
     name = match[1].strip() if match else text
     unit = text[len(name) :].strip(" _[]()") if match else ""
     words = re.split(r"[\s_]+", name)
-    frame = next((_FRAMES[word] for word in words if word in _FRAMES), "")
-    name = "_".join(word for word in words if word not in _FRAMES)
-    return _Column(title, name, _UNITS.get(unit, ""), frame)
+    frames = [_FRAMES[word] for word in words if word in _FRAMES]
+    return _Column(
+        title=title,
+        name="_".join(word for word in words if word not in _FRAMES),
+        unit=_UNITS.get(unit, ""),
+        frame=frames[0] if frames else "",
+    )
 
 
 def _titles(columns: Sequence[_Column]) -> str:
     return ", ".join(column.title for column in columns[:20])
 
 
-def _why(named: str, otherwise: str) -> str:
-    return "by its name" if named else otherwise
+def _find_columns(columns: Sequence[_Column], name_lists: Sequence[Sequence[str]]) -> list[_Column] | None:
+    """Return a column for each of several lists of names; None if a column is missing.
+
+    The first name of a list that a column has decides.
+    """
+    chosen = []
+    for names in name_lists:
+        matches = [column for name in names for column in columns if column.name == name]
+        if not matches:
+            return None
+        chosen.append(matches[0])
+    return chosen
 
 
-def _named(columns: Sequence[_Column], wanted: Sequence[Sequence[str]]) -> list[_Column] | None:
-    """Return a column for each of several lists of names; None if a column is missing."""
-    chosen = [next((column for name in names for column in columns if column.name == name), None) for names in wanted]
-    return None if None in chosen else [column for column in chosen if column is not None]
-
-
-def _three(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | None:
+def _find_axes(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | None:
     """Return three columns whose names differ in x, y and z only; None if there are none."""
     for form in forms:
-        chosen = _named(columns, [(form.format(x=axis),) for axis in "xyz"])
+        chosen = _find_columns(columns, [(form.format(x=axis),) for axis in "xyz"])
         if chosen is not None:
             return chosen
     return None
+
+
+def _angle_unit(column: _Column, angles: Floats) -> str:
+    """Return the unit of angles: that of the title, or else by their size."""
+    if column.unit:
+        return column.unit
+    return "deg" if np.max(np.abs(angles)) > 2.0 * np.pi else "rad"
 
 
 def _height_unit(t: Floats, height: Floats) -> str:
     """Return the unit of heights (n,) at times t (n,) s: km if in metres the flight would be too slow, otherwise m."""
     even = np.linspace(t[0], t[-1], _SPANS + 1)
     step = max(float(even[1] - even[0]), 1e-9)
-    quickest = float(np.max(np.abs(np.diff(np.interp(even, t, height), 2)))) / step**2
+    second_difference = np.diff(np.interp(even, t, height), 2)
+    acceleration = float(np.max(np.abs(second_difference))) / step**2
     is_high_pad = height[0] == height[1] and abs(height[0]) > _HIGHEST_PAD
-    return "m" if quickest > _QUIET or np.max(height) > _HIGHEST_KM or is_high_pad else "km"
+    is_metres = acceleration > _QUIET or np.max(height) > _HIGHEST_KM or is_high_pad
+    return "m" if is_metres else "km"
 
 
-def _position(file: str, columns: Sequence[_Column], values: Any, t: Floats) -> tuple[Guess, Floats]:
+def _guess_position(file: str, columns: Sequence[_Column], read_values: _Reader, t: Floats) -> tuple[Guess, Floats]:
     """Return the guess of position, and its rows (n, 3), in m for x, y, z, at times t (n,) s.
 
     The frame is "unknown" if the names of x, y and z do not contain it.
     """
-    geodetic = _named(columns, _GEODETIC)
+    geodetic = _find_columns(columns, _GEODETIC)
     if geodetic is not None:
-        rows = values(geodetic)
-        unit = geodetic[0].unit or ("deg" if np.max(np.abs(rows[:, :2])) > 2.0 * np.pi else "rad")
-        height = geodetic[2].unit or _height_unit(t, rows[:, 2])
+        rows = read_values(geodetic)
+        latitude, _, height = geodetic
         content = {
             "frame": "geodetic",
             "columns": [column.title for column in geodetic],
-            "unit": unit,
-            "height_unit": height,
+            "unit": _angle_unit(latitude, rows[:, :2]),
+            "height_unit": height.unit or _height_unit(t, rows[:, 2]),
         }
-        why = _why(geodetic[0].unit and geodetic[2].unit, "units by size of the numbers")
-        return Guess("position", content, why), rows
-    axes = _three(columns, _AXIS)
+        is_named = latitude.unit and height.unit
+        return Guess("position", content, "by its name" if is_named else "units by size of the numbers"), rows
+    axes = _find_axes(columns, _AXIS)
     if axes is None:
         raise InputError(
             f"{file}: no columns of position (latitude, longitude, height; or x, y, z); it has {_titles(columns)}"
         )
-    rows = values(axes)
+    rows = read_values(axes)
     unit = axes[0].unit or ("m" if np.linalg.norm(rows[0]) > 1e5 else "km")
     content = {"frame": axes[0].frame or "unknown", "columns": [column.title for column in axes], "unit": unit}
-    return Guess("position", content, _why(axes[0].unit, "unit by size of the numbers")), rows * (
-        1e3 if unit == "km" else 1.0
-    )
+    metres = rows * (1e3 if unit == "km" else 1.0)
+    return Guess("position", content, _reason(axes[0])), metres
 
 
-def _velocity(columns: Sequence[_Column], values: Any) -> Guess | None:
-    ned = _named(columns, _NED)
-    chosen = ned or _three(columns, _RATE)
+def _reason(column: _Column) -> str:
+    """Return the reason for a unit: the title of its column, or the size of the numbers."""
+    return "by its name" if column.unit else "unit by size of the numbers"
+
+
+def _guess_velocity(columns: Sequence[_Column], read_values: _Reader) -> Guess | None:
+    """Return the guess of velocity; None if there are no columns of it."""
+    ned = _find_columns(columns, _NED)
+    chosen = ned or _find_axes(columns, _RATE)
     if chosen is None:
         return None
-    fast = float(np.max(np.abs(values(chosen))))
-    unit = chosen[0].unit or ("m/s" if fast > 30.0 else "km/s")
+    largest = float(np.max(np.abs(read_values(chosen))))
     content = {
         "frame": "ned" if ned else chosen[0].frame or "unknown",
         "columns": [column.title for column in chosen],
-        "unit": unit,
+        "unit": chosen[0].unit or ("m/s" if largest > 30.0 else "km/s"),
     }
-    return Guess("velocity", content, _why(chosen[0].unit, "unit by size of the numbers"))
+    return Guess("velocity", content, _reason(chosen[0]))
 
 
-def _frame(place: Floats, t: Floats) -> tuple[str, str]:
+def _guess_frame(place: Floats, t: Floats) -> tuple[str, str]:
     """Return the frame of x, y and z, and the reason: Earth-fixed if the first rows are at rest, else inertial."""
     speed = float(np.linalg.norm(place[1] - place[0]) / (t[1] - t[0]))
-    turning = OMEGA * float(np.hypot(*place[0, :2]))
-    if speed < 0.5 * turning:
+    earth_speed = OMEGA * float(np.hypot(*place[0, :2]))
+    if speed < 0.5 * earth_speed:
         return "ecef", f"the first rows move at {speed:.3g} m/s: fixed to the Earth"
     return "eci", f"the first rows move at {speed:.0f} m/s, as the Earth does there: inertial"
 
 
-def _attitude(columns: Sequence[_Column], values: Any) -> list[Guess]:
+def _guess_attitude(columns: Sequence[_Column], read_values: _Reader) -> list[Guess]:
+    """Return the guess of attitude in a list; an empty list if there are no columns of it."""
     for names, scalar in _QUATERNIONS:
-        chosen = _named(columns, [(name,) for name in names])
-        if chosen is not None:
+        quaternion = _find_columns(columns, [(name,) for name in names])
+        if quaternion is not None:
             content = {
                 "form": "quaternion",
-                "frame": chosen[0].frame or "eci",
-                "columns": [column.title for column in chosen],
+                "frame": quaternion[0].frame or "eci",
+                "columns": [column.title for column in quaternion],
+                "scalar": scalar,
+                "turns": "body_to_frame",
             }
-            content |= {"scalar": scalar, "turns": "body_to_frame"}
             return [Guess("attitude", content, "frame, scalar and sense are assumed: confirm all three")]
-    chosen = _named(columns, _EULER)
-    if chosen is None:
+    euler = _find_columns(columns, _EULER)
+    if euler is None:
         return []
-    unit = chosen[0].unit or ("deg" if np.max(np.abs(values(chosen))) > 2.0 * np.pi else "rad")
-    content = {"form": "euler", "frame": "ned", "columns": [column.title for column in chosen], "unit": unit}
+    content = {
+        "form": "euler",
+        "frame": "ned",
+        "columns": [column.title for column in euler],
+        "unit": _angle_unit(euler[0], read_values(euler)),
+    }
     return [Guess("attitude", content, "against north, east and down, assumed: confirm")]

@@ -55,25 +55,37 @@ def rotation_to_date(epoch: str) -> Floats:
 
     Those are the axes that Greenwich mean sidereal time counts from, frame i at its angle (and TEME).
     """
+    t = _centuries(epoch)
+    # Precession, Lieske 1977
+    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * _ARCSEC
+    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * _ARCSEC
+    theta = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * _ARCSEC
+    precession = _about_z(-z) @ _about_y(theta) @ _about_z(-zeta)
+    longitude, obliquity, node = _nutation(t)
+    mean_obliquity = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * _ARCSEC
+    nutation = _about_x(-mean_obliquity - obliquity) @ _about_z(-longitude) @ _about_x(mean_obliquity)
+    # Equation of the equinoxes, from the true equinox to the mean one
+    node_terms = 0.00264 * math.sin(node) + 0.000063 * math.sin(2.0 * node)
+    equinoxes = longitude * math.cos(mean_obliquity) + node_terms * _ARCSEC
+    return np.asarray(_about_z(equinoxes) @ nutation @ precession)
+
+
+def _centuries(epoch: str) -> float:
+    """Return the terrestrial time of an epoch (ISO 8601, UTC) in centuries after J2000."""
     moment = datetime.fromisoformat(epoch)
     utc = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     terrestrial = utc + timedelta(seconds=leap_seconds(utc) + _TT_AHEAD)
-    t = (terrestrial - datetime(2000, 1, 1, 12, tzinfo=UTC)) / timedelta(days=36525)
-    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * _ARCSEC
-    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * _ARCSEC
-    tilt = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * _ARCSEC
-    precession = _about_z(-z) @ _about_y(tilt) @ _about_z(-zeta)
-    longitude, obliquity, node = _nutation(t)
-    mean = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * _ARCSEC
-    nutation = _about_x(-mean - obliquity) @ _about_z(-longitude) @ _about_x(mean)
-    equinoxes = longitude * math.cos(mean) + (0.00264 * math.sin(node) + 0.000063 * math.sin(2.0 * node)) * _ARCSEC
-    return np.asarray(_about_z(equinoxes) @ nutation @ precession)
+    return (terrestrial - datetime(2000, 1, 1, 12, tzinfo=UTC)) / timedelta(days=36525)
 
 
 def _nutation(t: float) -> tuple[float, float, float]:
     """Return nutation in longitude and obliquity and the Moon's node (rad), t centuries after J2000."""
-    arguments = [math.fmod(a + (b + (c + d * t) * t) * t, 1296000.0) * _ARCSEC for a, b, c, d in _ARGUMENTS]
-    longitude = obliquity = 0.0
+    arguments = []
+    for a, b, c, d in _ARGUMENTS:
+        arcsec = a + (b + (c + d * t) * t) * t
+        arguments.append(math.fmod(arcsec, 1296000.0) * _ARCSEC)
+    longitude = 0.0
+    obliquity = 0.0
     for *multiples, sine, sine_rate, cosine, cosine_rate in _NUTATION:
         angle = sum(multiple * argument for multiple, argument in zip(multiples, arguments, strict=True))
         longitude += (sine + sine_rate * t) * math.sin(angle) * 1e-4 * _ARCSEC

@@ -61,8 +61,11 @@ class _FitProblem(NamedTuple):
         factors = splu(csc_array(normal + 1e-14 * diags_array(normal.diagonal())))
         c = np.zeros((normal.shape[0], self.data.shape[1]))
         for _ in range(1 + _REFINEMENTS):
-            c += factors.solve(self.values.T @ (self.data - self.values @ c) - rough.T @ (rough @ c))
-        return c, float(np.sqrt(np.mean((self.values @ c - self.data) ** 2)))
+            residual = self.data - self.values @ c
+            gradient = self.values.T @ residual - rough.T @ (rough @ c)
+            c += factors.solve(gradient)
+        misfit = np.sqrt(np.mean((self.values @ c - self.data) ** 2))
+        return c, float(misfit)
 
 
 def fit(
@@ -92,48 +95,60 @@ def fit(
     """
     spans = [float(t[0]), *breaks, float(t[-1])]
     knots = _knots(t, spans, degree)
-    rows = _rows(t, y, knots, degree, steps)
-    size = len(knots) - degree - 1
+    problem = _fit_problem(t, y, knots, degree, steps)
+    n_coefficient = len(knots) - degree - 1
 
-    def made(log_weight: float) -> SplineFit:
-        c, misfit = rows.solve(log_weight)
-        return SplineFit(BSpline(knots, c[:size], degree), c[size:], misfit)
+    def solution(log_weight: float) -> SplineFit:
+        c, misfit = problem.solve(log_weight)
+        return SplineFit(BSpline(knots, c[:n_coefficient], degree), c[n_coefficient:], misfit)
 
-    exact = made(_EXACT)
+    def excess_misfit(log_weight: float) -> float:
+        _, misfit = problem.solve(log_weight)
+        return misfit - noise
+
+    exact = solution(_EXACT)
     if noise <= exact.misfit:
         return exact
-    smoothest = made(_SMOOTHEST)
+    smoothest = solution(_SMOOTHEST)
     if smoothest.misfit <= noise:
         return smoothest
-    return made(float(brentq(lambda weight: rows.solve(weight)[1] - noise, _EXACT, _SMOOTHEST, xtol=0.05)))
+    return solution(float(brentq(excess_misfit, _EXACT, _SMOOTHEST, xtol=0.05)))
 
 
 def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
     """Return knots at the rows, at least `_CLOSEST` apart, and four at each break."""
     inner: list[float] = []
     for number, (begin, end) in enumerate(pairwise(spans)):
-        inner += [] if number == 0 else [begin] * 4
+        if number > 0:
+            inner += [begin] * 4
         last = begin
         for time in t[(t > begin) & (t < end)]:
-            if time - last > 0.99 * _CLOSEST and end - time > 0.5 * _CLOSEST:
+            is_far = time - last > 0.99 * _CLOSEST and end - time > 0.5 * _CLOSEST
+            if is_far:
                 inner.append(float(time))
                 last = float(time)
-    return np.array([spans[0]] * (degree + 1) + inner + [spans[-1]] * (degree + 1))
+    first_knots = [spans[0]] * (degree + 1)
+    last_knots = [spans[-1]] * (degree + 1)
+    return np.array(first_knots + inner + last_knots)
 
 
-def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _FitProblem:
+def _fit_problem(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _FitProblem:
     """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows."""
     values = csr_array(BSpline.design_matrix(t, knots, degree))
+    # Gauss-Legendre quadrature of the squared derivatives between the knots
     ends = np.unique(knots)
     length = np.diff(ends)
-    at = (ends[:-1, None] + 0.5 * length[:, None] * (1.0 + _NODES)).ravel()
-    cell, usual = (0.5 * length[:, None] * _WEIGHTS).ravel(), float(np.median(np.diff(t)))
-    weights = {degree - 1: 1.0, degree - 2: _TIE}
-    scales = {order: weight * np.sqrt(cell * usual ** (2 * order - 1)) for order, weight in weights.items()}
-    rough = block_array([[diags_array(s) @ _derivative(knots, degree, order, at)] for order, s in scales.items()])
+    nodes = (ends[:-1, None] + 0.5 * length[:, None] * (1.0 + _NODES)).ravel()
+    cell = (0.5 * length[:, None] * _WEIGHTS).ravel()
+    interval = float(np.median(np.diff(t)))
+    blocks = []
+    for order, weight in ((degree - 1, 1.0), (degree - 2, _TIE)):
+        scale = weight * np.sqrt(cell * interval ** (2 * order - 1))
+        blocks.append([diags_array(scale) @ _derivative(knots, degree, order, nodes)])
+    rough = block_array(blocks)
     if steps:
-        after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
-        values = csr_array(block_array([[values, after]]))
+        is_after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
+        values = csr_array(block_array([[values, is_after]]))
         rough = block_array([[rough, csr_array((rough.shape[0], len(steps)))]])
     return _FitProblem(values, csr_array(rough), y)
 
@@ -182,12 +197,13 @@ def along_path(
     times = [stretch_knots(begin, end) for begin, end in pairwise(edges)]
     t = join_samples(times)
     x = _along_force(position, times) if along == "thrust" else _along_velocity(position, t, theta0)
-    right_e = _right_of_path(position, edges, theta0)
+    right_e = _right_direction(position, edges, theta0)
     if hold > 0.0:
-        before = pad_times(edges[0], hold)[:-1]
-        fixed = frames.ecef_from_eci(x[0], frames.earth_angle(theta0, edges[0]))
-        x = np.concatenate([frames.eci_from_ecef(fixed, frames.earth_angle(theta0, before)), x])
-        t = np.concatenate([before, t])
+        pad_t = pad_times(edges[0], hold)[:-1]
+        x_e = frames.ecef_from_eci(x[0], frames.earth_angle(theta0, edges[0]))
+        pad_x = frames.eci_from_ecef(x_e, frames.earth_angle(theta0, pad_t))
+        x = np.concatenate([pad_x, x])
+        t = np.concatenate([pad_t, t])
     return ascent_attitude(t, x, right_e, theta0, roll)
 
 
@@ -197,12 +213,15 @@ def _along_force(position: BSpline, times: list[Floats]) -> Floats:
     for t in times:
         inside = np.clip(t, t[0] + _EDGE, t[-1] - _EDGE)
         force = position(inside, 2) - gravity_along(position(inside))
-        powered = float(np.median(np.linalg.norm(force, axis=1))) > _COAST
-        thrusts.append(make_interp_spline(t, frames.unit(force), k=5) if powered else None)
+        size = float(np.median(np.linalg.norm(force, axis=1)))
+        thrusts.append(make_interp_spline(t, frames.unit(force), k=5) if size > _COAST else None)
     if all(thrust is None for thrust in thrusts):
         raise InputError("there is no thrust to point along: give columns of attitude, or pointing: velocity")
-    directions = zip(thrust_directions(times, thrusts), thrusts, strict=True)
-    return np.concatenate([part if thrust is None else frames.unit(part) for part, thrust in directions])
+    directions = thrust_directions(times, thrusts)
+    for number, thrust in enumerate(thrusts):
+        if thrust is not None:
+            directions[number] = frames.unit(directions[number])
+    return np.concatenate(directions)
 
 
 def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
@@ -212,14 +231,17 @@ def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
     speed = np.linalg.norm(v, axis=1)
     theta = frames.earth_angle(theta0, t)
     latitude, longitude, _ = frames.geodetic_from_ecef(frames.ecef_from_eci(r, theta))
-    up = frames.eci_from_ecef(-frames.rotation_e_n(latitude, longitude)[:, 2], theta)
+    up_e = -frames.rotation_e_n(latitude, longitude)[:, 2]
+    up = frames.eci_from_ecef(up_e, theta)
     weight = smoothsteps((speed - _SLOW) / (_FAST - _SLOW))[:, None]
     return frames.unit((1.0 - weight) * up + weight * v / np.maximum(speed, _SLOW)[:, None])
 
 
-def _right_of_path(position: BSpline, edges: list[float], theta0: float) -> Floats:
+def _right_direction(position: BSpline, edges: list[float], theta0: float) -> Floats:
     """Return the unit vector (3,), frame e, to the right of the path; for a vertical path it points south."""
-    first, last = (frames.ecef_from_eci(position(t), frames.earth_angle(theta0, t)) for t in (edges[0], edges[-1]))
+    first_t, last_t = edges[0], edges[-1]
+    first = frames.ecef_from_eci(position(first_t), frames.earth_angle(theta0, first_t))
+    last = frames.ecef_from_eci(position(last_t), frames.earth_angle(theta0, last_t))
     latitude, longitude, _ = frames.geodetic_from_ecef(first)
     north, _, down = frames.rotation_e_n(latitude, longitude)
     right = np.cross(last - first, -down)

@@ -11,7 +11,8 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.trajectory.files.guesses import guess
 from lvnav_trade.trajectory.files.j2000 import rotation_to_date
-from lvnav_trade.trajectory.files.rows import read_rows, rounding
+from lvnav_trade.trajectory.files.row_checks import rounding
+from lvnav_trade.trajectory.files.rows import read_rows
 from lvnav_trade.trajectory.flight import build
 from lvnav_trade.trajectory.truth import NOTE, WARNING
 from tests.trajectory.tables import card, example_settings

@@ -1,0 +1,91 @@
+"""Checks of the rows of a user's file: order of their times, gaps, pairs at events, and the rounding of numbers."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.quantities.data_file import refuse_unordered
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.times import coarse
+from lvnav_trade.trajectory.discontinuities import RowGap, bridged, described
+from lvnav_trade.trajectory.files.columns import TableTrajectory
+
+SAME = 1e-6  # s; times closer than this count as equal
+LONGEST_HOLE = 1.0  # s; longest gap that a spline bridges, as long as the row interval of some files
+
+
+def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[RowGap], list[str]]:
+    """Return the number of usable rows at times t (n,) s, the gaps between them, and remarks on both.
+
+    The flight ends at a gap that is too long to be bridged, if that is after the last event.
+
+    Raises
+    ------
+    InputError
+        Times repeat or decrease, or such a gap is before the last event.
+    """
+    refuse_unordered(t, path, places)
+    last_event = max(events.values(), default=math.inf)
+    short, last = bridged(t, last_event, LONGEST_HOLE, path, places)
+    remarks = described(short)
+    if last is None:
+        return t.size, short, remarks
+    span = f"{last.start:.6g} to {last.end:.6g} s"
+    remarks.append(
+        f"no data from {span}, after the last event: the flight ends there and the rows behind it are left out"
+    )
+    return last.row + 1, short, remarks
+
+
+def doubled(t: Floats, events: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Return which rows at times t (n,) s are the first of two rows at the time of an event, (n,) bool."""
+    first = np.append(np.diff(t) == 0.0, False)
+    first[1:] &= ~first[:-1]  # a third row of a time repeats it
+    event_times = np.array([*events.values()])
+    distance = np.min(np.abs(t[:, None] - event_times), axis=1, initial=math.inf)
+    return np.asarray(first & (distance < SAME))
+
+
+def refuse_repeated(
+    t: Floats, before: NDArray[np.bool_], card: TableTrajectory, places: list[str], apart: float
+) -> None:
+    """Raise InputError if two rows have the same time t (n,) and the first is not `before` (n,) an event.
+
+    apart : Spacing of times of single precision, in the unit of the column; zero for times with all digits.
+    """
+    repeated = np.flatnonzero((np.diff(t) == 0.0) & ~before[:-1])
+    if not repeated.size:
+        return
+    k = int(repeated[0])
+    fault = f"{card.file}:{places[k + 1]}: time {t[k]:.9g} s repeats that of the row before"
+    if apart > 0.0:
+        raise InputError(f"{fault}: column {card.time.column!r}: {coarse(apart, card.time.unit)}")
+    raise InputError(
+        f"{fault}, with another state: if an event is there, declare it (events: {{NAME: {t[k]:.9g} s}}); if not, "
+        "remove one of the two rows"
+    )
+
+
+def rounding(column: Floats) -> float:
+    """Return one sigma of the rounding of a column's numbers, estimated from their digits; zero for full precision.
+
+    A number rounded to a step has the standard deviation step / sqrt(12).
+    """
+    if np.all(column == column[0]):
+        return 0.0
+    largest = float(np.max(np.abs(column)))
+    single = 0.0
+    with np.errstate(over="ignore"):
+        if np.all(column.astype(np.float32) == column):  # single precision, possibly with few digits as well
+            single = float(np.spacing(np.float32(largest))) / math.sqrt(12.0)
+    for digits in range(-3, 10):
+        scaled = column * 10.0**digits
+        if largest * 10.0**digits > 2.0**40:  # a double has hardly a digit more to round
+            break
+        is_whole = np.all(np.abs(scaled - np.rint(scaled)) < 1e-3)
+        if np.ptp(scaled) >= 1.0 and is_whole:
+            return max(single, 10.0**-digits / math.sqrt(12.0))
+    return single
