@@ -79,7 +79,7 @@ def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exporte
         "events": {event: f"{time!r} s" for event, time in events.items() if event not in OWN_EVENTS},
         "largest_force_angle": "180 deg",  # no check: the attitude is correct whatever the direction of the force
         **_limits(card, flight),
-        **_kept(card),
+        **_copied_fields(card),
     }
     if hold > 0.0:
         fields["pad_hold"] = f"{hold!r} s"
@@ -106,10 +106,13 @@ def _layout() -> dict[str, Any]:
 def _events(flight: Trajectory, hold: float) -> dict[str, float]:
     """Return the times (s) of the events in order, with names for jumps of force without an event."""
     events = dict(flight.events)
-    ends = [phase.start for phase in flight.phases[1:]]
-    unnamed = [time for time in ends if time > flight.start + hold + _SAME]
-    for time in unnamed:
-        if all(abs(time - known) > _SAME for known in events.values()):
+
+    for phase in flight.phases[1:]:
+        time = phase.start
+        if time <= flight.start + hold + _SAME:
+            continue
+        is_named = any(abs(time - event_time) <= _SAME for event_time in events.values())
+        if not is_named:
             number = 1 + sum(name.startswith("change_") for name in events)
             events[f"change_{number}"] = time
     return dict(sorted(events.items(), key=lambda event: event[1]))
@@ -121,62 +124,72 @@ def _times(begin: float, end: float, events: list[float], rate: float) -> Floats
         raise InputError("the rate of the rows should be above zero")
     if (end - begin) * rate > DATA_ROWS:
         raise InputError(f"{(end - begin) * rate:.0f} rows; at most {DATA_ROWS} are read: give a lower rate")
-    kept = np.unique([begin, *(time for time in events if begin < time < end), end])
-    kept = kept[np.diff(kept, prepend=-math.inf) > _SAME]
+    fixed = np.unique([begin, *(time for time in events if begin < time < end), end])
+    fixed = fixed[np.diff(fixed, prepend=-math.inf) > _SAME]
     grid = np.arange(math.ceil(begin * rate), math.floor(end * rate) + 1) / rate
-    after = np.clip(np.searchsorted(kept, grid), 1, kept.size - 1)
-    apart = np.minimum(np.abs(grid - kept[after]), np.abs(grid - kept[after - 1]))
-    return np.sort(np.concatenate([kept, grid[apart > 0.99 / rate]]))
+    after = np.clip(np.searchsorted(fixed, grid), 1, fixed.size - 1)
+    distance = np.minimum(np.abs(grid - fixed[after]), np.abs(grid - fixed[after - 1]))
+    return np.sort(np.concatenate([fixed, grid[distance > 0.99 / rate]]))
 
 
 def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
-    at = motion(flight, t)
+    """Return the text of the CSV file, with all digits of the numbers."""
+    true = motion(flight, t)
     theta = earth_angle(flight.theta0, t)
-    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(at.r_i, theta))
-    v_n = np.einsum("kij,kj->ki", rotation_i_n(at.r_i, theta), earth_velocity(at.r_i, at.v_i))
-    rows = np.column_stack([t, np.degrees(latitude), np.degrees(longitude), height, v_n, at.q_b_i])
-    title = f"# Flight of the card {' '.join(card.name.split())}, written by lvnav-trade export-trajectory"
-    return "\n".join([title, ",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
+    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(true.r_i, theta))
+    velocity = earth_velocity(true.r_i, true.v_i)
+    v_n = np.einsum("kij,kj->ki", rotation_i_n(true.r_i, theta), velocity)
+    table = np.column_stack([t, np.degrees(latitude), np.degrees(longitude), height, v_n, true.q_b_i])
+    name = " ".join(card.name.split())
+    lines = [f"# Flight of the card {name}, written by lvnav-trade export-trajectory", ",".join(COLUMNS)]
+    for row in table.tolist():
+        lines.append(",".join(repr(value) for value in row))
+    return "\n".join(lines) + "\n"
 
 
 def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
     """Return the fields of a card with limits that the trajectory needs above the default limits."""
+    units = {"highest_load": "m/s^2", "highest_rate": "rad/s", "highest_spin": "rad/s"}
     limits = {}
-    for field, unit in (("highest_load", "m/s^2"), ("highest_rate", "rad/s"), ("highest_spin", "rad/s")):
-        usual = float(TableTrajectory.model_fields[field].default)
-        size = next(peak.size for peak in peaks(flight) if peak.field == field) * _SPARE
-        limit = getattr(card, field) if isinstance(card, FileFlightCard) else usual
-        if max(size, limit) > usual:
-            limits[field] = f"{max(size, limit)!r} {unit}"
+    for peak in peaks(flight):
+        default = float(TableTrajectory.model_fields[peak.field].default)
+        card_limit = getattr(card, peak.field) if isinstance(card, FileFlightCard) else default
+        limit = max(peak.size * _SPARE, card_limit)
+        if limit > default:
+            limits[peak.field] = f"{limit!r} {units[peak.field]}"
     return limits
 
 
-def _kept(card: TrajectoryCard) -> dict[str, Any]:
+def _copied_fields(card: TrajectoryCard) -> dict[str, Any]:
     """Return the fields that the export copies from the card."""
     data = card.model_dump(mode="json", exclude_defaults=True)
     return {field: data[field] for field in ("oscillation", "named_times") if data.get(field)}
 
 
-def difference(flight: Trajectory, other: Trajectory) -> dict[str, float]:
+def difference(flight: Trajectory, second: Trajectory) -> dict[str, float]:
     """Return the largest differences of two trajectories in their common time, SI, by quantity and unit.
 
     The quantities are position, velocity, attitude, specific force and body rate. Times within 1 us of a jump are
     excluded.
     """
-    begin, end = max(flight.start, other.start), min(flight.end, other.end)
+    begin, end = max(flight.start, second.start), min(flight.end, second.end)
     t = np.arange(begin, end, _STEP)[1:]
-    jumps = np.array([phase.start for trajectory in (flight, other) for phase in trajectory.phases])
-    t = t[np.min(np.abs(t[:, None] - jumps), axis=1) > _SAME]
-    a, b = motion(flight, t), motion(other, t)
+    jumps = np.array([phase.start for phase in (*flight.phases, *second.phases)])
+    distance = np.min(np.abs(t[:, None] - jumps), axis=1)
+    t = t[distance > _SAME]
+    a, b = motion(flight, t), motion(second, t)
 
-    def worst(p: Floats, q: Floats) -> float:
+    def largest(p: Floats, q: Floats) -> float:
         return float(np.max(np.linalg.norm(p - q, axis=1)))
 
-    turned = np.minimum(np.linalg.norm(a.q_b_i - b.q_b_i, axis=1), np.linalg.norm(a.q_b_i + b.q_b_i, axis=1))
+    # Unit quaternions that differ by an angle are 2 sin(angle / 4) apart; q and -q are the same attitude.
+    same_sign = np.linalg.norm(a.q_b_i - b.q_b_i, axis=1)
+    other_sign = np.linalg.norm(a.q_b_i + b.q_b_i, axis=1)
+    half_distance = 0.5 * np.minimum(same_sign, other_sign)
     return {
-        "position_m": worst(a.r_i, b.r_i),
-        "velocity_m_s": worst(a.v_i, b.v_i),
-        "attitude_rad": float(np.max(4.0 * np.arcsin(np.minimum(1.0, 0.5 * turned)))),
-        "specific_force_m_s2": worst(a.f_b, b.f_b),
-        "body_rate_rad_s": worst(a.w_ib_b, b.w_ib_b),
+        "position_m": largest(a.r_i, b.r_i),
+        "velocity_m_s": largest(a.v_i, b.v_i),
+        "attitude_rad": float(np.max(4.0 * np.arcsin(np.minimum(1.0, half_distance)))),
+        "specific_force_m_s2": largest(a.f_b, b.f_b),
+        "body_rate_rad_s": largest(a.w_ib_b, b.w_ib_b),
     }

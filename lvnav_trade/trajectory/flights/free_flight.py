@@ -45,23 +45,31 @@ def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
         first = int(np.searchsorted(t, mode.start, side="right"))
         if first == t.size:
             continue
-        here = slice(first, None)
-        way = product(q[here] * [1.0, -1.0, -1.0, -1.0], frames.quaternions(mode.axes(t[here], y[here])))
-        way *= np.where(way[0, 0] < 0.0, -1.0, 1.0)
-        length = np.linalg.norm(way[:, 1:], axis=1)
-        angle = 2.0 * np.arctan2(length, way[:, 0].copy())
-        done = smoothsteps((t[here] - mode.start) / mode.slew) if mode.slew > 0.0 else np.ones(t.size - first)
-        axis = way[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
-        q[here] = product(q[here], rotation_quaternions((done * angle)[:, None] * axis))
+        after = slice(first, None)
+        inverse = q[after] * [1.0, -1.0, -1.0, -1.0]
+        rotation = product(inverse, frames.quaternions(mode.axes(t[after], y[after])))
+        rotation *= np.where(rotation[0, 0] < 0.0, -1.0, 1.0)
+        length = np.linalg.norm(rotation[:, 1:], axis=1)
+        angle = 2.0 * np.arctan2(length, rotation[:, 0].copy())
+        axis = rotation[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
+        if mode.slew > 0.0:
+            progress = smoothsteps((t[after] - mode.start) / mode.slew)
+        else:
+            progress = np.ones(t.size - first)
+        q[after] = product(q[after], rotation_quaternions((progress * angle)[:, None] * axis))
     return q
 
 
 def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
     """Return the direction (3,) of the body x axis, frame i, at time t (s) and state y (6 or more)."""
-    at, state = np.array([t]), y[None]
+    times, states = np.array([t]), y[None]
     begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
-    turned_to = len(begun) == 1 or t >= begun[-1].start + begun[-1].slew
-    axes = begun[-1].axes(at, state) if turned_to else frames.matrices(attitude(begun, at, state))
+    latest = begun[-1]
+    has_turned = len(begun) == 1 or t >= latest.start + latest.slew
+    if has_turned:
+        axes = latest.axes(times, states)
+    else:
+        axes = frames.matrices(attitude(begun, times, states))
     return np.asarray(axes[0, :, 0])
 
 
@@ -106,8 +114,9 @@ def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
     """Return an attitude law rotated from another by a yaw to the right, then a pitch up (rad), about body axes."""
     if pitch == 0.0 and yaw == 0.0:
         return axes
-    first, second = (rotation_quaternions(np.array([turn])) for turn in ([0.0, 0.0, yaw], [0.0, pitch, 0.0]))
-    offset = frames.matrices(product(first, second))[0]
+    yaw_rotation = rotation_quaternions(np.array([[0.0, 0.0, yaw]]))
+    pitch_rotation = rotation_quaternions(np.array([[0.0, pitch, 0.0]]))
+    offset = frames.matrices(product(yaw_rotation, pitch_rotation))[0]
     return lambda t, y: axes(t, y) @ offset
 
 
@@ -154,31 +163,32 @@ def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
     thrust : Burning motor; None: coast.
     theta0 : rad. Earth angle at lift-off.
     """
+    needs_pressure = thrust is not None and thrust.exit_area > 0.0
 
     def rate(t: float, y: Floats) -> Floats:
-        out = np.empty(7)
-        out[:3], out[6] = y[3:6], 0.0
-        a = np.array(gravity_j4(y[0], y[1], y[2]))
+        acceleration = np.array(gravity_j4(y[0], y[1], y[2]))
+        mass_rate = 0.0
         pressure = 0.0
-        if air is not None or (thrust is not None and thrust.exit_area > 0.0):
+        if air is not None or needs_pressure:
             density, pressure, _, sound = atmosphere(height(t, y, theta0))
             if air is not None and density > 0.0:
-                wind = frames.earth_velocity(y[:3], y[3:6])
-                speed = float(np.linalg.norm(wind))
+                airspeed = frames.earth_velocity(y[:3], y[3:6])
+                speed = float(np.linalg.norm(airspeed))
                 coefficient = np.interp(speed / sound, air.mach, air.coefficient)
-                a += -0.5 * density * speed * coefficient * air.area / y[6] * wind
+                acceleration += -0.5 * density * speed * coefficient * air.area / y[6] * airspeed
         if thrust is not None:
-            a += (thrust.vacuum - pressure * thrust.exit_area) / y[6] * thrust.direction(t, y)
-            out[6] = -thrust.flow
-        out[3:6] = a
-        return out
+            force = thrust.vacuum - pressure * thrust.exit_area
+            acceleration += force / y[6] * thrust.direction(t, y)
+            mass_rate = -thrust.flow
+        return np.concatenate([y[3:6], acceleration, [mass_rate]])
 
     return rate
 
 
 def height(t: float, y: Floats, theta0: float) -> float:
     """Return the height (m) over the ellipsoid at time t (s) and state y; theta0 : rad, Earth angle at lift-off."""
-    return float(frames.geodetic_from_ecef(frames.ecef_from_eci(y[:3], frames.earth_angle(theta0, t)))[2])
+    r_e = frames.ecef_from_eci(y[:3], frames.earth_angle(theta0, t))
+    return float(frames.geodetic_from_ecef(r_e)[2])
 
 
 def climb(y: Floats) -> float:
@@ -220,7 +230,8 @@ def fly(
         max_step=_LONGEST_STEP,
     )
     end = float(solution.t[-1])
-    t = np.linspace(t0, end, max(8, int(np.ceil((end - t0) / step - 1e-9))) + 1)
+    n_interval = max(8, int(np.ceil((end - t0) / step - 1e-9)))
+    t = np.linspace(t0, end, n_interval + 1)
     y = solution.sol(t).T
     y[0] = y0
     return IntegratedPhase(name, t, y, rate)
@@ -228,23 +239,31 @@ def fly(
 
 def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
     """Return the phases of the true trajectory, with a position spline for each, and common attitude and roll angle."""
-    ends = [np.array([s.rate(float(s.t[k]), s.y[k]) for k in (0, -1)]) for s in stretches]  # rates of the state
-    return [
-        splined(s.name, s.t, s.y[:, :3], rate[:, :3], rate[:, 3:6], attitude, spin)
-        for s, rate in zip(stretches, ends, strict=True)
-    ]
+    result = []
+    for stretch in stretches:
+        t, r = stretch.t, stretch.y[:, :3]
+        end_rates = np.array([stretch.rate(float(t[k]), stretch.y[k]) for k in (0, -1)])
+        v_ends, a_ends = end_rates[:, :3], end_rates[:, 3:6]
+        result.append(splined(stretch.name, t, r, v_ends, a_ends, attitude, spin))
+    return result
 
 
 def knots(stretches: Sequence[IntegratedPhase]) -> tuple[Floats, Floats]:
     """Return the times (n,) and states (n, 7) of successive phases, with each common sample only once."""
-    return join_samples([s.t for s in stretches]), join_samples([s.y for s in stretches])
+    times = [stretch.t for stretch in stretches]
+    states = [stretch.y for stretch in stretches]
+    return join_samples(times), join_samples(states)
 
 
 def greatest_load(stretches: Sequence[IntegratedPhase]) -> float:
     """Return the largest specific force (m/s^2) of a flight, at its knots."""
-    samples = [(s.rate(t, y)[3:6], y[:3]) for s in stretches for t, y in zip(s.t.tolist(), s.y, strict=True)]
-    a, r = np.swapaxes(np.array(samples), 0, 1)
-    return float(np.max(np.linalg.norm(a - gravity_along(r.copy()), axis=1)))
+    accelerations, positions = [], []
+    for stretch in stretches:
+        for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
+            accelerations.append(stretch.rate(t, y)[3:6])
+            positions.append(y[:3])
+    force = np.array(accelerations) - gravity_along(np.array(positions))
+    return float(np.max(np.linalg.norm(force, axis=1)))
 
 
 class FlightIntegration:

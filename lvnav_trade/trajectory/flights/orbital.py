@@ -162,63 +162,103 @@ def orbit(card: OrbitalFlight) -> Trajectory:
         flight.descend(card.descent)
     flight.events["end"] = flight.t
     t, y = knots(flight.stretches)
-    flown = phases(flight.stretches, attitude_spline(t, attitude(flight.modes, t, y)))
-    return Trajectory(tuple(flown), flight.events, flight.theta0, card.epoch, _facts(flight))
+    q_b_i = attitude_spline(t, attitude(flight.modes, t, y))
+    return Trajectory(
+        phases=tuple(phases(flight.stretches, q_b_i)),
+        events=flight.events,
+        theta0=flight.theta0,
+        epoch=card.epoch,
+        facts=_facts(flight),
+    )
+
+
+def _initial_elements(orbit: OrbitalStart, theta0: float) -> Elements:
+    """Return the orbital elements of a start; theta0 : rad, Earth angle at t = 0."""
+    a = SEMI_MAJOR + 0.5 * (orbit.apogee + orbit.perigee)
+    linear_eccentricity = 0.5 * (orbit.apogee - orbit.perigee)
+    return Elements(
+        semi_major_axis=np.array(a),
+        eccentricity=np.array(linear_eccentricity / a),
+        inclination=np.array(orbit.inclination),
+        node=np.array(orbit.node + theta0),
+        perigee_argument=np.array(orbit.perigee_argument),
+        true_anomaly=np.array(orbit.latitude_argument - orbit.perigee_argument),
+    )
 
 
 class _OrbitalIntegration(FlightIntegration):
     def __init__(self, card: OrbitalFlight) -> None:
-        self.card, at, theta0 = card, card.orbit, gmst(card.epoch)
-        a, e = SEMI_MAJOR + 0.5 * (at.apogee + at.perigee), 0.5 * (at.apogee - at.perigee)
-        node, anomaly = at.node + theta0, at.latitude_argument - at.perigee_argument
-        elements = Elements(*map(np.array, (a, e / a, at.inclination, node, at.perigee_argument, anomaly)))
-        air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
-        start = np.concatenate([*state_from_elements(elements), [card.mass]])
-        super().__init__(theta0, start, air if card.reference_area > 0.0 else None)
+        self.card = card
+        theta0 = gmst(card.epoch)
+        r_i, v_i = state_from_elements(_initial_elements(card.orbit, theta0))
+        air = None
+        if card.reference_area > 0.0:
+            air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
+        super().__init__(theta0, np.concatenate([r_i, v_i, [card.mass]]), air)
 
-    def point(self, to: OrbitalLeg | Descent) -> None:
-        """Turn to an attitude law at the present time; the first law applies from the start."""
-        start, slew = (self.t, to.slew) if self.modes else (-math.inf, 0.0)
-        self.modes.append(AttitudeLaw(start, slew, turned(self._law(to.attitude), to.pitch, to.yaw)))
+    def point(self, leg: OrbitalLeg | Descent) -> None:
+        """Turn to the attitude law of a leg at the present time; the first law applies from the start."""
+        start, slew = (self.t, leg.slew) if self.modes else (-math.inf, 0.0)
+        axes = turned(self._law(leg.attitude), leg.pitch, leg.yaw)
+        self.modes.append(AttitudeLaw(start, slew, axes))
 
     def _law(self, law: Pointing) -> Axes:
+        """Return an attitude law that begins at the present state."""
         if law == "inertial":
-            return fixed_to_stars(self.axes() if self.modes else along_velocity()(np.array([self.t]), self.y[None])[0])
+            if self.modes:
+                return fixed_to_stars(self.axes())
+            return fixed_to_stars(along_velocity()(np.array([self.t]), self.y[None])[0])
         if law == "airspeed":
             across = unit(np.cross(self.y[3:6], self.y[:3]))
-            return along_airspeed(ecef_from_eci(across, earth_angle(self.theta0, self.t)), self.theta0)
-        return level if law == "horizontal" else along_velocity(1.0 if law == "prograde" else -1.0)
+            across_e = ecef_from_eci(across, earth_angle(self.theta0, self.t))
+            return along_airspeed(across_e, self.theta0)
+        if law == "horizontal":
+            return level
+        return along_velocity(1.0 if law == "prograde" else -1.0)
 
     def leg(self, leg: OrbitalLeg) -> None:
+        """Integrate a coast or a burn."""
         self.point(leg)
-        burning = leg.thrust is not None
-        if burning and self._turn() > _WIDEST:
+        burns = leg.thrust is not None
+        if burns and self._turn() > _WIDEST:
             raise InputError(
                 f"{self.card.name}: the body would turn by {math.degrees(self._turn()):.0f} deg while {leg.name!r} "
                 "burns; turn it in a coast before"
             )
-        self.events[f"{leg.name}_ignition" if burning else leg.name] = self.t
-        step = _POWERED if burning or leg.slew < 20.0 * _COAST or self.height < _AIR else _COAST
+        self.events[f"{leg.name}_ignition" if burns else leg.name] = self.t
+        is_smooth = not burns and leg.slew >= 20.0 * _COAST and self.height >= _AIR
+        step = _COAST if is_smooth else _POWERED
         thrust = self.thrust(leg.thrust, leg.flow) if leg.thrust is not None else None
         self.keep(self.ahead(leg.name, leg.duration, step, thrust, self.above(0.0)))
         if self.height < 1.0:
             raise InputError(f"{self.card.name}: the leg {leg.name!r} ends on the ground")
-        if burning:
+        if burns:
             self.events[f"{leg.name}_cutoff"] = self.t
 
     def _turn(self) -> float:
         """Return the angle (rad) from the present attitude to that of the latest law."""
-        trace = float(np.trace(self.axes().T @ self.axes(self.modes[-1:])))
-        return math.acos(min(1.0, max(-1.0, 0.5 * (trace - 1.0))))
+        rotation = self.axes().T @ self.axes(self.modes[-1:])
+        cosine = 0.5 * (float(np.trace(rotation)) - 1.0)
+        return math.acos(min(1.0, max(-1.0, cosine)))
+
+    def _marks(self, card: Descent) -> list[tuple[float, Canopy | None]]:
+        """Return the heights (m) at which the descent is cut, downwards, with the parachute that opens there."""
+        marks: list[tuple[float, Canopy | None]] = []
+        opens_below_entry = all(canopy.below < _ENTRY for canopy in card.parachutes)
+        for height in (_AIR, _ENTRY):
+            is_crossed = card.altitude < height < self.height
+            if is_crossed and (height == _AIR or opens_below_entry):
+                marks.append((height, None))
+        marks += [(canopy.below, canopy) for canopy in card.parachutes]
+        return [*marks, (card.altitude, None)]
 
     def descend(self, card: Descent) -> None:
+        """Integrate the descent to its end, with its parachutes."""
         self.point(card)
         self.events["descent"] = self.t
-        step = _COAST if self.height > _AIR and card.slew >= 20.0 * _COAST else _POWERED
-        entered = all(canopy.below < _ENTRY for canopy in card.parachutes)
-        layers = [mark for mark in (_AIR, _ENTRY) if card.altitude < mark < self.height and (mark == _AIR or entered)]
-        marks = [*((mark, None) for mark in layers), *((canopy.below, canopy) for canopy in card.parachutes)]
-        for mark, canopy in [*marks, (card.altitude, None)]:
+        is_smooth = self.height > _AIR and card.slew >= 20.0 * _COAST
+        step = _COAST if is_smooth else _POWERED
+        for mark, canopy in self._marks(card):
             above = self.above(mark)
             if above(self.t, self.y) <= 0.0:
                 raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")

@@ -140,48 +140,67 @@ class SoundingFlight(FlightCard):
 
 
 def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: float, end: float) -> PPoly | None:
-    """Return the roll angle (rad) from start to end (s) with an initial spin of zero; None without any spin."""
+    """Return the roll angle (rad) from start to end (s) with an initial spin of zero; None without any spin.
+
+    The spin rate is constant between the steps, and goes over to the next rate along 6 x^5 - 15 x^4 + 10 x^3.
+    """
     if not steps:
         return None
-    times, rows, before = [start - 1.0], [], 0.0
+    times = [start - 1.0]
+    coefficients = []  # of the spin rate (Hz) in each interval, from the highest power of time down
+    rate = 0.0
     for step in steps:
-        at = resolve(step.at, events)
-        if at < times[-1] or at + step.over > end:
+        begin = resolve(step.at, events)
+        if begin < times[-1] or begin + step.over > end:
             raise InputError(f"spin: the step at {step.at!r} overlaps the one before, or lies outside the flight")
-        change, d = step.frequency - before, step.over
-        rows += [
-            [0.0] * 5 + [before],
-            [6.0 * change / d**5, -15.0 * change / d**4, 10.0 * change / d**3, 0.0, 0.0, before],
-        ]
-        times += [at, at + d]
-        before = step.frequency
-    rows.append([0.0] * 5 + [before])
-    return PPoly(2.0 * math.pi * np.array(rows).T, np.array([*times, end + 1.0])).antiderivative()
+        change, span = step.frequency - rate, step.over
+        quintic = [6.0 * change / span**5, -15.0 * change / span**4, 10.0 * change / span**3, 0.0, 0.0, rate]
+        coefficients += [_constant(rate), quintic]
+        times += [begin, begin + span]
+        rate = step.frequency
+    coefficients.append(_constant(rate))
+    angular_rate = PPoly(2.0 * math.pi * np.array(coefficients).T, np.array([*times, end + 1.0]))
+    return angular_rate.antiderivative()
+
+
+def _constant(rate: float) -> list[float]:
+    """Return the coefficients of a constant, as a polynomial of fifth degree."""
+    return [0.0] * 5 + [rate]
 
 
 def launch(card: SoundingFlight) -> Trajectory:
     """Return the true trajectory of a sounding rocket; InputError if it does not rise or cannot reach its apogee."""
-    flight = _fly(card, *_solve(card))
-    before = pad_knots(card.pad_hold, _STEP)
-    t, y = knots(flight.stretches)
-    t, y = np.concatenate([before, t]), np.concatenate([np.zeros((before.size, 7)), y])
+    rail_elevation, turn_elevation = _solve(card)
+    flight = _simulate(card, rail_elevation, turn_elevation)
+    pad_t = pad_knots(card.pad_hold, _STEP)
+    flight_t, states = knots(flight.stretches)
+    t = np.concatenate([pad_t, flight_t])
+    y = np.concatenate([np.zeros((pad_t.size, 7)), states])
     q_b_i = attitude_spline(t, attitude(flight.modes, t, y))
-    flight.events["max_q"], pressure = _max_q(flight)
+    flight.events["max_q"], max_q = _max_q(flight)
     events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
     spin = spin_angle(card.spin, events, float(t[0]), float(t[-1]))
-    flown = (*site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin), *phases(flight.stretches, q_b_i, spin))
-    return Trajectory(flown, events, flight.theta0, card.epoch, _facts(card, flight, pressure))
+    pad = site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin)
+    return Trajectory(
+        phases=(*pad, *phases(flight.stretches, q_b_i, spin)),
+        events=events,
+        theta0=flight.theta0,
+        epoch=card.epoch,
+        facts=_facts(card, flight, max_q),
+    )
 
 
 class _SoundingIntegration(FlightIntegration):
     def __init__(self, card: SoundingFlight, elevation: float) -> None:
         up, downrange, right = site_axes(card.site, card.rail.azimuth)
-        self.card, self.elevation, self.right_e, self.held = card, elevation, right, False
+        self.card, self.elevation, self.right_e = card, elevation, right
+        self.is_held = False  # whether spin stabilises the attitude
         self.rail_e = math.cos(elevation) * downrange + math.sin(elevation) * up
         mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
         theta0 = frames.gmst(card.epoch)
-        start = np.concatenate([*pad_state(card.site, float(frames.earth_angle(theta0, 0.0))), [mass]])
-        super().__init__(theta0, start, Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient)))
+        r_i, v_i = pad_state(card.site, float(frames.earth_angle(theta0, 0.0)))
+        drag = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
+        super().__init__(theta0, np.concatenate([r_i, v_i, [mass]]), drag)
         self.modes.append(AttitudeLaw(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
         self.events["liftoff"] = 0.0
 
@@ -194,21 +213,24 @@ class _SoundingIntegration(FlightIntegration):
         free = newton(self.air, self.motor(stage), self.theta0)
         start_e = frames.ecef_from_eci(self.y[:3], self.theta0)
 
-        def law(t: float, y: Floats) -> Floats:
+        def rate(t: float, y: Floats) -> Floats:
             out = free(t, y)
             rail = frames.eci_from_ecef(self.rail_e, frames.earth_angle(self.theta0, t))
-            at_rest = _acceleration_at_rest(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], frames.earth_velocity(y[:3], y[3:6]))
-            out[3:6] = rail * (rail @ (out[3:6] - at_rest)) + at_rest
+            # Centripetal and Coriolis acceleration of a point on the rotating rail
+            velocity = frames.earth_velocity(y[:3], y[3:6])
+            frame_acceleration = _centripetal_acceleration(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], velocity)
+            out[3:6] = rail * (rail @ (out[3:6] - frame_acceleration)) + frame_acceleration
             return out
 
-        def gone(t: float, y: Floats) -> float:
+        def distance_to_end(t: float, y: Floats) -> float:
             way = frames.ecef_from_eci(y[:3], frames.earth_angle(self.theta0, t)) - start_e
             return float(self.rail_e @ way) - self.card.rail.length
 
-        push = frames.rotation_i_e(self.theta0) @ (law(0.0, self.y)[3:6] - _acceleration_at_rest(self.y))
-        if float(self.rail_e @ push) < 0.5:
+        acceleration = rate(0.0, self.y)[3:6] - _centripetal_acceleration(self.y)
+        acceleration_e = frames.rotation_i_e(self.theta0) @ acceleration
+        if float(self.rail_e @ acceleration_e) < 0.5:
             raise InputError(f"{self.card.name}: the thrust of {stage.name!r} does not lift the rocket off its rail")
-        self.keep(fly("rail", 0.0, self.y, law, stage.burn_time, _STEP, gone))
+        self.keep(fly("rail", 0.0, self.y, rate, stage.burn_time, _STEP, distance_to_end))
         self.events["rail_exit"] = self.t
         self.nose_first(self.card.weathercock)
 
@@ -218,32 +240,40 @@ class _SoundingIntegration(FlightIntegration):
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
         """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
-        end, above = self.t + duration, self.above(self.card.held_above)
+        end = self.t + duration
+        above = self.above(self.card.held_above)
         while end - self.t > 1e-9:
-            cut = None if self.held or above(self.t, self.y) >= 0.0 else above
-            self.keep(self.ahead(name, end - self.t, _STEP, thrust, cut))
-            if not self.held and above(self.t, self.y) >= -1e-6:
+            has_crossing = not self.is_held and above(self.t, self.y) < 0.0
+            self.keep(self.ahead(name, end - self.t, _STEP, thrust, above if has_crossing else None))
+            if not self.is_held and above(self.t, self.y) >= -1e-6:
                 self.hold(self.axes())
 
     def hold(self, C_b_i: Floats, start: float | None = None) -> None:
         """Keep an inertial attitude from `start` (s) on; None: from the present time on."""
-        self.held = True
-        self.modes.append(AttitudeLaw(self.t if start is None else start, self.card.turn_time, fixed_to_stars(C_b_i)))
+        self.is_held = True
+        law_start = self.t if start is None else start
+        self.modes.append(AttitudeLaw(law_start, self.card.turn_time, fixed_to_stars(C_b_i)))
 
     def turn(self, elevation: float, coast: float) -> None:
         """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
-        there = self.ahead("", coast, _STEP)
-        C_i_n = frames.rotation_i_n(there.y[-1:, :3], np.array(frames.earth_angle(self.theta0, there.t[-1])))[0]
-        along = C_i_n @ frames.earth_velocity(there.y[-1, :3], there.y[-1, 3:6])
-        x = C_i_n.T @ np.array([*(along[:2] / np.hypot(*along[:2]) * math.cos(elevation)), -math.sin(elevation)])
-        right = frames.eci_from_ecef(self.right_e, frames.earth_angle(self.theta0, there.t[-1]))
-        self.hold(body_axes(x[None], right[None], np.zeros(1))[0], float(there.t[-1]) - self.card.turn_time)
+        ahead = self.ahead("", coast, _STEP)
+        end, y = ahead.t[-1], ahead.y[-1]
+        theta = frames.earth_angle(self.theta0, end)
+        C_i_n = frames.rotation_i_n(y[None, :3], np.array(theta))[0]
+        v_n = C_i_n @ frames.earth_velocity(y[:3], y[3:6])
+        horizontal = v_n[:2] / np.hypot(*v_n[:2]) * math.cos(elevation)
+        x = C_i_n.T @ np.array([*horizontal, -math.sin(elevation)])
+        right = frames.eci_from_ecef(self.right_e, theta)
+        C_b_i = body_axes(x[None], right[None], np.zeros(1))[0]
+        self.hold(C_b_i, float(end) - self.card.turn_time)
 
     def burn(self, number: int, stage: SolidMotor) -> None:
+        """Burn a stage, and coast to its separation."""
         thrust = self.motor(stage)
         if number > 1:
             self.events[f"stage{number}_ignition"] = self.t
-        self.leg(f"stage {number} burn", stage.burn_time - (self.t if number == 1 else 0.0), thrust)
+        elapsed = self.t if number == 1 else 0.0  # on the rail
+        self.leg(f"stage {number} burn", stage.burn_time - elapsed, thrust)
         self.events[f"stage{number}_cutoff"] = self.t
         if stage.separation_delay is not None:
             self.leg(f"stage {number} coast", stage.separation_delay)
@@ -251,9 +281,10 @@ class _SoundingIntegration(FlightIntegration):
             self.y[6] -= stage.dry
 
     def rise(self) -> None:
+        """Coast to the apogee."""
         if climb(self.y) <= 0.0:
             raise InputError(f"{self.card.name}: the rocket is past its apogee before its last stage is done")
-        if not self.held:
+        if not self.is_held:
             self.hold(self.axes())
         self.keep(self.ahead("coast", _LONGEST, _STEP, until=lambda t, y: climb(y)))
         if climb(self.y) > 1.0:
@@ -262,33 +293,31 @@ class _SoundingIntegration(FlightIntegration):
 
     def fall(self) -> None:
         """Coast down to the end, nose first again in the air."""
-        if self.height - self.card.end_altitude < 1.0:
-            raise InputError(f"{self.card.name}: the apogee is not above end_altitude")
-        marks = [self.card.held_above] if self.card.end_altitude < self.card.held_above < self.height else []
-        for mark in [*marks, self.card.end_altitude]:
-            last = mark == self.card.end_altitude
-            stretch = self.ahead("descent", _LONGEST, _STEP, until=self.above(mark))
-            if last:  # a whole second is the end of a tick at every rate
-                stretch = self.ahead(
-                    "descent", max(math.floor(stretch.t[-1]), math.ceil(self.t + 1e-6)) - self.t, _STEP
-                )
-            self.keep(stretch)
-            if not last:
-                self.nose_first(self.card.turn_time)
+        card = self.card
+        if self.height - card.end_altitude < 1.0:
+            raise InputError(f"{card.name}: the apogee is not above end_altitude")
+        if card.end_altitude < card.held_above < self.height:
+            self.keep(self.ahead("descent", _LONGEST, _STEP, until=self.above(card.held_above)))
+            self.nose_first(card.turn_time)
+        stretch = self.ahead("descent", _LONGEST, _STEP, until=self.above(card.end_altitude))
+        # a whole second is the end of a tick at every rate
+        end = max(math.floor(stretch.t[-1]), math.ceil(self.t + 1e-6))
+        self.keep(self.ahead("descent", end - self.t, _STEP))
         self.events["end"] = self.t
 
 
-def _acceleration_at_rest(y: Floats) -> Floats:
+def _centripetal_acceleration(y: Floats) -> Floats:
     """Return the acceleration (3,) of a point at rest on the rotating Earth, at the position of a state."""
     return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
 
 
-def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _SoundingIntegration:
+def _simulate(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _SoundingIntegration:
     """Return the flight with rail at `elevation` and last stage turned to `turn` (rad); to apogee if not whole."""
     flight = _SoundingIntegration(card, elevation)
     flight.leave_rail(card.stages[0])
     for number, stage in enumerate(card.stages, start=1):
-        goal = stage.elevation if number < len(card.stages) or turn is None else turn
+        is_solved = number == len(card.stages) and turn is not None
+        goal = turn if is_solved else stage.elevation
         if number > 1:
             if goal is not None:
                 flight.turn(goal, stage.ignition_delay)
@@ -302,27 +331,29 @@ def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool
 
 def _solve(card: SoundingFlight) -> tuple[float, float | None]:
     """Return the elevations (rad) of rail and last stage (None: no turn) that reach the apogee."""
-    rail, wanted = card.rail.elevation, card.apogee
-    if wanted is None:
+    rail, apogee = card.rail.elevation, card.apogee
+    if apogee is None:
         assert rail is not None
         return rail, None
-    _SoundingIntegration(card, rail or math.radians(80.0)).leave_rail(
-        card.stages[0]
-    )  # refuses what does not, before the search
+    # before the search, refuse a rocket that does not leave its rail
+    _SoundingIntegration(card, rail or math.radians(80.0)).leave_rail(card.stages[0])
 
-    def excess(elevation: float) -> float:
-        start, turn = (elevation, None) if rail is None else (rail, elevation)
+    def excess_height(elevation: float) -> float:
+        rail_elevation, turn = (elevation, None) if rail is None else (rail, elevation)
         try:
-            return _fly(card, start, turn, whole=False).height - wanted
+            return _simulate(card, rail_elevation, turn, whole=False).height - apogee
         except InputError:  # so low that it comes down before its last stage is done
-            return -wanted
+            return -apogee
 
-    low, high = (math.radians(60.0), math.radians(89.5)) if rail is None else (math.radians(-10.0), math.radians(80.0))
+    if rail is None:
+        low, high = math.radians(60.0), math.radians(89.5)
+    else:
+        low, high = math.radians(-10.0), math.radians(80.0)
     try:
-        elevation = float(brentq(excess, low, high, xtol=1e-7))
+        elevation = float(brentq(excess_height, low, high, xtol=1e-7))
     except ValueError:
         raise InputError(
-            f"{card.name}: an apogee of {wanted / 1e3:g} km is out of reach with elevations of "
+            f"{card.name}: an apogee of {apogee / 1e3:g} km is out of reach with elevations of "
             f"{math.degrees(low):g} to {math.degrees(high):g} deg"
         ) from None
     return (elevation, None) if rail is None else (rail, elevation)
@@ -330,25 +361,32 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
 
 def _max_q(flight: _SoundingIntegration) -> tuple[float, float]:
     """Return time (s) and value (Pa) of the greatest dynamic pressure before the apogee."""
-    best = (0.0, 0.0)
+    max_q, max_q_time = 0.0, 0.0
     for stretch in flight.stretches:
         if stretch.name in ("rail", "descent"):
             continue
         for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
             density = atmosphere(height(t, y, flight.theta0))[0]
-            best = max(best, (0.5 * density * float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2)), t))
-    return best[1], best[0]
+            square_speed = float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2))
+            q = 0.5 * density * square_speed
+            if (q, t) > (max_q, max_q_time):
+                max_q, max_q_time = q, t
+    return max_q_time, max_q
 
 
 def _facts(card: SoundingFlight, flight: _SoundingIntegration, max_q: float) -> dict[str, float | str]:
-    apogee = next(s for s in flight.stretches if s.t[-1] == flight.events["apogee"])
-    ends = (0.0, flight.stretches[0].y[0]), (flight.t, flight.y)
-    begin_e, end_e = (frames.ecef_from_eci(y[:3], frames.earth_angle(flight.theta0, t)) for t, y in ends)
+    """Return the facts of a flight for the report, SI."""
+    apogee_time = flight.events["apogee"]
+    apogee = next(stretch for stretch in flight.stretches if stretch.t[-1] == apogee_time)
+    begin_y = flight.stretches[0].y[0]
+    begin_e = frames.ecef_from_eci(begin_y[:3], frames.earth_angle(flight.theta0, 0.0))
+    end_e = frames.ecef_from_eci(flight.y[:3], frames.earth_angle(flight.theta0, flight.t))
+    central_angle = math.acos(float(frames.unit(begin_e) @ frames.unit(end_e)))
     return {
         "apogee_m": height(float(apogee.t[-1]), apogee.y[-1], flight.theta0),
         "rail_elevation_rad": flight.elevation,
         "azimuth_rad": card.rail.azimuth,
-        "downrange_m": SEMI_MAJOR * math.acos(float(frames.unit(begin_e) @ frames.unit(end_e))),
+        "downrange_m": SEMI_MAJOR * central_angle,
         "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
         "max_dynamic_pressure_pa": max_q,
     }

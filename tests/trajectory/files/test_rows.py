@@ -12,6 +12,7 @@ from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import gmst, matrices
 from lvnav_trade.trajectory.files.rows import read_rows
+from tests.trajectory.files.test_row_checks import with_holes
 from tests.trajectory.tables import EPOCH, card, path, to_earth, write
 
 
