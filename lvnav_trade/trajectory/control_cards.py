@@ -194,13 +194,16 @@ def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> 
     """Return the wind at geodetic places (n,): steady (n, 2, 3) m/s, frame e, the profile along its direction and the
     same across it; sigma (n,) m/s and length (n,) m of the gusts.
     """
-    along = np.array([-np.cos(card.direction), -np.sin(card.direction), 0.0])
-    across = np.array([np.sin(card.direction), -np.cos(card.direction), 0.0])
+    north, east = np.cos(card.direction), np.sin(card.direction)
+    along = np.array([-north, -east, 0.0])  # frame n; the wind blows from its direction
+    across = np.array([east, -north, 0.0])
     speed = np.interp(height, card.height, card.speed, right=0.0)
     C_e_n = rotation_e_n(latitude, longitude)
-    steady = np.einsum("kji,aj->kai", C_e_n, np.stack([along, across])) * speed[:, None, None]
-    gust = np.interp(height, card.height, card.gust, right=0.0)
-    return steady, gust, np.interp(height, card.height, card.gust_length)
+    directions = np.einsum("kji,aj->kai", C_e_n, np.stack([along, across]))
+    steady = directions * speed[:, None, None]
+    gust_sigma = np.interp(height, card.height, card.gust, right=0.0)
+    gust_length = np.interp(height, card.height, card.gust_length)
+    return steady, gust_sigma, gust_length
 
 
 class SteeredCard(units.Card):

@@ -179,11 +179,12 @@ def _window(oscillation: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats
     body rate, velocity and specific force have no jump.
     """
     ramp = oscillation.ramp
-    rising, falling = (t - oscillation.start) / ramp, (oscillation.end - t) / ramp
+    rising = (t - oscillation.start) / ramp
+    falling = (oscillation.end - t) / ramp
     x = np.clip(np.minimum(rising, falling), 0.0, 1.0)
-    sign = np.where(rising <= falling, 1.0, -1.0) / ramp
+    x_rate = np.where(rising <= falling, 1.0, -1.0) / ramp
     w = x**3 * (10.0 + x * (6.0 * x - 15.0))
-    dw = 30.0 * x**2 * (1.0 - x) ** 2 * sign
+    dw = 30.0 * x**2 * (1.0 - x) ** 2 * x_rate
     ddw = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / ramp**2
     return w, dw, ddw
 
@@ -298,16 +299,24 @@ def _mode_sinusoids(card: SwayMode) -> Iterator[Sinusoid]:
         yield _sway_sinusoid(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
         return
     place, turns = _random_pairs(f"{card.name} {card.axis} mode", card.lines)
-    # Response of a damped oscillator to white torque, over the ratio of a frequency to that of the mode
     ratio = np.geomspace(_SLOWEST, _FASTEST, 20001)
-    density = 1.0 / ((1.0 - ratio**2) ** 2 + (2.0 * card.damping * ratio) ** 2)
-    power_steps = 0.5 * (density[1:] + density[:-1]) * np.diff(ratio)
-    power = np.concatenate([[0.0], np.cumsum(power_steps)])
+    power = _mode_power(ratio, card.damping)
     quantiles = (np.arange(card.lines) + place) / card.lines
     line_ratios = np.interp(quantiles, power / power[-1], ratio)
     peak = card.angle * math.sqrt(2.0 / card.lines)
     for line_ratio, turn in zip(line_ratios.tolist(), turns.tolist(), strict=True):
         yield _sway_sinusoid(card, line_ratio * card.frequency, peak, 2.0 * math.pi * turn)
+
+
+def _mode_power(ratio: Floats, damping: float) -> Floats:
+    """Return the power (n,) up to ratios (n,) of a frequency to that of a mode, of a damped oscillator.
+
+    Its response to white torque has the density 1 / ((1 - ratio^2)^2 + (2 damping ratio)^2).
+    """
+    stiffness = (1.0 - ratio**2) ** 2
+    density = 1.0 / (stiffness + (2.0 * damping * ratio) ** 2)
+    steps = 0.5 * (density[1:] + density[:-1]) * np.diff(ratio)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _sway_sinusoid(card: SwayMode, frequency: float, peak: float, phase: float) -> Sinusoid:

@@ -335,15 +335,17 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
     end of a phase. They have three nodes (exact to the sixth power of the interval), or more if the body spins or
     oscillates. The remainder of the trajectory after the last whole interval is omitted.
     """
-    n_imu = math.floor((trajectory.end - trajectory.start) * rate + 1e-6)
-    t = np.minimum(trajectory.start + np.arange(n_imu + 1) / rate, trajectory.end)
+    start, end = trajectory.start, trajectory.end
+    n_imu = math.floor((end - start) * rate + 1e-6)
+    t = np.minimum(start + np.arange(n_imu + 1) / rate, end)
     dtheta, dvel = np.zeros((n_imu, 3)), np.zeros((n_imu, 3))
     for phase in trajectory.phases:
-        begin, end = np.maximum(t[:-1], phase.start), np.minimum(t[1:], phase.end)
-        (within,) = np.nonzero(end - begin > _SLIVER)  # intervals that overlap the phase, contiguous
+        piece_begin = np.maximum(t[:-1], phase.start)
+        piece_end = np.minimum(t[1:], phase.end)
+        (within,) = np.nonzero(piece_end - piece_begin > _SLIVER)  # intervals that overlap the phase, contiguous
         if within.size:
             ticks = slice(within[0], within[-1] + 1)
-            _add_integrals(phase, begin[ticks], end[ticks], dtheta[ticks], dvel[ticks])
+            _add_integrals(phase, piece_begin[ticks], piece_end[ticks], dtheta[ticks], dvel[ticks])
     return Reference(t, *motion(trajectory, t)[1:], dtheta, dvel)
 
 

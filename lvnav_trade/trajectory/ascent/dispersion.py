@@ -62,7 +62,7 @@ def _require_aloft(flight: SimulatedAscent) -> None:
 
 
 def dispersed(card: VehicleAscent, dispersion: Dispersion) -> VehicleAscent:
-    """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError if it cannot fly."""
+    """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError for faults."""
     vehicle, fairing = card.vehicle, card.vehicle.fairing
     if fairing is not None:
         fairing = fairing.model_copy(update={"mass": fairing.mass * dispersion.mass})

@@ -122,18 +122,26 @@ def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Dra
     r = (y[0], y[1], y[2])
     v = (y[3], y[4], y[5])
     mass = y[6]
-    airspeed = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
+    airspeed = (
+        v[0] + OMEGA * r[1],
+        v[1] - OMEGA * r[0],
+        v[2],
+    )
     drag_per_speed, pressure = drag_factor(r, airspeed, drag)
     motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
     thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
     thrust += motor_thrust
     u = direction(t, r, v, steering)
     gravity = gravity_j4(r[0], r[1], r[2])
-    ax = gravity[0] + (thrust * u[0] - drag_per_speed * airspeed[0]) / mass
-    ay = gravity[1] + (thrust * u[1] - drag_per_speed * airspeed[1]) / mass
-    az = gravity[2] + (thrust * u[2] - drag_per_speed * airspeed[2]) / mass
-    mass_rate = -engine.mass_flow * throttle - motor_flow
-    return v[0], v[1], v[2], ax, ay, az, mass_rate
+    return (
+        v[0],
+        v[1],
+        v[2],
+        gravity[0] + (thrust * u[0] - drag_per_speed * airspeed[0]) / mass,
+        gravity[1] + (thrust * u[1] - drag_per_speed * airspeed[1]) / mass,
+        gravity[2] + (thrust * u[2] - drag_per_speed * airspeed[2]) / mass,
+        -engine.mass_flow * throttle - motor_flow,
+    )
 
 
 @making_arrays
@@ -148,13 +156,15 @@ def _along(y: Floats, h: float, k: Rates) -> Floats:
 @making_arrays
 def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
     """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
+    half = 0.5 * h
     k1 = rates(t, y, steering, engine, drag)
-    k2 = rates(t + 0.5 * h, _along(y, 0.5 * h, k1), steering, engine, drag)
-    k3 = rates(t + 0.5 * h, _along(y, 0.5 * h, k2), steering, engine, drag)
+    k2 = rates(t + half, _along(y, half, k1), steering, engine, drag)
+    k3 = rates(t + half, _along(y, half, k2), steering, engine, drag)
     k4 = rates(t + h, _along(y, h, k3), steering, engine, drag)
     out = np.empty(7)
     for i in range(7):
-        out[i] = y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+        slope = k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]
+        out[i] = y[i] + h / 6.0 * slope
     return out
 
 

@@ -75,15 +75,17 @@ def _max_q(flight: SimulatedAscent) -> tuple[float, float]:
     theta0 = flight.steering.theta0
     first_stage = [leg for leg in flight.legs if leg.t[0] < flight.events["stage1_cutoff"]]
     pressures = [_dynamic_pressure(leg, theta0) for leg in first_stage]
-    highest = max(range(len(first_stage)), key=lambda number: float(np.max(pressures[number])))
+    maxima = [float(np.max(pressure)) for pressure in pressures]
+    highest = maxima.index(max(maxima))
     leg, q = first_stage[highest], pressures[highest]
     k = int(np.clip(np.argmax(q), 1, q.size - 2))
-    curvature = q[k - 1] - 2.0 * q[k] + q[k + 1]
+    before, top, after = q[k - 1], q[k], q[k + 1]
+    curvature = before - 2.0 * top + after
     shift = 0.0  # of the vertex from the top sample, in intervals
     if curvature < 0.0:
-        shift = float(np.clip(0.5 * (q[k - 1] - q[k + 1]) / curvature, -1.0, 1.0))
-    time = leg.t[k] + shift * (leg.t[1] - leg.t[0])
-    return float(time), float(q[k])
+        shift = float(np.clip(0.5 * (before - after) / curvature, -1.0, 1.0))
+    interval = leg.t[1] - leg.t[0]
+    return float(leg.t[k] + shift * interval), float(top)
 
 
 def _dynamic_pressure(leg: AscentLeg, theta0: float) -> Floats:

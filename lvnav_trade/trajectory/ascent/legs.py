@@ -111,7 +111,10 @@ def _bends(motor: Motor) -> list[float]:
 
 
 def _thrust_at(motor: Motor, after: float) -> float:
-    """Return the vacuum thrust (N) of a motor `after` s from ignition; constant after its burn time."""
+    """Return the vacuum thrust (N) of a motor `after` s from ignition; constant after its burn time.
+
+    The profile is linear between its points, and is scaled to the mean thrust of the motor.
+    """
     if motor.profile is None:
         return motor.full_thrust
     share, level = motor.profile.part, motor.profile.thrust
@@ -119,8 +122,10 @@ def _thrust_at(motor: Motor, after: float) -> float:
     mean = sum(0.5 * (level[k] + level[k + 1]) * (share[k + 1] - share[k]) for k in intervals)
     x = min(max(after / motor.full_burn, 0.0), 1.0)
     k = next(k for k in intervals if x <= share[k + 1])
-    slope = (level[k + 1] - level[k]) * (x - share[k]) / (share[k + 1] - share[k])
-    return motor.full_thrust * (level[k] + slope) / mean
+    rise = level[k + 1] - level[k]
+    width = share[k + 1] - share[k]
+    level_x = level[k] + rise * (x - share[k]) / width
+    return motor.full_thrust * level_x / mean
 
 
 def _total_thrust(burning: list[_Burning], begin: float, end: float) -> Unthrottled:

@@ -84,7 +84,7 @@ class RecordedAscent(FileFlightCard):
         description="largest specific force; a trajectory beyond it is refused",
     )
     highest_spin: AngularRateLimit = Field(
-        0.5235987755982988,  # 30 deg/s: a record holds no attitude, so that it cannot show a spin
+        0.5235987755982988,  # 30 deg/s: a record has no attitude, so that it cannot show a spin
         description="largest body rate about the roll axis; a trajectory beyond it is refused",
     )
     highest_misfit: Annotated[float, Field(gt=0.0)] = Field(
@@ -134,23 +134,31 @@ def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple
     psi : (n,) rad. Angles from the site.
     height : (n,) m. Heights.
     """
-    # The azimuth on the ellipsoid differs from that on the sphere of normals by the ratio of the radii of curvature.
-    sine = math.sin(site.latitude)
-    meridian_over_vertical = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)
-    circle_azimuth = math.atan2(meridian_over_vertical * math.sin(azimuth), math.cos(azimuth))
-    up, downrange, _ = site_axes(site, circle_azimuth)
+    up, downrange, _ = site_axes(site, _circle_azimuth(site, azimuth))
     cosine_psi = np.cos(psi)[:, None]
     sine_psi = np.sin(psi)[:, None]
     normal = cosine_psi * up + sine_psi * downrange
     tangent = cosine_psi * downrange - sine_psi * up
-    latitude = np.arcsin(normal[:, 2].copy())
-    longitude = np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())
+    x, y, z = normal[:, 0].copy(), normal[:, 1].copy(), normal[:, 2].copy()
+    latitude = np.arcsin(z)
+    longitude = np.arctan2(y, x)
     north, east, _ = np.einsum("kij,kj->ik", rotation_e_n(latitude, longitude), tangent)
     # Radii of curvature in the prime vertical and in the meridian
-    vertical_radius = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
+    vertical_radius = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * z**2)
     meridian_radius = vertical_radius**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
-    derivatives = np.stack([(meridian_radius + height) * north, (vertical_radius + height) * east], axis=1)
-    return latitude, longitude, derivatives
+    north_derivative = (meridian_radius + height) * north
+    east_derivative = (vertical_radius + height) * east
+    return latitude, longitude, np.stack([north_derivative, east_derivative], axis=1)
+
+
+def _circle_azimuth(site: Site, azimuth: float) -> float:
+    """Return the azimuth (rad) on the sphere of normals for an azimuth on the ellipsoid.
+
+    They differ by the ratio of the radii of curvature, of the meridian over the prime vertical.
+    """
+    sine = math.sin(site.latitude)
+    ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)
+    return math.atan2(ratio * math.sin(azimuth), math.cos(azimuth))
 
 
 def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:

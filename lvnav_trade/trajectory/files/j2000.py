@@ -56,18 +56,21 @@ def rotation_to_date(epoch: str) -> Floats:
     Those are the axes that Greenwich mean sidereal time counts from, frame i at its angle (and TEME).
     """
     t = _centuries(epoch)
-    # Precession, Lieske 1977
-    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * _ARCSEC
-    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * _ARCSEC
-    theta = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * _ARCSEC
-    precession = _about_z(-z) @ _about_y(theta) @ _about_z(-zeta)
     longitude, obliquity, node = _nutation(t)
     mean_obliquity = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * _ARCSEC
     nutation = _about_x(-mean_obliquity - obliquity) @ _about_z(-longitude) @ _about_x(mean_obliquity)
     # Equation of the equinoxes, from the true equinox to the mean one
     node_terms = 0.00264 * math.sin(node) + 0.000063 * math.sin(2.0 * node)
     equinoxes = longitude * math.cos(mean_obliquity) + node_terms * _ARCSEC
-    return np.asarray(_about_z(equinoxes) @ nutation @ precession)
+    return np.asarray(_about_z(equinoxes) @ nutation @ _precession(t))
+
+
+def _precession(t: float) -> Floats:
+    """Return the precession (3, 3) from J2000 to t centuries after it (Lieske 1977)."""
+    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * _ARCSEC
+    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * _ARCSEC
+    theta = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * _ARCSEC
+    return np.asarray(_about_z(-z) @ _about_y(theta) @ _about_z(-zeta))
 
 
 def _centuries(epoch: str) -> float:

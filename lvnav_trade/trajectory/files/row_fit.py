@@ -139,7 +139,7 @@ def _fit_velocities(
     position = velocity.antiderivative()
     position.c = position.c + (rows.r_i[0] - position(rows.t[0]))
     difference = position(rows.t) - rows.r_i
-    change = np.diff(difference, axis=0)  # from row to row: what the reference point moves, and contradictions
+    change = np.diff(difference, axis=0)  # from row to row: motion of the reference point, and contradictions
     jumps = _remove_movements(card, rows, change, marks)
     jumps += _remove_steps(card, rows, change, marks)
     difference = np.concatenate([difference[:1], difference[:1] + np.cumsum(change, axis=0)])

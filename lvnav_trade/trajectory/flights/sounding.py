@@ -66,6 +66,11 @@ class SolidMotor(Card):
         description="elevation to which the body is turned before ignition, in its plane of flight; none: no turn",
     )
 
+    @property
+    def flow(self) -> float:
+        """Mass flow in kg/s."""
+        return self.propellant / self.burn_time
+
 
 class Rail(Card):
     """The rail that guides the rocket over its first metres."""
@@ -205,8 +210,9 @@ class _SoundingIntegration(FlightIntegration):
         self.events["liftoff"] = 0.0
 
     def motor(self, stage: SolidMotor) -> Thrust:
-        flow = stage.propellant / stage.burn_time
-        return self.thrust(flow * STANDARD_GRAVITY * stage.specific_impulse, flow, stage.exit_area)
+        """Return the burning motor of a stage."""
+        vacuum_thrust = stage.flow * STANDARD_GRAVITY * stage.specific_impulse
+        return self.thrust(vacuum_thrust, stage.flow, stage.exit_area)
 
     def leave_rail(self, stage: SolidMotor) -> None:
         """Integrate the motion along the rail, whose force cancels all acceleration across it."""

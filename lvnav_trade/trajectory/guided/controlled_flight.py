@@ -1,4 +1,4 @@
-"""An ascent flown under wind and attitude control: a trajectory that turns and drifts as that launch does."""
+"""Ascent under wind and attitude control, as a trajectory with the motion of that launch."""
 
 from collections.abc import Iterator
 from dataclasses import replace

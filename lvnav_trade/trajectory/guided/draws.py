@@ -12,7 +12,7 @@ from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, DispersionsCa
 from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Stage, VehicleAscent
 from lvnav_trade.trajectory.guided.guided_dynamics import Wind
 
-NO_RUN = -1  # number that stands for a vehicle of which nothing is drawn
+NO_RUN = -1  # number of a run without draws
 WIND_STEP, WIND_TOP = 500.0, 30e3
 """Metres between heights of the wind, and above which there is none: the air there is a hundredth of that at sea level.
 """
@@ -57,9 +57,9 @@ def numbers(card: VehicleAscent) -> dict[str, int]:
 
 
 def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
-    """Return the draws (in sigmas) of a run: those of `dispersion.draw`, and the fixed ones of `dispersion.sigmas`.
+    """Return the draws (in sigmas) of a run: those of `dispersion.draw`, and the fixed `dispersion.sigmas`.
 
-    Of a negative run the fixed ones alone.
+    A negative run has the fixed deviations alone.
     """
     dispersion, spreads = card.dispersion, card.vehicle.dispersions
     if dispersion is None or spreads is None:

@@ -1,4 +1,4 @@
-"""Flight of a piece of a guided ascent: a dispersed point mass that holds a commanded attitude by its navigation."""
+"""Motion over a piece of a guided ascent: a dispersed point mass in the commanded attitude of its navigation."""
 
 import math
 from typing import NamedTuple

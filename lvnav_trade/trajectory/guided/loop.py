@@ -342,7 +342,7 @@ def tick(control, forces, tilt):
         state[GUST_NOW] = forces.gust * gust_of(state[GUST_1], state[GUST_2])
         if just_ignited and motor > 0 and due > 0:
             _capture(state, course, k, axis, feed)
-        # Envelope of commanded motion: what the last commands cause, and what is unknown in the phase.
+        # Envelope of commanded motion: response to the last commands, plus the unknown motion of the phase
         turning_bound = abs(state[TURN_LAG]) + (envelope.coast if course.phase[k] == COAST else envelope.burn)
         state[JERK_BOUND_NOW] = abs(state[JERK_LAG]) + envelope.lateral
         state[TURNING_BOUND_NOW] = turning_bound

@@ -150,8 +150,8 @@ def turning_of(
     Parameters
     ----------
     launch : Launch
-    feedback : What feeds the controller.
-    draws : What the draws of the run depend on.
+    feedback : Rate, attitude and noise that feed the controller.
+    draws : Keys of the draws of the run.
     every : Ticks from record to record.
     path : Whether the true state at every tick is recorded.
     by_run : Whether the navigation of the controller is that of the run, and not one of its own.

@@ -1,7 +1,7 @@
 """Derivatives of an injection along the reference flight: by navigation errors, and by the sources of the vehicle.
 
-The reference flight is that of the vehicle without draws and with a perfect navigation. Its pieces are flown again with
-one number changed at a time, and their derivatives are multiplied from the cut-off back to lift-off. So the flight
+The reference flight is that of the vehicle without draws and with a perfect navigation. Its pieces are simulated again
+with one number changed at a time, and their derivatives are multiplied from the cut-off back to lift-off. So the flight
 itself is the only statement of the model. The time of the cut-off gives way: the flight ends when the navigated energy
 is that of the target.
 """
@@ -43,7 +43,7 @@ from lvnav_trade.trajectory.guided.piece_derivatives import (
 )
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot
 
-_CHUNK = 1.0  # s, of the pieces that are flown again with a number changed
+_CHUNK = 1.0  # s, length of the pieces
 _PROPELLANT_LEFT = INJECTION.index("propellant_left")
 _WIND_STEP = 1.0  # m/s, of the central differences
 
@@ -51,11 +51,11 @@ _WIND_STEP = 1.0  # m/s, of the central differences
 class InjectionSensitivity(NamedTuple):
     """First-order change of an injection.
 
-    why : Why there is none; empty where there is.
+    why : Reason why there is none; empty otherwise.
     reference : (n_number,). Numbers of `INJECTION` of the reference flight, SI.
     target : (n_orbit,). The target orbit, SI.
     navigation : (n_t, n_number, 9). Change by a navigation error at each of the times: attitude (rad), velocity (m/s)
-        and position (m), frame i, truth less estimate, see `dynamics.NavigationErrors`.
+        and position (m), frame i, truth less estimate, see `NavigationErrors`.
     knowledge : (n_t, n_orbit, 9). Change of the achieved orbit less the navigated one by the same.
     vehicle : Change (n_draw, n_number) by one sigma of each draw, by the name of the source.
     curvature : (n_draw, n_number). Second-order change by one sigma of each draw but those of the wind.
@@ -240,7 +240,7 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
     (n_t, n_number, 9)
         By navigation errors.
     (n_height, 2, n_number)
-        By the wind (m/s), zero where it cannot be changed.
+        By the wind (m/s), zero above the table of the wind.
     """
     n_motion = at_cutoff.by_state.shape[1]
     by_end = np.zeros((len(INJECTION), n_motion + N_LAW_STATE))  # by motion and state of guidance

@@ -241,13 +241,16 @@ def _advance(t, h, y, engine, inputs, turning, end):
     forces, before = forces_and_rates(t, y, engine, inputs, turning)
     move(turning.control, forces, h)
     for i in range(3):
-        end[i] = y[i] + h * (y[3 + i] + 0.5 * h * before[3 + i])
-        end[3 + i] = y[3 + i] + h * before[3 + i]
+        velocity, acceleration = y[3 + i], before[3 + i]
+        end[i] = y[i] + h * (velocity + 0.5 * h * acceleration)
+        end[3 + i] = velocity + h * acceleration
     end[6] = y[6] + h * before[6]
     _, after = forces_and_rates(t + h, end, engine, inputs, turning)
     for i in range(3):
-        end[i] = y[i] + h * (y[3 + i] + h / 6.0 * (2.0 * before[3 + i] + after[3 + i]))
-        end[3 + i] = y[3 + i] + 0.5 * h * (before[3 + i] + after[3 + i])
+        velocity, acceleration = y[3 + i], before[3 + i]
+        next_acceleration = after[3 + i]
+        end[i] = y[i] + h * (velocity + h / 6.0 * (2.0 * acceleration + next_acceleration))
+        end[3 + i] = velocity + 0.5 * h * (acceleration + next_acceleration)
     end[6] = y[6] + 0.5 * h * (before[6] + after[6])
 
 
