@@ -207,17 +207,26 @@ def oscillations(
     InputError
         A time lies outside the flight, or a window is too short for its ramps.
     """
-    instants = {"start": span[0], "end": span[1], **events}
+    first, last = span
+    instants = {"start": first, "end": last, **events}
     result = []
     for k, card in enumerate(cards, start=1):
         start, end = resolve(card.start, instants), resolve(card.end, instants)
         where = f"oscillation {k}: "
         if end - start < 2.0 * card.ramp:
             raise InputError(f"{where}from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
-        if start < span[0] or end > span[1]:
-            raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
+        if start < first or end > last:
+            raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {first:g} to {last:g} s")
         omega, turn, shift = zip(*_sinusoids(card), strict=True)
-        result.append(Oscillation(start, end, card.ramp, np.array(omega), np.array(turn), np.array(shift)))
+        oscillation = Oscillation(
+            start=start,
+            end=end,
+            ramp=card.ramp,
+            omega=np.array(omega),
+            turn=np.array(turn),
+            shift=np.array(shift),
+        )
+        result.append(oscillation)
     return tuple(result)
 
 

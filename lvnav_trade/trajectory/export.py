@@ -122,13 +122,18 @@ def _times(begin: float, end: float, events: list[float], rate: float) -> Floats
     """Return the times (s) of the rows: a grid from `begin`, and the events in place of grid points close to them."""
     if not rate > 0.0:
         raise InputError("the rate of the rows should be above zero")
-    if (end - begin) * rate > DATA_ROWS:
-        raise InputError(f"{(end - begin) * rate:.0f} rows; at most {DATA_ROWS} are read: give a lower rate")
-    fixed = np.unique([begin, *(time for time in events if begin < time < end), end])
+    n_row = (end - begin) * rate
+    if n_row > DATA_ROWS:
+        raise InputError(f"{n_row:.0f} rows; at most {DATA_ROWS} are read: give a lower rate")
+    inner_events = [time for time in events if begin < time < end]
+    fixed = np.unique([begin, *inner_events, end])
     fixed = fixed[np.diff(fixed, prepend=-math.inf) > _SAME]
-    grid = np.arange(math.ceil(begin * rate), math.floor(end * rate) + 1) / rate
+    first, last = math.ceil(begin * rate), math.floor(end * rate)
+    grid = np.arange(first, last + 1) / rate
     after = np.clip(np.searchsorted(fixed, grid), 1, fixed.size - 1)
-    distance = np.minimum(np.abs(grid - fixed[after]), np.abs(grid - fixed[after - 1]))
+    to_next = np.abs(grid - fixed[after])
+    to_previous = np.abs(grid - fixed[after - 1])
+    distance = np.minimum(to_next, to_previous)
     return np.sort(np.concatenate([fixed, grid[distance > 0.99 / rate]]))
 
 

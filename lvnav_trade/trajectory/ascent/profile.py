@@ -246,16 +246,20 @@ def _pointing(
     """Return the attitude spline over pad and flight, x along the specific force of the powered phases."""
     up_e, _, right_e = site_axes(card.site, azimuth)
     theta0 = gmst(card.epoch)
-    coast_starts = [begin for begin, _ in coasts] + [phases[-1].start]
+    coast_starts = [begin for begin, _ in coasts]
+    coast_starts.append(phases[-1].start)
     times = [stretch_knots(phase.start, phase.end) for phase in phases]
     thrusts: list[BSpline | None] = []
     for phase, phase_t in zip(phases, times, strict=True):
-        thrusts.append(None if phase.start in coast_starts else _thrust_spline(phase, phase_t))
-    before = pad_knots(card.pad_hold, _STEP)
-    t = np.concatenate([before, join_samples(times)])
-    along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
+        is_coast = phase.start in coast_starts
+        thrusts.append(None if is_coast else _thrust_spline(phase, phase_t))
+    pad_t = pad_knots(card.pad_hold, _STEP)
+    no_directions = np.zeros((pad_t.size, 3))
+    t = np.concatenate([pad_t, join_samples(times)])
+    along = np.concatenate([no_directions, *thrust_directions(times, thrusts)])
     upright = eci_from_ecef(up_e, earth_angle(theta0, t))
-    weight = smoothsteps((t - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[:, None]
+    first, last = _UPRIGHT
+    weight = smoothsteps((t - first) / (last - first))[:, None]
     x = unit((1.0 - weight) * upright + weight * along)
     return ascent_attitude(t, x, right_e, theta0, card.roll)
 

@@ -208,17 +208,26 @@ def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[
 
     Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
     """
-    if before is None or after is None:
-        side = after if before is None else before
-        assert side is not None
-        thrust, edge = side
-        sign = -1.0 if before is None else 1.0
-        # Integral of the decaying rate exp(-|t - edge| / _DAMPING)
-        effective_time = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
-        return unit(thrust(edge) + effective_time * thrust(edge, 1))
+    if after is None:
+        assert before is not None
+        return _decaying_rotation(t, *before, 1.0)
+    if before is None:
+        return _decaying_rotation(t, *after, -1.0)
     leaving, begin = before
     arriving, end = after
+    since_begin = (t - begin)[:, None]
+    to_end = (t - end)[:, None]
     weight = smoothsteps((t - begin) / (end - begin))[:, None]
-    from_before = leaving(begin) + (t - begin)[:, None] * leaving(begin, 1)
-    to_after = arriving(end) + (t - end)[:, None] * arriving(end, 1)
+    from_before = leaving(begin) + since_begin * leaving(begin, 1)
+    to_after = arriving(end) + to_end * arriving(end, 1)
     return unit((1.0 - weight) * from_before + weight * to_after)
+
+
+def _decaying_rotation(t: Floats, thrust: Any, edge: float, sign: float) -> Floats:
+    """Return the directions (n, 3) of a body whose rate decays away from the edge (s) of a thrust.
+
+    sign : 1 after the thrust, -1 before it.
+    """
+    # Integral of the decaying rate exp(-|t - edge| / _DAMPING)
+    effective_time = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
+    return unit(thrust(edge) + effective_time * thrust(edge, 1))

@@ -272,13 +272,15 @@ def _second_burn(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknow
     stage = card.vehicle.stages[-1]
     mass = mass_above(card, card.inserting)
     if card.inserting == len(card.vehicle.stages):
-        mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
+        flight = fly_ascent(card, aim, final_coast=False)
+        mass = float(flight.legs[-1].y[-1, 6])
     apogee = card.target.apogee
     target_speed = _apse(card.target.perigee, apogee, at_apogee=True).speed
     transfer_speed = _apse(card.parking.perigee, apogee, at_apogee=True).speed
     # Rocket equation: burn = (m exhaust / thrust) (1 - exp(-dv / exhaust))
     exhaust = stage.exhaust_speed
-    burn = mass * exhaust / stage.full_thrust * -math.expm1(-(target_speed - transfer_speed) / exhaust)
+    speed_gain = target_speed - transfer_speed
+    burn = mass * exhaust / stage.full_thrust * -math.expm1(-speed_gain / exhaust)
     a = SEMI_MAJOR + 0.5 * (card.parking.perigee + apogee)
     half_period = math.pi * math.sqrt(a**3 / GM)
     return aim._replace(coast=half_period - 0.5 * burn, burn_2=burn)

@@ -98,14 +98,32 @@ def _nutation(t: float) -> tuple[float, float, float]:
 
 def _about_x(angle: float) -> Floats:
     c, s = math.cos(angle), math.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    return np.array(
+        [
+            [1.0, 0.0, 0.0],
+            [0.0, c, s],
+            [0.0, -s, c],
+        ]
+    )
 
 
 def _about_y(angle: float) -> Floats:
     c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    return np.array(
+        [
+            [c, 0.0, -s],
+            [0.0, 1.0, 0.0],
+            [s, 0.0, c],
+        ]
+    )
 
 
 def _about_z(angle: float) -> Floats:
     c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.array(
+        [
+            [c, s, 0.0],
+            [-s, c, 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )

@@ -287,12 +287,16 @@ def mean_forces(rows: TrajectoryRows) -> tuple[Floats, Floats, float]:
         interval = np.diff(t)
         noise = 2.0 * rows.noise[0] / float(np.median(interval))
         v = np.diff(r, axis=0) / interval[:, None]
-        t = 0.5 * (t[1:] + t[:-1])
-        r = 0.5 * (r[1:] + r[:-1])
+        t = _midpoints(t)
+        r = _midpoints(r)
     acceleration = np.diff(v, axis=0) / np.diff(t)[:, None]
-    middle = 0.5 * (r[1:] + r[:-1])
-    force = acceleration - gravity_along(middle)
+    force = acceleration - gravity_along(_midpoints(r))
     return t, np.linalg.norm(force, axis=1), noise
+
+
+def _midpoints(values: Floats) -> Floats:
+    """Return the means of successive values."""
+    return np.asarray(0.5 * (values[1:] + values[:-1]))
 
 
 def attitude_fit(rows: TrajectoryRows, t: Floats, q_b_i: Floats) -> BSpline:

@@ -135,22 +135,29 @@ def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
 def _fit_problem(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _FitProblem:
     """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows."""
     values = csr_array(BSpline.design_matrix(t, knots, degree))
-    # Gauss-Legendre quadrature of the squared derivatives between the knots
-    ends = np.unique(knots)
-    length = np.diff(ends)
-    nodes = (ends[:-1, None] + 0.5 * length[:, None] * (1.0 + _NODES)).ravel()
-    cell = (0.5 * length[:, None] * _WEIGHTS).ravel()
     interval = float(np.median(np.diff(t)))
+    nodes, cell = _quadrature(knots)
     blocks = []
     for order, weight in ((degree - 1, 1.0), (degree - 2, _TIE)):
         scale = weight * np.sqrt(cell * interval ** (2 * order - 1))
-        blocks.append([diags_array(scale) @ _derivative(knots, degree, order, nodes)])
+        derivative = _derivative(knots, degree, order, nodes)
+        blocks.append([diags_array(scale) @ derivative])
     rough = block_array(blocks)
     if steps:
         is_after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
+        no_roughness = csr_array((rough.shape[0], len(steps)))
         values = csr_array(block_array([[values, is_after]]))
-        rough = block_array([[rough, csr_array((rough.shape[0], len(steps)))]])
+        rough = block_array([[rough, no_roughness]])
     return _FitProblem(values, csr_array(rough), y)
+
+
+def _quadrature(knots: Floats) -> tuple[Floats, Floats]:
+    """Return nodes and weights (n,) of the Gauss-Legendre quadrature of an integral between knots."""
+    ends = np.unique(knots)
+    half_length = 0.5 * np.diff(ends)[:, None]
+    nodes = ends[:-1, None] + half_length * (1.0 + _NODES)
+    weights = half_length * _WEIGHTS
+    return nodes.ravel(), weights.ravel()
 
 
 def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array:

@@ -46,18 +46,25 @@ def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
         if first == t.size:
             continue
         after = slice(first, None)
-        inverse = q[after] * [1.0, -1.0, -1.0, -1.0]
-        rotation = product(inverse, frames.quaternions(mode.axes(t[after], y[after])))
-        rotation *= np.where(rotation[0, 0] < 0.0, -1.0, 1.0)
-        length = np.linalg.norm(rotation[:, 1:], axis=1)
-        angle = 2.0 * np.arctan2(length, rotation[:, 0].copy())
-        axis = rotation[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
+        next_q = frames.quaternions(mode.axes(t[after], y[after]))
         if mode.slew > 0.0:
             progress = smoothsteps((t[after] - mode.start) / mode.slew)
         else:
             progress = np.ones(t.size - first)
-        q[after] = product(q[after], rotation_quaternions((progress * angle)[:, None] * axis))
+        q[after] = product(q[after], _partial_rotation(q[after], next_q, progress))
     return q
+
+
+def _partial_rotation(q: Floats, next_q: Floats, progress: Floats) -> Floats:
+    """Return the rotation (n, 4) from q (n, 4) towards next_q (n, 4), by parts (n,) of its angle."""
+    inverse = q * [1.0, -1.0, -1.0, -1.0]
+    rotation = product(inverse, next_q)
+    rotation *= np.where(rotation[0, 0] < 0.0, -1.0, 1.0)  # the shorter way at the first time
+    scalar, vector = rotation[:, 0].copy(), rotation[:, 1:]
+    length = np.linalg.norm(vector, axis=1)
+    angle = 2.0 * np.arctan2(length, scalar)
+    axis = vector / np.where(length > 0.0, length, 1.0)[:, None]
+    return rotation_quaternions((progress * angle)[:, None] * axis)
 
 
 def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:

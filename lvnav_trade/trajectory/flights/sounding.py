@@ -199,14 +199,15 @@ class _SoundingIntegration(FlightIntegration):
     def __init__(self, card: SoundingFlight, elevation: float) -> None:
         up, downrange, right = site_axes(card.site, card.rail.azimuth)
         self.card, self.elevation, self.right_e = card, elevation, right
-        self.is_held = False  # whether spin stabilises the attitude
         self.rail_e = math.cos(elevation) * downrange + math.sin(elevation) * up
-        mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
+        self.is_held = False  # whether spin stabilises the attitude
         theta0 = frames.gmst(card.epoch)
         r_i, v_i = pad_state(card.site, float(frames.earth_angle(theta0, 0.0)))
+        mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
         drag = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
         super().__init__(theta0, np.concatenate([r_i, v_i, [mass]]), drag)
-        self.modes.append(AttitudeLaw(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
+        on_rail = along_airspeed(right, theta0, at_rest=self.rail_e)
+        self.modes.append(AttitudeLaw(start=-math.inf, slew=0.0, axes=on_rail))
         self.events["liftoff"] = 0.0
 
     def motor(self, stage: SolidMotor) -> Thrust:
@@ -246,8 +247,7 @@ class _SoundingIntegration(FlightIntegration):
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
         """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
-        end = self.t + duration
-        above = self.above(self.card.held_above)
+        end, above = self.t + duration, self.above(self.card.held_above)
         while end - self.t > 1e-9:
             has_crossing = not self.is_held and above(self.t, self.y) < 0.0
             self.keep(self.ahead(name, end - self.t, _STEP, thrust, above if has_crossing else None))
@@ -264,11 +264,13 @@ class _SoundingIntegration(FlightIntegration):
         """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
         ahead = self.ahead("", coast, _STEP)
         end, y = ahead.t[-1], ahead.y[-1]
+        r_i, v_i = y[:3], y[3:6]
         theta = frames.earth_angle(self.theta0, end)
-        C_i_n = frames.rotation_i_n(y[None, :3], np.array(theta))[0]
-        v_n = C_i_n @ frames.earth_velocity(y[:3], y[3:6])
+        C_i_n = frames.rotation_i_n(r_i[None], np.array(theta))[0]
+        v_n = C_i_n @ frames.earth_velocity(r_i, v_i)
         horizontal = v_n[:2] / np.hypot(*v_n[:2]) * math.cos(elevation)
-        x = C_i_n.T @ np.array([*horizontal, -math.sin(elevation)])
+        x_n = np.array([*horizontal, -math.sin(elevation)])
+        x = C_i_n.T @ x_n
         right = frames.eci_from_ecef(self.right_e, theta)
         C_b_i = body_axes(x[None], right[None], np.zeros(1))[0]
         self.hold(C_b_i, float(end) - self.card.turn_time)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import BSpline, CubicHermiteSpline
 
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.reads import remembered
@@ -74,14 +74,25 @@ def _phases(nominal: Trajectory, pilot: TurningPilot) -> Iterator[Phase]:
     angle_spline = CubicHermiteSpline(ticks, angle, rate)
     for segment in pilot.stretches:
         inside = _inner_ticks(segment, ticks)
-        t = np.concatenate([segment.t[:1], ticks[inside], segment.t[1:]])
-        r = np.concatenate([segment.y[:1, :3], path[inside, :3], segment.y[1:, :3]])
-        # rotation vectors: pitching up is about the y axis, yawing right about z
-        turns = np.concatenate([np.zeros((t.size, 1)), angle_spline(t)], axis=1)
-        nominal_q = motion(nominal, np.clip(t, 0.0, nominal.end)).q_b_i
-        q = product(nominal_q, rotation_quaternions(turns))
-        position = position_spline(t, r, segment.y[:, 3:6], segment.a)
-        yield Phase(segment.name, float(t[0]), float(t[-1]), position, attitude_spline(t, q))
+        first_t, last_t = segment.t[:1], segment.t[1:]
+        first_r, last_r = segment.y[:1, :3], segment.y[1:, :3]
+        t = np.concatenate([first_t, ticks[inside], last_t])
+        r = np.concatenate([first_r, path[inside, :3], last_r])
+        yield Phase(
+            name=segment.name,
+            start=float(t[0]),
+            end=float(t[-1]),
+            position=position_spline(t, r, segment.y[:, 3:6], segment.a),
+            attitude=_turned_attitude(nominal, t, angle_spline(t)),
+        )
+
+
+def _turned_attitude(nominal: Trajectory, t: Floats, angles: Floats) -> BSpline:
+    """Return the attitude spline at times t (n,) of a body turned from its nominal attitude by angles (n, 2) rad."""
+    # rotation vectors: pitching up is about the y axis, yawing right about z
+    turns = np.concatenate([np.zeros((t.size, 1)), angles], axis=1)
+    nominal_q = motion(nominal, np.clip(t, 0.0, nominal.end)).q_b_i
+    return attitude_spline(t, product(nominal_q, rotation_quaternions(turns)))
 
 
 def _inner_ticks(segment: PathSegment, ticks: Floats) -> Floats:
