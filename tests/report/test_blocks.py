@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -59,9 +61,10 @@ def test_columns_are_shown_as_their_entries_say():
 
 
 @pytest.mark.parametrize(("nothing", "expected"), [("", []), ("No fault.", [Text("No fault.", is_nothing=True)])])
-def test_a_metric_without_rows_is_a_text_or_nothing(tables, monkeypatch, nothing, expected):
+def test_a_metric_without_rows_is_a_text_or_nothing(monkeypatch, nothing, expected):
     monkeypatch.setitem(METRICS, "outages", lambda tables: pd.DataFrame({"case": []}))
-    assert blocks.of("outages", nothing)(lambda tables, frame: [Text("rows")])(tables) == expected
+    section = blocks.of("outages", nothing)(lambda tables, frame: [Text("rows")])
+    assert section(SimpleNamespace()) == expected
 
 
 @pytest.mark.parametrize("layout", [name for name, entry in blocks.texts()["tables"].items() if "columns" in entry])
