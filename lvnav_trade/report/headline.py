@@ -15,11 +15,15 @@ _EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # metric of a statement: an expression, f
 
 
 _KINDS = {"number": "numbers", "order": "orders and statements on innovations"}
+# mark of a row: singular and plural
 _NOT_COUNTED = {
-    "repeats": "results fixed by our inputs",
-    "own": "results whose statement or bound is ours",
-    "again": "second comparisons with a published number",
-    "verification": "results that cannot fail here and verify the tool",
+    "repeats": ("result fixed by our inputs", "results fixed by our inputs"),
+    "own": ("result whose statement or bound is ours", "results whose statement or bound is ours"),
+    "again": ("second comparison with a published number", "second comparisons with a published number"),
+    "verification": (
+        "result that cannot fail here and verifies the tool",
+        "results that cannot fail here and verify the tool",
+    ),
 }
 
 
@@ -132,10 +136,12 @@ def _single_sentence(rows: pd.DataFrame) -> str:
 def _apart_sentence(rows: pd.DataFrame) -> str:
     """Return the counts of the rows that are no evidence, by reason."""
     counts = []
-    for mark, name in _NOT_COUNTED.items():
+    for mark, (singular, several) in _NOT_COUNTED.items():
         marked = rows[rows.counts_as == mark]
+        n_hold = int(held(marked).sum())
         if len(marked):
-            counts.append(f"{len(marked)} {name} ({int(held(marked).sum())} hold)")
+            name = plural(len(marked), singular, several)
+            counts.append(f"{len(marked)} {name} ({n_hold} {plural(n_hold, 'holds', 'hold')})")
     return f"Not counted: {'; '.join(counts)}." if counts else ""
 
 
