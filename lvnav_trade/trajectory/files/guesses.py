@@ -184,7 +184,7 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
     position, place = _guess_position(file, columns, read_values, seconds)
     velocity = _guess_velocity(columns, read_values)
     if position.content["frame"] == "unknown":
-        frame, why = _guess_frame(place, t)
+        frame, why = _guess_frame(place, seconds)
         position = Guess("position", position.content | {"frame": frame}, f"{position.why}; {why}")
         if velocity is not None and velocity.content["frame"] == "unknown":
             velocity = Guess("velocity", velocity.content | {"frame": frame}, velocity.why)
@@ -323,7 +323,11 @@ def _guess_velocity(columns: Sequence[_Column], read_values: _Reader) -> Guess |
 
 
 def _guess_frame(place: Floats, t: Floats) -> tuple[str, str]:
-    """Return the frame of x, y and z, and the reason: Earth-fixed if the first rows are at rest, else inertial."""
+    """Return the frame of x, y and z, and the reason: Earth-fixed if the first rows are at rest, else inertial.
+
+    place : (n, 3), m.
+    t : (n,), s.
+    """
     speed = float(np.linalg.norm(place[1] - place[0]) / (t[1] - t[0]))
     earth_speed = OMEGA * float(np.hypot(*place[0, :2]))
     if speed < 0.5 * earth_speed:

@@ -67,17 +67,18 @@ def test_heights_below_three_thousand_are_metres_where_no_vehicle_is_so_quick_in
     assert content(written(tmp_path, ["t", "lat", "lon", "alt"], columns))["position"]["height_unit"] == unit
 
 
+@pytest.mark.parametrize(("time", "per_second"), [("t [s]", 1.0), ("t [ms]", 1000.0), ("t [min]", 1.0 / 60.0)])
 @pytest.mark.parametrize(("turning", "frame"), [(0.0, "ecef"), (7.292115e-5, "eci")])
 def test_a_frame_that_no_name_says_is_that_in_which_the_first_rows_rest(
-    turning: float, frame: str, tmp_path: Path
+    turning: float, frame: str, time: str, per_second: float, tmp_path: Path
 ) -> None:
     t = np.arange(20.0)
     angle = 0.3 + turning * t
-    columns = np.column_stack([t, 6378.0 * np.cos(angle), 6378.0 * np.sin(angle), 0.0 * t])
-    assert content(written(tmp_path, ["t", "x", "y", "z"], columns))["position"] == {
+    columns = np.column_stack([per_second * t, 6378.0 * np.cos(angle), 6378.0 * np.sin(angle), 0.0 * t])
+    assert content(written(tmp_path, [time, "x", "y", "z"], columns))["position"] == {
         "frame": frame, "columns": ["x", "y", "z"], "unit": "km",
     }  # fmt: skip
-    named = content(written(tmp_path, ["t", "x_j2000 [km]", "y_j2000 [km]", "z_j2000 [km]"], columns))
+    named = content(written(tmp_path, [time, "x_j2000 [km]", "y_j2000 [km]", "z_j2000 [km]"], columns))
     assert named["position"]["frame"] == "j2000"
 
 
