@@ -86,7 +86,15 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> VerbResult:
     failures = results.failures
     remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
     page = results.folder / "report.html" if report else None
-    covariance = [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers]
+    covariance = [
+        {
+            "case": answer.case,
+            "event": answer.event,
+            "rows": [list(row) for row in answer.rows],
+            "error": answer.error,
+        }
+        for answer in answers
+    ]
     content = {
         "folder": str(results.folder),
         "report": str(page) if page else None,

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
+from lvnav_trade.campaign.running.work import CovarianceResult
+from lvnav_trade.cli import answers
 from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, components_together, shown
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.evaluation.designs import designs
+from lvnav_trade.simulation.settings_read import EffectiveSettings
 from tests import many_designs
 
 
@@ -107,4 +112,23 @@ def test_components_of_one_quantity_share_a_line() -> None:
     assert components_together(metrics) == [
         ("position_error_*", "m", "error of position; *: 3d, x"),
         *metrics[2:],
+    ]
+
+
+def test_json_has_plain_values_of_linear_covariance_and_nothing_of_the_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(answers, "_campaign_lines", lambda *_: [])
+    settings = EffectiveSettings(frozenset({"imu.rate"}), (), {})
+    result = CovarianceResult("a0", "injection", (("position", 3.0, 2.0, "m"),), used=settings)
+    results = SimpleNamespace(
+        folder=tmp_path,
+        failures=[],
+        tables=SimpleNamespace(manifest={}),
+        requirements=pd.DataFrame({"verdict": ["met"]}),
+        exit_code=0,
+    )
+    content = answers.answer_of(results, [result], report=False).content
+    assert json.loads(json.dumps(content["covariance"])) == [
+        {"case": "a0", "event": "injection", "rows": [["position", 3.0, 2.0, "m"]], "error": ""}
     ]
