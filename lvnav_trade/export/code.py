@@ -145,7 +145,21 @@ def _translate_entries(program: Program, storage: Storage) -> list[str]:
 def _filter_program(
     program: Program, storage: Storage, names: list[str], title: str, prepared: Prepared
 ) -> FilterProgram:
-    """Return header and source of a filter whose entry functions (names) are translated."""
+    """Return the header and source of a filter whose entry functions are translated.
+
+    Parameters
+    ----------
+    program : Program
+        Translated kernels and tables.
+    storage : Storage
+        Arrays of the struct, and inputs.
+    names : list of str
+        C names of the entry functions, `update` third.
+    title : str
+        Title in the comments of both files.
+    prepared : Prepared
+        Prepared scenario, for the names of the states.
+    """
     code = program.text(names)
     used_fields = set(re.findall(r"self->(?:window\.|epoch\.)?(\w+)", code)) | {"nav", "P", "x"}
     state = {name: array for name, array in storage.state.items() if name in used_fields}
@@ -193,7 +207,17 @@ def _field_line(array: Array, name: str, comment: str) -> str:
 
 
 def _struct(label: str, fields: dict[str, tuple[Array, Any, int]], comment: str) -> list[str]:
-    """Return the lines of a struct of inputs; none without fields."""
+    """Return the lines of a struct of inputs; empty without fields.
+
+    Parameters
+    ----------
+    label : str
+        Suffix of the struct's name, "window" or "epoch".
+    fields : dict
+        Array, values and time axis by name, as in `FilterProgram.inputs`.
+    comment : str
+        Comment above the struct.
+    """
     if not fields:
         return []
     lines = [f"/* {comment} */", f"struct {NAME}_{label} {{"]
@@ -203,7 +227,23 @@ def _struct(label: str, fields: dict[str, tuple[Array, Any, int]], comment: str)
 
 
 def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes: list[str], depth: int) -> str:
-    """Return the text of the header: states, structs, prototypes."""
+    """Return the text of the header: states, structs, prototypes.
+
+    Parameters
+    ----------
+    title : str
+        First line of the comment at the top.
+    prepared : Prepared
+        Prepared scenario, for the names of the states.
+    state : dict
+        Arrays of the struct of the filter by name.
+    inputs : dict
+        Inputs by struct and field, as in `FilterProgram.inputs`.
+    prototypes : list of str
+        Declarations of the entry functions.
+    depth : int
+        Number of epochs that the struct stores.
+    """
     ring_note = "" if depth == 1 else f" Those of an epoch stand at its number modulo {depth}."
     lines = [
         f"/* {title}",

@@ -11,7 +11,21 @@ from lvnav_trade.simulation import steps
 
 
 def begin(work: Any, parts: Any, options: Any, start: Any, nav: Any) -> None:
-    """Initialise the filter at a navigation state: quaternion body to inertial, velocity (m/s), position (m)."""
+    """Initialise the filter at a navigation state: quaternion body to inertial, velocity (m/s), position (m).
+
+    Parameters
+    ----------
+    work : record
+        Arrays of the run. `nav` and `P` are set.
+    parts : record
+        Optional states of the filter.
+    options : record
+        Optional features of the filter.
+    start : record
+        Initial covariance `P` (n_state, n_state), SI.
+    nav : (10,)
+        Quaternion body to inertial, scalar first; inertial velocity (m/s) and position (m).
+    """
     for i in range(10):
         work.nav[i] = nav[i]
     for i in range(work.P.shape[0]):
@@ -21,22 +35,53 @@ def begin(work: Any, parts: Any, options: Any, start: Any, nav: Any) -> None:
 
 
 def propagate(work: Any, parts: Any, case: Any, window: Any) -> None:
-    """Propagate over a window with self->increments: angles (rad) and velocities (m/s) of its ticks, body axes."""
+    """Propagate over a window with self->increments: angles (rad) and velocities (m/s) of its ticks, body axes.
+
+    Parameters
+    ----------
+    work, parts : record
+        Arrays of the run, and optional states of the filter.
+    case : record
+        Schedule, filter model and options.
+    window : int
+        Number of the window, from 0.
+    """
     steps.propagate(work, parts, case, window)
 
 
 def update(work: Any, parts: Any, case: Any, epoch: Any) -> None:
-    """Process the measurements of an epoch; epochs are counted from 0."""
+    """Process the measurements of an epoch; epochs are counted from 0.
+
+    Parameters
+    ----------
+    work, parts : record
+        Arrays of the run, and optional states of the filter.
+    case : record
+        Schedule, signals, sensors, filter model and options.
+    epoch : int
+        Number of the epoch.
+    """
     steps.begin_epoch(work, parts, case, epoch)
     if case.model.aided:
         steps.update(work, parts, case, epoch)
 
 
 def correct_outputs(work: Any, parts: Any, model: Any) -> None:
-    """Set nav, par, clock_hat and extra to the corrected outputs of an open loop, until restore_outputs."""
+    """Set nav, par, clock_hat and extra to the corrected outputs of an open loop, until restore_outputs.
+
+    Parameters
+    ----------
+    work, parts : record
+        Arrays of the run, and optional states of the filter with `open_loop`.
+    model : record
+        Filter model.
+    """
     apply_correction(work, parts.open_loop, parts.mode_state, model)
 
 
 def restore_outputs(work: Any, parts: Any, model: Any) -> None:
-    """Set nav, par, clock_hat and extra to those of the inertial system again."""
+    """Set nav, par, clock_hat and extra to those of the inertial system again.
+
+    The arguments are those of `correct_outputs`.
+    """
     remove_correction(work, parts.open_loop, model)

@@ -113,7 +113,19 @@ _MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # Markdown characters, which are es
 
 
 def _readme(title: str, open_loop: bool, counts_epochs: bool, runs: int) -> str:
-    """Return the README of the C code: how to call it and how to build it."""
+    """Return the README of the C code: how to call it and how to build it.
+
+    Parameters
+    ----------
+    title : str
+        Name of campaign and case, escaped for Markdown.
+    open_loop : bool
+        Whether the outputs are the sum of the inertial solution and the error state.
+    counts_epochs : bool
+        Whether `update` has the number of the epoch as argument.
+    runs : int
+        Number of recorded runs. The replay is described if there are any.
+    """
     text = _CALLS.format(title=title, number=", epoch" if counts_epochs else "")
     if open_loop:
         text += _OPEN
@@ -123,7 +135,29 @@ def _readme(title: str, open_loop: bool, counts_epochs: bool, runs: int) -> str:
 
 
 def _replay(files: dict[str, bytes | str], compiler: str, runs: int) -> tuple[pd.DataFrame, bool]:
-    """Compile the filter and replay its recorded runs; return the differences, and whether all are small enough."""
+    """Compile the filter and replay its recorded runs.
+
+    Parameters
+    ----------
+    files : dict
+        Content of the files by name.
+    compiler : str
+        Path of the C compiler.
+    runs : int
+        Number of recorded runs.
+
+    Returns
+    -------
+    differences : pandas.DataFrame
+        Columns run, estimate, times, difference.
+    agrees : bool
+        Whether every difference is within the tolerance.
+
+    Raises
+    ------
+    InputError
+        The compiler or the replay fails.
+    """
     with tempfile.TemporaryDirectory(prefix="lvnav-trade-") as place:
         for name, content in files.items():
             data = content if isinstance(content, bytes) else content.encode()

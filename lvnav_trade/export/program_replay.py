@@ -22,7 +22,18 @@ _END = -1  # index of the estimates at the end of a run
 
 
 def flight_bytes(prepared: Prepared, made: FilterProgram) -> bytes:
-    """Return the inputs of a filter in every window and epoch, equal in all runs, as bytes of doubles."""
+    """Return the inputs of a filter in every window and epoch, which are equal in all runs, as bytes of doubles.
+
+    The first number is the number of windows. Each window has its number of ticks, the number of its epoch (negative
+    without an epoch), whether estimates are compared after it, and its inputs.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    made : FilterProgram
+        C code of its filter, which determines the inputs.
+    """
     schedule = prepared.schedule
     values: list[Any] = [schedule.n_tick.size]
     for w, epoch in enumerate(schedule.epoch):
@@ -39,6 +50,17 @@ def _window_values(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
     """Return the values of a field in a window.
 
     A field by tick gives the number of the first tick, followed by the values of the ticks.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    w : int
+        Number of the window, from 0.
+    value : array
+        Values of the field in all windows or ticks.
+    axis : int
+        Time axis of `value`; `BY_TICK` for a field by tick.
     """
     if axis != BY_TICK:
         return np.take(value, w, axis=axis)
@@ -52,6 +74,17 @@ def run_bytes(prepared: Prepared, made: FilterProgram, seed: int, run: int) -> b
 
     After the initial state, each window has its increments, the measurements of its epoch, and, where estimates are
     compared, the estimates and the diagonal of the covariance after the epoch.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    made : FilterProgram
+        C code of its filter, which determines the recorded arrays.
+    seed : int
+        Seed of the campaign.
+    run : int
+        Number of the run, from 0.
     """
     tape = taped(prepared, seed, run).tape
     schedule = prepared.schedule
@@ -90,7 +123,19 @@ def _compared(made: FilterProgram) -> list[str]:
 
 
 def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
-    """Return the C statements that read an array of the struct from a file of doubles."""
+    """Return the C statements that read an array of the struct from a file of doubles.
+
+    Parameters
+    ----------
+    array : Array
+        The array.
+    place : str
+        The array as a C expression.
+    file : str
+        C name of the open file.
+    depth : int
+        Number of epochs that the struct stores. A ring buffer is read at the epoch modulo this number.
+    """
     lines: list[str] = []
     text = place
     for axis, size in enumerate(array.shape):
@@ -119,9 +164,20 @@ def _reading_ticks(array: Array, place: str) -> list[str]:
 def _read_into(
     fields: dict[str, Array], prefix: str, file: str, depth: int, level: int, ticks: Set[str] = frozenset()
 ) -> str:
-    """Return the C statements that read all fields of a struct, indented by `level`.
+    """Return the C statements that read all fields of a struct.
 
-    ticks : names of the fields with values by tick
+    Parameters
+    ----------
+    fields : dict
+        Arrays by name of the field. Arrays of zero length are omitted.
+    prefix : str
+        C expression of the struct, with the dot.
+    file, depth
+        As in `_reading`.
+    level : int
+        Level of indentation.
+    ticks : set of str
+        Names of the fields with values by tick.
     """
     lines = []
     for name, array in fields.items():
@@ -137,8 +193,15 @@ def _read_into(
 def replay_text(made: FilterProgram, n_state: int) -> str:
     """Return the C program that replays runs: `replay flight.bin run_0.bin run_1.bin ...`.
 
-    For each run it prints the largest difference of every estimate, relative to the magnitude of its block, and that of
-    velocity and position in sigmas. It returns 1 if a relative difference exceeds `LIMIT`.
+    For each run it prints the largest difference of every estimate, relative to the magnitude of its block, and the
+    largest difference of velocity and position in sigmas. It returns 1 if a relative difference exceeds `LIMIT`.
+
+    Parameters
+    ----------
+    made : FilterProgram
+        C code of the filter.
+    n_state : int
+        Number of states of the filter.
     """
     windows = {name: array for name, (array, _, _) in made.inputs["window"].items()}
     epochs = {name: array for name, (array, _, _) in made.inputs["epoch"].items()}

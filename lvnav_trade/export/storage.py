@@ -66,8 +66,24 @@ def _c_type(array: np.ndarray) -> str:
 class Storage:
     """Arguments of the functions of a filter, as values of a program.
 
-    inputs : Arrays that the caller sets, by struct ("window", "epoch"), with their time axis (`BY_TICK`: ticks).
-    depth : Number of stored epochs.
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    program : Program
+        Receives the constant tables.
+    depth : int
+        Number of epochs that the struct stores.
+
+    Attributes
+    ----------
+    state : dict
+        Arrays of a run by name, which are fields of the struct.
+    inputs : dict
+        Arrays that the caller sets, by struct ("window", "epoch") and name: array, values, time axis. The axis is
+        `BY_TICK` for values by tick.
+    n_tick : int
+        Largest number of IMU ticks in a window.
     """
 
     def __init__(self, prepared: Prepared, program: Program, depth: int = 1) -> None:
@@ -116,7 +132,11 @@ class Storage:
         return self._arrays(name, part, f"{name}_")
 
     def _arrays(self, owner: str, record: Any, prefix: str) -> RecordValue:
-        """Return the arrays of a record as fields of the struct."""
+        """Return the arrays of a record as fields of the struct.
+
+        owner : name of the record
+        prefix : prefix of the names of the fields
+        """
         arrays: dict[str, Value] = {}
         for name, array in record._asdict().items():
             if isinstance(array, np.ndarray):
@@ -149,6 +169,7 @@ class Storage:
     def _record(self, owner: str, record: Any, only: Any = None) -> RecordValue:
         """Return the fields of a record of settings.
 
+        owner : name of the record, which selects the time axes of its fields
         only : names of the fields that the filter reads; all if None
         """
         fields = {}
@@ -159,7 +180,10 @@ class Storage:
         return RecordValue(owner, fields)
 
     def _field(self, owner: str, name: str, value: Any) -> Value:
-        """Return a field of a record: a constant, a table, or an input if it varies between windows or epochs."""
+        """Return a field of a record: a constant, a table, or an input if it varies between windows or epochs.
+
+        owner, name : names of the record and of the field
+        """
         if hasattr(value, "_asdict"):
             return self._record(name, value)
         if not isinstance(value, np.ndarray):
@@ -180,7 +204,11 @@ class Storage:
         return self.program.table(label, content)
 
     def _constant(self, label: str, value: np.ndarray, axis: int) -> Array | None:
-        """Return a table without its time axis if all entries along this axis are equal; otherwise None."""
+        """Return a table without its time axis if all entries along this axis are equal; otherwise None.
+
+        label : name of the table
+        axis : time axis of `value`
+        """
         if not value.shape[axis]:
             return None
         first = np.take(value, [0], axis=axis)
@@ -195,7 +223,14 @@ class Storage:
         return table_of(table.text, table.value, tuple(rings), tuple(shape))
 
     def _input(self, struct: str, label: str, value: np.ndarray, axis: int, depth: int) -> Array:
-        """Return an array that the caller sets, with `depth` places along its time axis."""
+        """Return an array that the caller sets, and register it in `inputs`.
+
+        struct : "window" or "epoch"
+        label : name of the field
+        value : values over the whole run
+        axis : time axis of `value`
+        depth : number of places along the time axis
+        """
         rings = [0] * value.ndim
         shape = list(value.shape)
         rings[axis] = shape[axis] = depth

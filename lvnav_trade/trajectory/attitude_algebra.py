@@ -7,14 +7,36 @@ from lvnav_trade.quantities.records import Floats
 
 
 def rotation_quaternions(p: Floats) -> Floats:
-    """Return the quaternions (n, 4), scalar first, of rotation vectors p (n, 3) rad; continuous in p."""
+    """Return the quaternions of rotation vectors; continuous in p.
+
+    Parameters
+    ----------
+    p : (n, 3) rad
+        Rotation vectors.
+
+    Returns
+    -------
+    (n, 4)
+        Unit quaternions, scalar first.
+    """
     half = 0.5 * np.linalg.norm(p, axis=1, keepdims=True)
     vector = 0.5 * np.sinc(half / np.pi) * p  # numpy: sinc(x) = sin(pi x)/(pi x)
     return np.concatenate([np.cos(half), vector], axis=1)
 
 
 def product(p: Floats, q: Floats) -> Floats:
-    """Return the quaternion products p q (n, 4): rotation p (n, 4), then q (n, 4) about the rotated axes."""
+    """Return the quaternion products p q: rotation p, then q about the rotated axes.
+
+    Parameters
+    ----------
+    p, q : (n, 4)
+        Quaternions, scalar first.
+
+    Returns
+    -------
+    (n, 4)
+        Products, scalar first.
+    """
     p_scalar, p_vector = p[:, :1], p[:, 1:]
     q_scalar, q_vector = q[:, :1], q[:, 1:]
     scalar = p_scalar * q_scalar - np.sum(p_vector * q_vector, axis=1, keepdims=True)
@@ -23,9 +45,21 @@ def product(p: Floats, q: Floats) -> Floats:
 
 
 def rotation_vector_rate(p: Floats, dp: Floats) -> Floats:
-    """Return the body rate (n, 3) rad/s of a rotation vector p (n, 3), below half a turn, with derivative dp (n, 3).
+    """Return the body rate of a rotation vector below half a turn.
 
     w = dp - a p x dp + b p x (p x dp), with x = |p|, a = (1 - cos x) / x^2 and b = (x - sin x) / x^3.
+
+    Parameters
+    ----------
+    p : (n, 3) rad
+        Rotation vectors.
+    dp : (n, 3) rad/s
+        Their time derivatives.
+
+    Returns
+    -------
+    (n, 3) rad/s
+        Body rates w, rotated (body) axes.
     """
     x2 = np.sum(p * p, axis=1, keepdims=True)
     is_small = x2 < 0.01
@@ -39,9 +73,21 @@ def rotation_vector_rate(p: Floats, dp: Floats) -> Floats:
 
 
 def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
-    """Return the attitude C_b_i (n, 3, 3) of a body with x axis x (n, 3), frame i, and roll angle roll (n,) rad.
+    """Return the attitude of a body from its x axis and a roll angle.
 
-    right : (n, 3), frame i. Direction of the y axis at zero roll, before its component along x is removed.
+    Parameters
+    ----------
+    x : (n, 3)
+        Unit vectors along the body x axis, frame i.
+    right : (n, 3)
+        Direction of the y axis at zero roll, frame i. Its component along x is removed.
+    roll : (n,) rad
+        Roll angles, positive about x.
+
+    Returns
+    -------
+    (n, 3, 3)
+        C_b_i, from body axes to frame i. Its columns are the body axes.
     """
     along_x = np.sum(right * x, axis=1, keepdims=True) * x
     level = frames.unit(right - along_x)

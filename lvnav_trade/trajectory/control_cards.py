@@ -84,8 +84,19 @@ class RotationCard(units.NamedCard):
             yield "the misalignment of the thrust exceeds the limit of deflection"
 
     def inertia(self, number: int, mass: Floats) -> Floats:
-        """Return moments of inertia (n,) in kg m^2 across the axis, of the stack of stage `number` (from 1), at masses
-        (n,) in kg.
+        """Return the moments of inertia across the axis: mass times radius of gyration squared.
+
+        Parameters
+        ----------
+        number : int
+            Number of the lowest stage of the stack, from 1.
+        mass : (n,) kg
+            Masses of the stack.
+
+        Returns
+        -------
+        (n,) kg m^2
+            Moments of inertia in pitch and yaw.
         """
         stack = self.stacks[number - 1]
         return np.asarray(mass * (stack.gyration * stack.length) ** 2)
@@ -160,7 +171,20 @@ class FeedbackCard(units.Card):
 
 
 def rate_noise(imu: ImuCard, reading: str) -> float:
-    """Return the gyro's noise per sample, rad/s one sigma, by the reading of `FeedbackCard`."""
+    """Return the gyro noise per sample for an interpretation of `FeedbackCard`.
+
+    Parameters
+    ----------
+    imu : ImuCard
+        IMU. Its angle random walk is taken as the RMS of the three axes.
+    reading : {"datasheet", "published", "none"}
+        Interpretation of the noise: density times the square root of the rate, density times the rate, or no noise.
+
+    Returns
+    -------
+    float
+        Standard deviation (rad/s).
+    """
     if reading == "none":
         return 0.0
     return float(per_axis.rms(imu.gyro.random_walk) * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
@@ -191,8 +215,25 @@ class WindCard(units.NamedCard):
 
 
 def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the wind at geodetic places (n,): steady (n, 2, 3) m/s, frame e, the profile along its direction and the
-    same across it; sigma (n,) m/s and length (n,) m of the gusts.
+    """Return the steady wind and the gust parameters at geodetic positions.
+
+    Parameters
+    ----------
+    card : WindCard
+        Wind profile. It is linear between its heights; above them there is neither steady wind nor gust.
+    latitude, longitude : (n,) rad
+        Geodetic latitude and longitude.
+    height : (n,) m
+        Height above the ellipsoid.
+
+    Returns
+    -------
+    steady : (n, 2, 3) m/s
+        Wind vectors in frame e: the profile along its direction, and a vector of equal size across it.
+    gust_sigma : (n,) m/s
+        Standard deviation of each gust component.
+    gust_length : (n,) m
+        Scale length of the gusts.
     """
     north, east = np.cos(card.direction), np.sin(card.direction)
     along = np.array([-north, -east, 0.0])  # frame n; the wind blows from its direction
@@ -271,6 +312,7 @@ class ControlledCard(units.Card):
 
 
 def _misfits(rotation: RotationCard, controller: ControllerCard, stages: int) -> Iterator[str]:
+    """Yield a message for each list whose length differs from the number of stages of the vehicle."""
     for name, cards in {"rotation.stacks": rotation.stacks, "controller.gains": controller.gains}.items():
         if len(cards) != stages:
             yield f"control.{name}: {len(cards)} of them, the vehicle has {stages} stages"

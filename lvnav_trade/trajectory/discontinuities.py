@@ -121,19 +121,23 @@ class ForceJump(NamedTuple):
 def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float = 0.0) -> list[ForceJump]:
     """Return the jumps of a specific force in order of time.
 
-    Jumps that noise may explain are not returned. Intervals are joined in pairs, again and again, to find the jumps
-    that noise hides in shorter intervals.
+    Jumps that noise may explain are not returned. Intervals are joined in pairs repeatedly, to find the jumps that
+    noise hides in shorter intervals.
 
     Parameters
     ----------
     t : (n + 1,) s
-        Rising times.
+        Increasing times.
     force : (n,) m/s^2
         Mean specific force over each interval.
     coarsest : float
         Longest joined interval (s).
     noise : float or (n + 1,)
         One sigma (m/s) of the velocities from which the force is computed; 0 if unknown.
+
+    Returns
+    -------
+    list of ForceJump
     """
     jumps: list[ForceJump] = []
     velocity_noise = np.broadcast_to(noise, t.shape)
@@ -227,9 +231,18 @@ def _candidates(t: Floats, force: Floats) -> _Candidates:
 
 
 def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[ForceJump]:
-    """Yield the jumps whose size is between `limit` and `hidden` (n,) m/s^2, the clearest first.
+    """Yield the jumps of the specific force at one interval length, the clearest first.
 
-    None lies within the fitted lines of another.
+    No jump lies within the fitted lines of another.
+
+    Parameters
+    ----------
+    t : (n + 1,) s
+        Increasing times.
+    force : (n,) m/s^2
+        Mean specific force over each interval.
+    limit, hidden : (n,) m/s^2
+        Smallest and largest size of a jump in each interval.
     """
     candidates = _candidates(t, force)
     is_clear = candidates.is_clear(limit, hidden)
@@ -249,9 +262,19 @@ def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iter
 
 
 def _fit_lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Fit straight lines to every `_SIDE` successive forces (n,) at times t (n,).
+    """Fit straight lines to every `_SIDE` successive forces.
 
-    Returns level at the mean time, slope, mean time, and largest residual, each (n - _SIDE + 1,).
+    Parameters
+    ----------
+    t : (n,) s
+        Middle of each interval.
+    force : (n,) m/s^2
+        Mean specific force over each interval.
+
+    Returns
+    -------
+    level, slope, middle, residual : (n - _SIDE + 1,)
+        Force (m/s^2) at the mean time, slope (m/s^3), mean time (s), and largest residual (m/s^2).
     """
     times = np.lib.stride_tricks.sliding_window_view(t, _SIDE)
     forces = np.lib.stride_tricks.sliding_window_view(force, _SIDE)
@@ -266,11 +289,22 @@ def _fit_lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats
 def suggested_events(
     t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> dict[str, str]:
-    """Return names and times of events that the jumps of a specific force suggest and the card does not declare.
+    """Return events that the jumps of a specific force suggest and the card does not declare.
 
-    Arguments are those of `force_jumps`, and `declared`: times (s) of the declared events by name. A force that ends is
-    named the cut-off of the current stage, a force that begins the ignition of the next; other steps are named by their
-    sign.
+    A force that ends is named as the cut-off of the current stage. A force that begins is named as the ignition of the
+    next. Other steps are named by their sign.
+
+    Parameters
+    ----------
+    t, force, coarsest, noise
+        As in `force_jumps`.
+    declared : mapping
+        Times (s) of the declared events by name. Jumps close to these are omitted.
+
+    Returns
+    -------
+    dict
+        Time by name of the event, as text with unit.
     """
     suggested: dict[str, str] = {}
     stage = 1
@@ -296,7 +330,7 @@ def suggested_events(
 def missing_events(
     t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> str:
-    """Return the warning with `suggested_events` as YAML; empty if there are none."""
+    """Return the warning with `suggested_events` as YAML; empty if there are none. The arguments are the same."""
     suggested = suggested_events(t, force, declared, coarsest, noise)
     if not suggested:
         return ""

@@ -145,7 +145,7 @@ class SmallMotion(NamedTuple):
 
 
 def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
-    """Return the sum of oscillations at times t (n,), body axes; zero outside their windows."""
+    """Return the sum of oscillations at times t (n,), s since lift-off, in body axes; zero outside their windows."""
     total = SmallMotion(*(np.zeros((t.size, 3)) for _ in SmallMotion._fields))
     for oscillation in oscillations:
         within = (oscillation.start < t) & (t < oscillation.end)
@@ -329,15 +329,23 @@ def _mode_power(ratio: Floats, damping: float) -> Floats:
 
 
 def _sway_sinusoid(card: SwayMode, frequency: float, peak: float, phase: float) -> Sinusoid:
-    """Return a sinusoid of a mode: its rotation vector, and the displacement of the IMU at the lever arm."""
+    """Return a sinusoid of a mode: its rotation vector, and the displacement of the IMU at the lever arm.
+
+    frequency : Hz.
+    peak, phase : rad. Amplitude of the rotation, and phase of the sine at the start of the window.
+    """
     turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
     return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)
 
 
 def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
-    """Return the power (n,) between f[0] and `at` (n,) of a density that is linear on logarithmic axes between f.
+    """Return the power (n,) between f[0] and `at` of a density that is linear on logarithmic axes.
 
     Each piece is density f^s, with the integral f^(s + 1) / (s + 1), or log f for s = -1.
+
+    f : (m,) Hz. Breakpoints.
+    density : (m,). One-sided density at the breakpoints, square of an SI unit per Hz.
+    at : (n,) Hz. Upper limits of integration.
     """
     slope = np.diff(np.log(density)) / np.diff(np.log(f))
     total = np.zeros_like(at)

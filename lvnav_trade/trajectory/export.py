@@ -119,7 +119,27 @@ def _events(flight: Trajectory, hold: float) -> dict[str, float]:
 
 
 def _times(begin: float, end: float, events: list[float], rate: float) -> Floats:
-    """Return the times (s) of the rows: a grid from `begin`, and the events in place of grid points close to them."""
+    """Return the times of the rows: a grid from `begin`, with the events in place of grid points close to them.
+
+    Parameters
+    ----------
+    begin, end : float
+        First and last time (s since lift-off).
+    events : list of float
+        Times of the events (s).
+    rate : float
+        Rate of the grid (Hz).
+
+    Returns
+    -------
+    (n,) s
+        Increasing times.
+
+    Raises
+    ------
+    InputError
+        The rate is not positive, or there are more rows than can be read.
+    """
     if not rate > 0.0:
         raise InputError("the rate of the rows should be above zero")
     n_row = (end - begin) * rate
@@ -138,7 +158,17 @@ def _times(begin: float, end: float, events: list[float], rate: float) -> Floats
 
 
 def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
-    """Return the text of the CSV file, with all digits of the numbers."""
+    """Return the text of the CSV file, with all digits of the numbers.
+
+    Parameters
+    ----------
+    card : TrajectoryCard
+        Card whose name is written in the first line.
+    flight : Trajectory
+        The trajectory.
+    t : (n,) s
+        Times of the rows, since lift-off.
+    """
     true = motion(flight, t)
     theta = earth_angle(flight.theta0, t)
     latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(true.r_i, theta))
@@ -153,7 +183,7 @@ def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
 
 
 def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
-    """Return the fields of a card with limits that the trajectory needs above the default limits."""
+    """Return the plausibility limits that the trajectory needs above the defaults, as text by field of the card."""
     units = {"highest_load": "m/s^2", "highest_rate": "rad/s", "highest_spin": "rad/s"}
     limits = {}
     for peak in peaks(flight):
@@ -172,10 +202,20 @@ def _copied_fields(card: TrajectoryCard) -> dict[str, Any]:
 
 
 def difference(flight: Trajectory, second: Trajectory) -> dict[str, float]:
-    """Return the largest differences of two trajectories in their common time, SI, by quantity and unit.
+    """Return the largest differences of two trajectories in their common time.
 
-    The quantities are position, velocity, attitude, specific force and body rate. Times within 1 us of a jump are
-    excluded.
+    Times within 1 us of a jump are excluded.
+
+    Parameters
+    ----------
+    flight, second : Trajectory
+        The two trajectories.
+
+    Returns
+    -------
+    dict
+        Largest difference (SI) by quantity and unit: position and velocity in frame i, attitude as the angle of the
+        relative rotation, specific force and body rate in body axes.
     """
     begin, end = max(flight.start, second.start), min(flight.end, second.end)
     t = np.arange(begin, end, _STEP)[1:]

@@ -179,7 +179,11 @@ def pad_phase(
 
 
 def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) -> BSpline:
-    """Return the quintic spline through r (n, 3) at t (n,), with velocity and acceleration (2, 3) of both ends."""
+    """Return the quintic spline of position (frame i) in time.
+
+    t, r : (n,) s, (n, 3) m. Knots and positions.
+    v_ends, a_ends : (2, 3) m/s, m/s^2. Velocity and acceleration at both ends.
+    """
     v, a = np.asarray(v_ends), np.asarray(a_ends)
     first = [(1, v[0]), (2, a[0])]
     last = [(1, v[1]), (2, a[1])]
@@ -198,7 +202,7 @@ def attitude_spline(t: Floats, q: Floats) -> BSpline:
 
 
 def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
-    """Return the true motion at times t (n,), s since lift-off; at a jump of force the value just after it.
+    """Return the true motion at times t (n,), s since lift-off. At a jump of force it is the value just after the jump.
 
     ValueError if a time lies outside the trajectory, where the splines would extrapolate.
     """
@@ -265,7 +269,10 @@ def _mean_rotation(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _angular_acceleration(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
-    """Return the derivative (n, 3) rad/s^2 of the body rate w_ib_b (n, 3) of `_mean_rotation`."""
+    """Return the angular acceleration (n, 3) rad/s^2 of the body without its oscillations, body axes.
+
+    w_ib_b : (n, 3) rad/s. Body rate from `_mean_rotation` at the times t (n,) s.
+    """
     spline, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
     square = np.sum(spline * spline, axis=1, keepdims=True)
     # d/dt 2 vec(q* qdot) / |q|^2. qdot* qdot is a scalar and drops out of the vector part; the second term corrects for
@@ -350,7 +357,10 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
 
 
 def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dvel: Floats) -> None:
-    """Add the integrals of body rate and specific force over the intervals begin to end (n,) to dtheta, dvel (n, 3)."""
+    """Add the integrals of body rate and specific force over intervals to dtheta (n, 3) rad and dvel (n, 3) m/s.
+
+    begin, end : (n,) s. Ends of the intervals, within the phase.
+    """
     length = end - begin
     nodes, weights = _quadrature(_highest_frequency(phase) * float(np.max(length)))
     for block in _blocks(length.size):
