@@ -44,21 +44,65 @@ def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) ->
 def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
     """Return the number to compare with a published number; NaN with the reason if it is not available.
 
-    The arguments are those of `evaluate`.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    stated : mapping
+        Statement: metric, event or phase, statistic and further settings of the metric.
+    unit : str
+        Unit of the value; "-" for the SI unit.
+
+    Returns
+    -------
+    SingleValue
+        Value by the runs, or by linear covariance if there are no runs.
     """
     return metric_in(stated).single(tables, case, stated, unit)
 
 
 def errors_at(tables: Tables, case: str, event: str, metric: str) -> RunErrors | None:
-    """Return the magnitude of an error at an event in every run, in the order of the runs; None if not available."""
+    """Return the magnitude of an error at an event in every run, in the order of the runs; None if not available.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    metric : str
+        Name of the metric.
+    """
     return metric_of(metric).errors(CaseTables(tables, case), {"metric": metric, "at": event})
 
 
 def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
     """Return the root mean square of the difference between the errors of two cases at an event.
 
-    The difference is taken run by run and axis by axis, since both cases have the same random draws. The arguments are
-    those of `evaluate`; a run that failed in either case has an infinite difference and is not averaged.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case, other : str
+        Digests of the two cases.
+    stated : mapping
+        Statement: metric and event.
+    unit : str
+        Unit of the value; "-" for the SI unit.
+
+    Returns
+    -------
+    MetricValue
+        Value by the runs only. `runs` are the squared differences. A run that failed in either case has an infinite
+        difference and is not averaged.
+
+    Notes
+    -----
+    The difference is taken run by run and axis by axis, since both cases have the same random draws.
     """
     quantity, axis = split_metric(str(stated["metric"]))
     event = event_of(stated)

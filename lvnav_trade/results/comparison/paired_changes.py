@@ -68,11 +68,23 @@ def _student_change(
 ) -> Change:
     """Return the change of a statistic with Student's bounds from its jackknife values.
 
-    statistics : Statistic of base and candidate.
-    jackknife : (n,) each. Statistic of base and candidate without one run, for each run.
-    relative : Whether the change is relative; the jackknife is then that of the logarithm.
-    alphas : Error probabilities of the lower and upper bound.
-    fewest : Smallest number of runs for bounds.
+    Parameters
+    ----------
+    statistics : (float, float)
+        Statistic of base and candidate.
+    jackknife : (Floats, Floats)
+        (n,) each. Statistic of base and candidate without one run, for each of the n runs.
+    relative : bool
+        Whether the change is relative to the base. The jackknife is then that of the logarithm.
+    alphas : (float, float)
+        Error probabilities of the lower and upper bound.
+    fewest : int
+        Smallest number of runs for bounds; with fewer runs the bounds are NaN.
+
+    Returns
+    -------
+    Change
+        Change with bounds and the effective number of runs.
     """
     n = len(jackknife[0])
     scale = np.log if relative else np.asarray
@@ -111,7 +123,20 @@ def _jackknife_variance(values: Floats) -> float:
 
 
 def _effective_runs(n: int, unpaired_variance: float, paired_variance: float) -> float:
-    """Return the number of unpaired runs with the variance of n paired runs: n times the ratio of the variances."""
+    """Return the number of unpaired runs with the variance of n paired runs: n times the ratio of the variances.
+
+    Parameters
+    ----------
+    n : int
+        Number of pairs of runs.
+    unpaired_variance, paired_variance : float
+        Variance of the change for independent runs, and for paired runs.
+
+    Returns
+    -------
+    float
+        Infinite if the paired variance is zero to rounding; NaN if a variance is not finite.
+    """
     if not np.isfinite(unpaired_variance + paired_variance):
         return float("nan")
     if not paired_variance > 1e-12 * unpaired_variance:  # rounding
@@ -124,9 +149,26 @@ def quantile_change(
 ) -> Change:
     """Return the change of a quantile of |error|, by resampling pairs of runs (percentile bootstrap).
 
-    The quantile is the smallest order statistic that at least the fraction `probability` of runs does not exceed. The
-    resamples are the same in every call, so that results are reproducible. The other arguments are those of
-    `rms_change`.
+    Parameters
+    ----------
+    base, candidate : (n,) array
+        Errors, paired run by run.
+    probability : float
+        Probability of the quantile, which is the smallest order statistic that at least this fraction of the runs does
+        not exceed.
+    relative : bool
+        Whether the change is relative to the base.
+    alpha_low, alpha_high : float
+        Error probabilities of the lower and upper bound.
+
+    Returns
+    -------
+    Change
+        Bounds and effective runs are NaN if there are too few runs for the quantile.
+
+    Notes
+    -----
+    The resamples are the same in every call, so that results are reproducible.
     """
     pair = np.abs(np.stack([base, candidate]))
     n = pair.shape[1]
@@ -163,11 +205,28 @@ def fitted_quantile_change(
 ) -> Change:
     """Return the change of a quantile of |error|, from a fitted distribution, if too few runs exceed the quantile.
 
+    Parameters
+    ----------
+    base, candidate : (n,) array
+        Errors, paired run by run.
+    probability : float
+        Probability of the quantile.
+    relative : bool
+        Whether the change is relative to the base.
+    alpha_low, alpha_high : float
+        Error probabilities of the lower and upper bound.
+
+    Returns
+    -------
+    Change
+        The bounds are Student's with the jackknife variance.
+
+    Notes
+    -----
     The square of an error is a weighted sum of squared Gaussians. It is approximated by g times a chi-square variable
     with h degrees of freedom, with the mean and variance of the sample (Satterthwaite 1946). This is exact for a
     Gaussian scalar and for a norm of equal components. For a norm of unequal components, a far quantile is up to 4 %
-    low, in base and candidate alike. The bounds are Student's with the jackknife variance. The arguments are those of
-    `rms_change`.
+    low, in base and candidate alike.
     """
     squares = np.stack([base**2, candidate**2])
     quantiles = _fitted_quantile(squares.mean(axis=1), squares.var(axis=1, ddof=1), probability)
@@ -180,6 +239,20 @@ def fitted_quantile_change(
 def _fitted_quantile(mean: Floats, variance: Floats, probability: float) -> Floats:
     """Return the quantile of an error whose square has a given mean and variance.
 
+    Parameters
+    ----------
+    mean, variance : (...,) array
+        Mean and variance of the squared error.
+    probability : float
+        Probability of the quantile.
+
+    Returns
+    -------
+    (...,) array
+        Quantile of the error, in its unit.
+
+    Notes
+    -----
     The square is g chi-square(h), with h = 2 mean^2 / variance and g = mean / h.
     """
     freedom = 2.0 * mean**2 / variance
@@ -220,9 +293,21 @@ def _resample_quantiles(pair: Floats, rank: int) -> Floats:
 def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: float) -> Change:
     """Return the change of the fraction of runs beyond a limit, with score bounds for paired fractions (Tango 1998).
 
-    As in McNemar's test, only runs beyond the limit in one case but not in the other give information.
+    Parameters
+    ----------
+    base, candidate : (n,) array of bool
+        Whether each run is beyond the limit, paired run by run.
+    alpha_low, alpha_high : float
+        Error probabilities of the lower and upper bound.
 
-    base, candidate : (n,), whether each run is beyond the limit
+    Returns
+    -------
+    Change
+        Fractions of base and candidate, and their difference with bounds.
+
+    Notes
+    -----
+    As in McNemar's test, only runs beyond the limit in one case but not in the other give information.
     """
     n = len(base)
     more = int(np.sum(candidate & ~base))
@@ -246,8 +331,19 @@ def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: f
 def _score_limit(n: int, more: int, less: int, z: float) -> float:
     """Return the lower limit on the difference of paired fractions, at which the score statistic equals z.
 
-    n : pairs of runs
-    more, less : pairs beyond the limit in the candidate only, and in the base only
+    Parameters
+    ----------
+    n : int
+        Number of pairs of runs.
+    more, less : int
+        Number of pairs beyond the limit in the candidate only, and in the base only.
+    z : float
+        Normal quantile of the confidence of the limit.
+
+    Returns
+    -------
+    float
+        Lower limit on the fraction of the candidate minus that of the base; -1 if the runs exclude no difference.
     """
 
     def excess(difference: float) -> float:
@@ -267,11 +363,20 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
 
 
 def verdict(low: float, high: float, effect: float) -> str:
-    """Return "worse" if the change is shown to exceed the smallest change of interest, "not worse" if shown to be below
-    it.
+    """Return the verdict on a change with respect to the smallest change of interest.
 
-    low, high : bounds on the change
-    effect : smallest change of interest
+    Parameters
+    ----------
+    low, high : float
+        Bounds on the change.
+    effect : float
+        Smallest change of interest, in the same unit.
+
+    Returns
+    -------
+    str
+        "worse" if the change is shown to exceed `effect`, "not worse" if it is shown to be below `effect`, otherwise
+        "undecided".
     """
     if low > effect:
         return "worse"

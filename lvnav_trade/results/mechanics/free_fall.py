@@ -122,7 +122,20 @@ def _state_rate(state: Floats, j2: bool) -> Floats:
 
 
 def coast(r_i: ArrayLike, v_i: ArrayLike, seconds: float) -> tuple[Floats, Floats]:
-    """Return states r_i (m), v_i (m/s), each (n, 3), after a time in s of free fall about the oblate Earth (J2)."""
+    """Return states after free fall about the oblate Earth (J2).
+
+    Parameters
+    ----------
+    r_i, v_i : (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+    seconds : float
+        Duration of the fall (s).
+
+    Returns
+    -------
+    (n, 3) array, (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+    """
     r_i = np.atleast_2d(np.asarray(r_i, dtype=float))
     v_i = np.atleast_2d(np.asarray(v_i, dtype=float))
     if seconds == 0.0:
@@ -138,7 +151,24 @@ def _step_count(seconds: float) -> int:
 
 
 def _propagate(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats:
-    """Return the states (n, 6) after times (n,) of free fall, by the classical fourth-order Runge-Kutta method."""
+    """Return the states after free fall, by the classical fourth-order Runge-Kutta method.
+
+    Parameters
+    ----------
+    r_i, v_i : (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+    time : (n,) array
+        Duration of the fall of each state (s).
+    j2 : bool
+        Whether the Earth's oblateness acts on the fall.
+    steps : int
+        Number of steps.
+
+    Returns
+    -------
+    (n, 6) array
+        Position (m) and velocity (m/s), frame i.
+    """
     state = np.concatenate([r_i, v_i], axis=1)
     dt = (time / steps)[:, None]
     for _ in range(steps):
@@ -153,8 +183,19 @@ def _propagate(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> 
 def _reach_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
     """Move states near the ground to height zero by Newton's method in time; NaN where this fails.
 
-    fall : (n,), s. Time of fall to the states.
-    state : (n, 6). Position and velocity near the ground, frame i.
+    Parameters
+    ----------
+    fall : (n,) array
+        Time of fall to the states (s).
+    state : (n, 6) array
+        Position (m) and velocity (m/s) near the ground, frame i.
+    j2 : bool
+        Whether the Earth's oblateness acts on the fall.
+
+    Returns
+    -------
+    (n,) array, (n, 6) array
+        Time of fall to the ground (s), and the states there.
     """
     for _ in range(6):
         # the height does not depend on the longitude, so inertial components suffice

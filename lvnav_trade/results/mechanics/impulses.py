@@ -152,7 +152,17 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
 
 
 def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
-    """Return the solutions of `least` for errors (n, 5); errors that have converged are dropped from the iteration."""
+    """Return the solutions of `least` for errors (n, 5); errors that have converged are dropped from the iteration.
+
+    Parameters
+    ----------
+    error : (n, 5) array
+        Errors of the orbit, as `orbit_errors`.
+    pushes : (m, 5, 3) array
+        Effects B_k of an impulse at each position, as `control`.
+    tolerance : float
+        Largest relative difference of delta-v and bound at which the iteration ends.
+    """
     n, m = len(error), len(pushes)
     pushes_by_axis = np.concatenate([pushes[:, :, axis] for axis in range(3)])  # (3 m, 5)
     squares = np.einsum("kij,klj->ilk", pushes, pushes).reshape(25, m)  # B_k B_k'

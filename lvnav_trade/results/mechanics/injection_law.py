@@ -72,7 +72,17 @@ def is_curved(law: InjectionLaw, quantity: str) -> bool:
 
 
 def scaled_law(law: InjectionLaw, sources: Sequence[str], factor: float) -> InjectionLaw:
-    """Return the law with the sigmas of error sources multiplied by a factor, the gains of the filter unchanged."""
+    """Return the law with the sigmas of error sources multiplied by a factor, the gains of the filter unchanged.
+
+    Parameters
+    ----------
+    law : InjectionLaw
+        Distribution of the injection by linear covariance.
+    sources : sequence of str
+        Names of the error sources to scale.
+    factor : float
+        Factor of their sigmas. The covariances are multiplied by its square.
+    """
     scale = np.where(np.isin(law.sources, list(sources)), factor**2, 1.0)
     return law._replace(covariance=law.covariance * scale[:, None, None])
 

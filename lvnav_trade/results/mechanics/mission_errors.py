@@ -86,8 +86,24 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
 def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[str, Floats]:
     """Return the errors of `orbit_errors` with elements at epochs after the state.
 
+    Parameters
+    ----------
+    state : State
+        True state.
+    error : (n, 6) array
+        Errors of velocity (m/s) and position (m), frame i.
+    epochs : ElementEpochs
+        Type and epochs of the elements.
+
+    Returns
+    -------
+    dict of str to array
+        Errors by metric, as `orbit_errors`.
+
+    Notes
+    -----
     The true and the estimated state coast to their epochs about the oblate Earth. The error is the true elements at the
-    one epoch less the estimated elements at the other.
+    true epoch minus the estimated elements at the estimated epoch.
     """
     elements = orbits.mean if epochs.is_mean else orbits.osculating
     r_i, v_i = coast(state.r_i, state.v_i, epochs.true)
@@ -229,11 +245,23 @@ def derivative(function: Callable[[Floats], Floats]) -> Floats:
 
 
 def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = STEP) -> Floats:
-    """Return quasi-random draws (count, n) of a Gaussian (Sobol points), the same in every call.
+    """Return quasi-random draws of a Gaussian (Sobol points), the same in every call.
 
-    mean, covariance : (n,) and (n, n)
-    count : number of draws, a power of two
-    sizes : (n,), magnitude of each component, which scales the covariance before it is factored; 0 for a constant
+    Parameters
+    ----------
+    mean : (n,) array
+        Mean.
+    covariance : (n, n) array
+        Covariance.
+    count : int
+        Number of draws, a power of two.
+    sizes : (n,) array
+        Magnitude of each component, which scales the covariance before it is factored; 0 for a constant.
+
+    Returns
+    -------
+    (count, n) array
+        Draws, in the unit of the mean.
     """
     from scipy.stats import qmc  # takes half a second, which only the draws need
 
@@ -265,7 +293,17 @@ def near_circular(state: State, covariance: Floats) -> str:
 
 
 def applies(state: State, metric: str, covariance: Floats) -> str:
-    """Return the reason why first-order covariance does not describe a metric at a state; empty if it does."""
+    """Return the reason why first-order covariance does not describe a metric at a state; empty if it does.
+
+    Parameters
+    ----------
+    state : State
+        True state.
+    metric : str
+        Name of the mission metric.
+    covariance : (6, 6) array
+        Covariance of the errors of velocity (m/s) and position (m), frame i.
+    """
     if metric in _NONLINEAR_METRICS:
         return near_circular(state, covariance)
     if metric == "correction_delta_v":
@@ -280,6 +318,15 @@ def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
     error.
 
     The draws pass through the exact relation. They replace the first order where `near_circular` rejects it.
+
+    Parameters
+    ----------
+    state : State
+        True state.
+    law : ErrorGaussian
+        Gaussian of the errors of velocity and position.
+    metric : str
+        Name of the mission metric.
 
     Returns
     -------
@@ -300,6 +347,15 @@ def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
 
 def expected_of(state: State, law: ErrorGaussian, metric: str) -> tuple[Floats, Floats] | str:
     """Return mean and covariance of a mission metric by linear covariance, or the reason why it does not apply.
+
+    Parameters
+    ----------
+    state : State
+        True state.
+    law : ErrorGaussian
+        Gaussian of the errors of velocity and position.
+    metric : str
+        Name of the mission metric.
 
     Returns
     -------

@@ -142,7 +142,22 @@ def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats,
 
 
 def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
-    """Return the radius h^2 / GM / (1 + e . u) of orbits in directions u, (...,) m."""
+    """Return the radius h^2 / GM / (1 + e . u) of orbits in directions u.
+
+    Parameters
+    ----------
+    h_i : (..., 3) array
+        Specific angular momentum (m^2/s), frame i.
+    e_i : (..., 3) array
+        Eccentricity vector, frame i.
+    direction : (..., 3) array
+        Unit vectors u in the orbital plane, frame i.
+
+    Returns
+    -------
+    (...,) array
+        Radius (m).
+    """
     return np.asarray(np.sum(h_i**2, axis=-1) / GM / (1.0 + np.sum(e_i * direction, axis=-1)))
 
 

@@ -91,7 +91,17 @@ def laws(tables: Tables, case: str) -> list[ErrorGaussian]:
 def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
     """Return the Gaussians stored in columns of length 21 n_state.
 
-    The columns contain the upper triangles of the covariances row by row; `mean` contains the mean on their diagonals.
+    Parameters
+    ----------
+    mean : (21 n_state,) array
+        Mean errors, stored on the diagonals of the upper triangles.
+    true, formal : (21 n_state,) array
+        Upper triangles, row by row, of the covariances (6, 6) of the true error and assumed by the filter.
+
+    Returns
+    -------
+    list of ErrorGaussian
+        Gaussian of velocity and position at each state, frame i, SI.
     """
     n = len(mean) // 21
     i, j = np.triu_indices(6)
@@ -125,8 +135,21 @@ def law_at(tables: Tables, case: str, event: str) -> ErrorGaussian:
 
 
 def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
-    """Return errors of velocity and position (n_run, 6), frame i, at the event of a state, and which runs failed
-    (n_run,).
+    """Return errors of velocity and position at the event of a state, and which runs failed.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    state : State
+        True state at an event.
+
+    Returns
+    -------
+    (n_run, 6) array, (n_run,) array of bool
+        Errors of velocity (m/s) and position (m), frame i; whether each run failed.
     """
     rows = pick(tables.runs, case=case, event=state.event)
     outputs = pick(tables.outputs, case=case)
@@ -142,16 +165,37 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
 
 
 def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> tuple[Floats, Bools]:
-    """Return state errors (n_run, 6), frame i, and which runs failed.
+    """Return state errors in frame i, and which runs failed.
 
-    velocity, position : (n_run, 3), m/s and m. Errors in the reporting axes.
-    failed : (n_run,). Failed runs; the result adds runs whose error is not finite.
+    Parameters
+    ----------
+    state : State
+        True state, with the rotation from the reporting axes to frame i.
+    velocity, position : (n_run, 3) array
+        Errors (m/s and m) in the reporting axes.
+    failed : (n_run,) array of bool
+        Failed runs.
+
+    Returns
+    -------
+    (n_run, 6) array, (n_run,) array of bool
+        Errors of velocity (m/s) and position (m), frame i; failed runs, including those whose error is not finite.
     """
     error = np.concatenate([velocity @ state.turn.T, position @ state.turn.T], axis=1)
     return error, failed | ~np.isfinite(error).all(axis=1)
 
 
 def good_errors(tables: Tables, case: str, state: State) -> Floats:
-    """Return `run_errors` of the runs that did not fail, (n_good, 6)."""
+    """Return `run_errors` of the runs that did not fail, (n_good, 6).
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    state : State
+        True state at an event.
+    """
     error, failed = run_errors(tables, case, state)
     return error[~failed]

@@ -51,7 +51,10 @@ def unwrapped_longitude(longitude: ArrayLike, corners: Floats) -> Floats:
 def metres(latitude: float) -> Floats:
     """Return metres per radian of latitude and of longitude on the ellipsoid, (2,).
 
-    latitude : rad
+    Parameters
+    ----------
+    latitude : float
+        Geodetic latitude (rad).
     """
     w2 = 1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2
     meridian_radius = SEMI_MAJOR * (1.0 - ECCENTRICITY_2) / w2**1.5
@@ -129,7 +132,17 @@ def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
 
 
 def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
-    """Return the number of runs that failed or were outside the corridor at an event, and the number of all runs."""
+    """Return the number of runs that failed or were outside the corridor at an event, and the number of all runs.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    corridor : Corridor
+        The corridor.
+    """
     failures = []
     for state in stored_states.states(tables, case):
         if state.event:
@@ -141,9 +154,21 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
 
 
 def outside_corridor(state: State, error: Floats, corridor: Corridor) -> Bools:
-    """Return which estimated points are outside the corridor; none if the true state has no impact point.
+    """Return which estimated points are outside the corridor.
 
-    error : (n, 6). Errors of velocity (m/s) and position (m), frame i.
+    Parameters
+    ----------
+    state : State
+        True state.
+    error : (n, 6) array
+        Errors of velocity (m/s) and position (m), frame i.
+    corridor : Corridor
+        The corridor.
+
+    Returns
+    -------
+    (n,) array of bool
+        False for errors that are not finite; all False if the true state has no impact point.
     """
     is_outside = np.zeros(len(error), dtype=bool)
     is_finite = np.isfinite(error).all(axis=1)
@@ -172,10 +197,26 @@ def probability_inside(
 ) -> tuple[float, float]:
     """Return the probability that the estimated point is in the corridor, and the margin, as `probability`.
 
-    The estimated point is the true point less the error. Edges of the corridor are straight lines in latitude and
-    longitude.
+    Parameters
+    ----------
+    corridor : Corridor
+        The corridor.
+    point : free_fall.Impact
+        True impact point.
+    covariance : (2, 2) array
+        Covariance (km^2) of the error, down-range and cross-range.
+    bias : (2,) array
+        Mean (km) of the error, down-range and cross-range.
 
-    covariance, bias : (2, 2) in km^2 and (2,) in km. Of the error, down-range and cross-range.
+    Returns
+    -------
+    float, float
+        Probability; margin in sigmas, negative if the mean point is outside.
+
+    Notes
+    -----
+    The estimated point is the true point minus the error. Edges of the corridor are straight lines in latitude and
+    longitude.
     """
     c = np.cos(point.heading)
     s = np.sin(point.heading)

@@ -203,7 +203,21 @@ def _error_columns(
 ) -> dict[str, Any]:
     """Return the error of an impact point by linear covariance, in kilometres and degrees.
 
-    slope : (2, 6). Derivative S of the error at impact, as `_slopes`; the covariance is S P S', the mean S m.
+    Parameters
+    ----------
+    law : ErrorGaussian
+        Gaussian of the errors of velocity and position, frame i.
+    point : free_fall.Impact
+        True impact point.
+    slope : (2, 6) array
+        Derivative S of the error at impact (km), as `_slopes`. The covariance is S P S', the mean S m.
+    corridor : Corridor or None
+        Corridor of the impact point.
+
+    Returns
+    -------
+    dict of str to float
+        Values by column of the table.
     """
     covariance = slope @ law.true @ slope.T
     filter_covariance = slope @ law.formal @ slope.T
@@ -235,10 +249,22 @@ def _error_columns(
 
 @lru_cache(maxsize=64)
 def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
-    """Return the derivatives (n, 2, 6) of the error at impact (km) with respect to velocity and position of n states.
+    """Return the derivatives of the error at impact with respect to velocity and position.
 
-    The result is cached for all cases with the same trajectory, see `_cache_key`. All falls are integrated together,
-    which takes as long as a single fall.
+    Parameters
+    ----------
+    r_i, v_i, earth_angle : bytes
+        Positions (m) and velocities (m/s) of n states, frame i, and Earth angles (rad), as `_cache_key`.
+
+    Returns
+    -------
+    (n, 2, 6) array
+        Derivatives of the error down-range and cross-range (km) with respect to velocity (m/s) and position (m).
+
+    Notes
+    -----
+    The result is cached for all cases with the same trajectory. All falls are integrated together, which takes as long
+    as a single fall.
     """
     position, velocity, theta = _read_key(r_i, v_i, earth_angle)
     true = _points(r_i, v_i, earth_angle)
@@ -285,7 +311,23 @@ def _run_columns(
 ) -> dict[str, Any]:
     """Return the statistics of the runs at an event.
 
-    point_errors : (n_run, 2), m. Their errors at impact, as `run_impacts`.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    state : State
+        True state at the event.
+    point_errors : (n_run, 2) array
+        Errors of the runs at impact (m), as `run_impacts`.
+    corridor : Corridor or None
+        Corridor of the impact point.
+
+    Returns
+    -------
+    dict of str to Any
+        Values by column of the table.
     """
     n_run = len(point_errors)
     if n_run < 2:
@@ -305,10 +347,21 @@ def _run_columns(
 
 
 def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:
-    """Return latitude and longitude (deg) of the error ellipse about the true impact point, for a row of `impact`.
+    """Return the error ellipse about the true impact point.
 
-    sigmas : semi-axes in sigmas
-    points : number of points
+    Parameters
+    ----------
+    row : named tuple
+        Row of the table `impact`.
+    sigmas : float
+        Semi-axes in sigmas.
+    points : int
+        Number of points.
+
+    Returns
+    -------
+    (points,) array, (points,) array
+        Latitude and longitude (deg).
     """
     latitude = np.radians(row.latitude_deg)
     longitude = np.radians(row.longitude_deg)

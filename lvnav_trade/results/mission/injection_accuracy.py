@@ -107,7 +107,19 @@ def injection(tables: Tables) -> pd.DataFrame:
 def _expected_columns(law: InjectionLaw | None, quantity: str, factor: float) -> dict[str, Any]:
     """Return mean and sigmas of an injection error by linear covariance, or the reason why there are none.
 
-    factor : Factor from SI to the display unit.
+    Parameters
+    ----------
+    law : InjectionLaw or None
+        Distribution of the injection.
+    quantity : str
+        Element of the orbit.
+    factor : float
+        Factor from SI to the display unit.
+
+    Returns
+    -------
+    dict of str to Any
+        Values by column of the table, in the display unit.
     """
     if law is None:
         return {"reason": "no linear covariance"}
@@ -187,9 +199,16 @@ def injection_sources(tables: Tables) -> pd.DataFrame:
 
 
 def _source_rows(law: InjectionLaw, sigma: Floats, factor: float) -> list[dict[str, Any]]:
-    """Return the rows of the sources of an injection error, largest first, and that of all sources together.
+    """Return the rows of the sources of an injection error, largest first, and the row of all sources together.
 
-    sigma : (n_source,). Sigma by source, SI.
+    Parameters
+    ----------
+    law : InjectionLaw
+        Distribution of the injection, with the names of the sources.
+    sigma : (n_source,) array
+        Sigma by source, SI.
+    factor : float
+        Factor from SI to the display unit.
     """
     total = float(np.sqrt(np.sum(sigma**2)))
     rows = []

@@ -184,8 +184,19 @@ def _without_residual(element: float) -> float:
 def _first_order_columns(slope: Floats, law: ErrorGaussian, factor: float) -> dict[str, float]:
     """Return sigmas and bias of an element to first order in the state error: variance s'Ps, mean s'm.
 
-    slope : (6,). Derivative s of the element with respect to velocity and position.
-    factor : Factor from SI to the display unit.
+    Parameters
+    ----------
+    slope : (6,) array
+        Derivative s of the element (SI) with respect to velocity (m/s) and position (m), frame i.
+    law : ErrorGaussian
+        Gaussian of the errors of velocity and position.
+    factor : float
+        Factor from SI to the display unit.
+
+    Returns
+    -------
+    dict of str to float
+        Values by column of the table, in the display unit.
     """
     sigma = float(np.sqrt(slope @ law.true @ slope))
     filter_sigma = float(np.sqrt(slope @ law.formal @ slope))
@@ -340,10 +351,22 @@ def orbit_correction(tables: Tables) -> pd.DataFrame:
 
 @once
 def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
-    """Return the least delta-v of a correction at an event, by "linear covariance" (draws) and by "Monte Carlo" (good
-    runs).
+    """Return the least delta-v of a correction at an event.
 
-    Each is (3, n), m/s: for the whole error, for that of velocity alone, and for that of position alone.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Event with a stored state.
+
+    Returns
+    -------
+    dict of str to (3, n) array
+        Delta-v (m/s) by "linear covariance" (n draws) and by "Monte Carlo" (n good runs, if there are any). The rows
+        are those of the whole error, of the velocity error alone, and of the position error alone.
     """
     state = stored_states.state_at(tables, case, event)
     assert state is not None

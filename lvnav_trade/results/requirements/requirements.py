@@ -77,7 +77,20 @@ def unselected(tables: Tables) -> list[str]:
 
 
 def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
-    """Return the verdict after a fixed number of runs, and the further runs without failure that would meet it."""
+    """Return the verdict after a fixed number of runs, and the further runs without failure that would meet it.
+
+    Parameters
+    ----------
+    runs, failures : int
+        Number of runs, and of failures among them.
+    probability, confidence : float
+        Required probability and confidence.
+
+    Returns
+    -------
+    str, int
+        met, violated or undecided; number of further runs, 0 if the verdict is decided.
+    """
     verdict = success_verdict(runs, failures, probability, confidence)
     if verdict != "undecided":
         return verdict, 0
@@ -179,8 +192,22 @@ def in_words(frame: pd.DataFrame) -> pd.DataFrame:
 def spent(runs: int, probability: float, confidence: float) -> float:
     """Return the error probability that may have been spent after a number of runs (error-spending function).
 
-    It is (1 - confidence) n / (n + n0), with n0 the runs without failure that decide at a single look. It depends on
-    neither the planned nor the final number of runs, so a campaign may be extended after looking at its results.
+    Parameters
+    ----------
+    runs : int
+        Number n of runs at the look.
+    probability, confidence : float
+        Required probability of success, and confidence.
+
+    Returns
+    -------
+    float
+        (1 - confidence) n / (n + n0), with n0 the runs without failure that decide at a single look.
+
+    Notes
+    -----
+    The function depends on neither the planned nor the final number of runs, so a campaign may be extended after its
+    results have been seen.
     """
     return (1.0 - confidence) * runs / (runs + runs_needed(0, probability, confidence))
 
@@ -188,10 +215,21 @@ def spent(runs: int, probability: float, confidence: float) -> float:
 def _edges(side: int, probability: float, confidence: float, block: int) -> Iterator[int]:
     """Yield, look by look, the number of failures up to which (side 0) or from which (side 1) the test decides.
 
-    If the probability of success is exactly the required one, the number of failures in n runs is binomial. The edge of
-    side 0 is the largest number such that the probability of having been at or below an edge, at this look or before,
-    is at most the probability `spent`. If the truth is worse, this probability is smaller still. Side 1 is the mirror
-    image and shows a violation. Each side is valid whether or not the campaign stops at the other.
+    Parameters
+    ----------
+    side : {0, 1}
+        Side of the test: met or violated.
+    probability, confidence : float
+        Required probability of success, and confidence.
+    block : int
+        Runs between looks.
+
+    Notes
+    -----
+    If the probability of success is exactly the required value, the number of failures in n runs is binomial. The
+    edge of side 0 is the largest number such that the probability of having been at or below an edge, at this look or
+    before, is at most the probability `spent`. If the truth is worse, this probability is smaller still. Side 1 is the
+    mirror image and shows a violation. Each side is valid whether or not the campaign stops at the other.
     """
     step: Floats = stats.binom.pmf(np.arange(block + 1), block, 1.0 - probability)
     first = 0
@@ -225,7 +263,19 @@ def _cached_edges(side: int, probability: float, confidence: float, block: int) 
 
 
 def _edge(side: int, look: int, probability: float, confidence: float, block: int) -> int:
-    """Return the edge of a side at a look (from 0), see `_edges`."""
+    """Return the edge of a side at a look (from 0), see `_edges`.
+
+    Parameters
+    ----------
+    side : {0, 1}
+        Side of the test: met or violated.
+    look : int
+        Number of the look, from 0.
+    probability, confidence : float
+        Required probability of success, and confidence.
+    block : int
+        Runs between looks.
+    """
     edges, next_edges = _cached_edges(side, probability, confidence, block)
     n_missing = max(0, look + 1 - len(edges))
     edges.extend(islice(next_edges, n_missing))
@@ -282,7 +332,17 @@ def decide(failures: Sequence[int], probability: float, confidence: float, block
 
 
 def further_runs(failures: Sequence[int], probability: float, confidence: float, block: int) -> int:
-    """Return the number of further runs without failure after which an undecided requirement would be met."""
+    """Return the number of further runs without failure after which an undecided requirement would be met.
+
+    Parameters
+    ----------
+    failures : (n_look,) sequence of int
+        Cumulative number of failures at each look so far.
+    probability, confidence : float
+        Required probability of success, and confidence.
+    block : int
+        Runs between looks.
+    """
     n_failed = failures[-1] if len(failures) else 0
     look = len(failures)
     while look < _FURTHEST and n_failed > _edge(0, look, probability, confidence, block):

@@ -185,8 +185,14 @@ def number_in(value: Any, unit: str) -> float:
 def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> float:
     """Return the time (s) of an instant such as ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN if it has no event.
 
-    events : times (s) of the events by name
-    ends : times (s) of ``start`` and ``end``
+    Parameters
+    ----------
+    text : str
+        The instant.
+    events : mapping of str to float
+        Times (s) of the events by name.
+    ends : (float, float)
+        Times (s) of ``start`` and ``end``.
     """
     times = {"start": ends[0], "end": ends[1], **events}
     match = _INSTANT.match(text)
@@ -201,7 +207,19 @@ def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]
 def phase_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> tuple[float, float]:
     """Return the first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``, from lift-off to the end.
 
-    The times are NaN if an event does not occur. The arguments are those of `instant_in`.
+    Parameters
+    ----------
+    text : str
+        The phase.
+    events : mapping of str to float
+        Times (s) of the events by name.
+    ends : (float, float)
+        Times (s) of ``start`` and ``end``.
+
+    Returns
+    -------
+    float, float
+        First and last time (s), NaN if an event does not occur.
     """
     if text == "flight":
         return max(instant_in("start", events, ends), 0.0), instant_in("end", events, ends)

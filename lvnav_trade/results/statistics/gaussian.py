@@ -55,7 +55,24 @@ def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) ->
 
 
 def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> Floats | None:
-    """Return the formal covariance (3, 3) of a quantity at an event of the nominal flight, SI; None if unknown."""
+    """Return the formal covariance (3, 3) of a quantity at an event of the nominal flight, SI; None if unknown.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    quantity : str
+        Navigation error, such as position.
+
+    Returns
+    -------
+    (3, 3) array or None
+        Covariance assumed by the filter, reporting axes, SI.
+    """
     rows = pick(tables.covariances, case=case, event=event, quantity=quantity, source="")
     axes = list(dict.fromkeys(rows.axis))
     if not axes:
@@ -66,7 +83,24 @@ def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> F
 def _matrix(
     axes: list[str], shown_axes: list[str], row: Iterable[str], column: Iterable[str], values: Floats
 ) -> Floats:
-    """Return the symmetric matrix (k, k) of the shown axes, from elements (n,) with row and column axes (n,)."""
+    """Return the symmetric matrix of the shown axes.
+
+    Parameters
+    ----------
+    axes : list of str
+        All axes of the elements.
+    shown_axes : list of str
+        The k axes of the result, in its order.
+    row, column : (n,) iterable of str
+        Axes of the row and of the column of each element. An element also gives its mirror element.
+    values : (n,) array
+        Elements.
+
+    Returns
+    -------
+    (k, k) array
+        Matrix, in the unit of the elements.
+    """
     matrix = np.zeros((len(axes), len(axes)))
     i = [axes.index(name) for name in row]
     j = [axes.index(name) for name in column]

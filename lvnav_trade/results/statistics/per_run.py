@@ -19,7 +19,24 @@ if TYPE_CHECKING:
 
 
 def within(tables: Tables, case: str, rows: pd.DataFrame, statement: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the rows of a history at the event or during the phase of a statement; empty for an unknown event."""
+    """Return the rows of a history at the event or during the phase of a statement; empty for an unknown event.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    rows : pandas.DataFrame
+        Rows of a history, with the column t_s.
+    statement : mapping
+        Statement or requirement, with `during` for a phase or `at` for an event.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows of the phase, both ends included, or the single row closest to the event.
+    """
     if statement.get("during"):
         first, last = phase(tables, case, str(statement["during"]))
         return rows_between(rows, first, last)
@@ -31,7 +48,24 @@ def within(tables: Tables, case: str, rows: pd.DataFrame, statement: Mapping[str
 
 
 def of_each(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
-    """Return the number of a statement for every single run (n_run,), SI, in order; empty if it is not stored."""
+    """Return the number of a statement for every single run (n_run,), SI, in order; empty if it is not stored.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    statement : mapping
+        Statement: metric, and event or phase.
+    unit : str
+        SI unit of the metric, which the names of the columns contain.
+
+    Returns
+    -------
+    (n_run,) array
+        Magnitude of the error at the event, infinite for a failed run; for a phase, the RMS over the phase.
+    """
     quantity, axis = split_metric(str(statement["metric"]))
     if statement.get("during"):
         return per_run(tables, case, statement, rms_column(quantity, axis, unit))
@@ -81,9 +115,23 @@ def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str
 
 
 def signed(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
-    """Return the signed error of every run (n_run,), SI, in the order of the runs; infinite for a failed run.
+    """Return the signed error of every run at an event, in the order of the runs.
 
-    It is empty for a phase, since signed errors are stored at events only.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    statement : mapping
+        Statement: metric of a single axis, and event.
+    unit : str
+        SI unit of the metric, which the names of the columns contain.
+
+    Returns
+    -------
+    (n_run,) array
+        Errors, SI; infinite for a failed run. It is empty for a phase, since signed errors are stored at events only.
     """
     quantity, axis = split_metric(str(statement["metric"]))
     if statement.get("during"):

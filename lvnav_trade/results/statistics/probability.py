@@ -78,8 +78,18 @@ def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, 
 def success_verdict(runs: int, failures: int, probability: float, confidence: float) -> str:
     """Return the verdict on a required probability of success.
 
-    "met" if the lower bound of `success_bounds` reaches the probability, "violated" if the upper bound is below it,
-    otherwise "undecided".
+    Parameters
+    ----------
+    runs, failures : int
+        Number of runs, and of failures among them.
+    probability, confidence : float
+        Required probability of success, and confidence of each bound of `success_bounds`.
+
+    Returns
+    -------
+    str
+        "met" if the lower bound reaches the required probability, "violated" if the upper bound is below it, otherwise
+        "undecided".
     """
     low, high = success_bounds(runs, failures, confidence)
     if runs and low >= probability:
@@ -251,10 +261,24 @@ def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Flo
 
 
 def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) -> float:
-    """Return the P-quantile of |x| for x Gaussian with mean (k,) and covariance (k, k), k at most 3, to 1e-9.
+    """Return the P-quantile of the norm |x| of a Gaussian vector x, to 1e-9.
 
-    The search starts at the quantile of the scaled chi-square of equal mean and variance (Satterthwaite 1946), and its
-    residual is a normal quantile, in which the distribution is close to a straight line. A vector without size gives 0.
+    Parameters
+    ----------
+    mean, covariance : (k,) array, (k, k) array
+        Mean and covariance of x, with k at most 3.
+    probability : float
+        Probability P of the quantile.
+
+    Returns
+    -------
+    float
+        Quantile, in the unit of the mean. A vector without size gives 0.
+
+    Notes
+    -----
+    The search starts at the quantile of the scaled chi-square of equal mean and variance (Satterthwaite 1946). The
+    residual is a normal quantile, in which the distribution is close to a straight line.
     """
     centre = np.atleast_1d(np.asarray(mean, dtype=float))
     variance = np.atleast_2d(np.asarray(covariance, dtype=float))

@@ -51,7 +51,25 @@ def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
 
 
 def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.DataFrame:
-    """Return the errors of every run at an event, SI: a column per axis, and the column `failure`."""
+    """Return the errors of every run at an event, SI: a column per axis, and the column `failure`.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    quantity : str
+        Quantity, such as velocity.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per run, indexed by its number. `failure` is empty for a run that did not fail. The errors are in the
+        reporting axes.
+    """
     outputs = pick(tables.outputs, case=case, quantity=quantity)
     components = outputs[outputs.axis != "3d"]
     columns = [error_column(quantity, row.axis, row.unit) for row in components.itertuples()]
@@ -106,7 +124,24 @@ def names_of_series(tables: Tables) -> list[tuple[str, str, str]]:
 
 
 def history_columns(tables: Tables, case: str, quantity: str, axis: str, *names: str) -> list[Floats]:
-    """Return columns of the history of one error of a case, each (n_time,)."""
+    """Return columns of the history of one error of a case, each (n_time,).
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity, axis : str
+        The error; the axis 3d is the norm.
+    *names : str
+        Names of the columns of the table `history`.
+
+    Returns
+    -------
+    list of (n_time,) array
+        Columns in the order of their names, in the units of the table.
+    """
     columns = pick_columns(tables.history, names, case=case, quantity=quantity, axis=axis)
     return [values.astype(float, copy=False) for values in columns]
 
@@ -125,7 +160,19 @@ def lincov_rms(rows: pd.DataFrame) -> pd.Series:
 
 
 def mean_at(tables: Tables, case: str, event: str, quantity: str) -> float:
-    """Return the norm of the mean error at an event by linear covariance, in the display unit."""
+    """Return the norm of the mean error at an event by linear covariance, in the display unit.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of an event that occurs.
+    quantity : str
+        Quantity, such as position.
+    """
     t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
     mean_si = float(at_time(history_of(tables, case, quantity, "3d"), t).lincov_mean_si)
     _, factor = tables.people[quantity, "3d"]
@@ -141,7 +188,16 @@ def at_time(rows: pd.DataFrame, t: float) -> pd.Series:
 def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> float:
     """Return the time (s) of an instant such as ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN if it has no event.
 
-    ends: times (s) of ``start`` and ``end``; by default the ends of the history.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    text : str
+        The instant.
+    ends : (float, float), optional
+        Times (s) of ``start`` and ``end``; by default the ends of the history.
     """
     return instant_in(text, _event_times(tables, case), ends or ends_of(tables, case))
 
@@ -149,7 +205,21 @@ def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | No
 def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> tuple[float, float]:
     """Return the first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``, from lift-off to the end.
 
-    The times are NaN if an event does not occur.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    text : str
+        The phase.
+    ends : (float, float), optional
+        Times (s) of ``start`` and ``end``; by default the ends of the history.
+
+    Returns
+    -------
+    float, float
+        First and last time (s), NaN if an event does not occur.
     """
     return phase_in(text, _event_times(tables, case), ends or ends_of(tables, case))
 
@@ -160,7 +230,17 @@ def _event_times(tables: Tables, case: str) -> dict[str, float]:
 
 
 def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s") -> pd.DataFrame:
-    """Return the rows between two times (s), both included; `end` is the column with the end of a row."""
+    """Return the rows between two times, both included.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Rows with the column t_s.
+    first, last : float
+        The times (s).
+    end : str
+        Column with the end (s) of the interval of a row; by default each row is an instant.
+    """
     starts_inside = rows.t_s >= first - SAME_TIME
     ends_inside = rows[end] <= last + SAME_TIME
     return rows[starts_inside & ends_inside]
