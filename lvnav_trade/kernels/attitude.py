@@ -6,13 +6,24 @@ from lvnav_trade.kernels.lanes import where
 
 @jit
 def cross(ax, ay, az, bx, by, bz):
-    """Return the vector product a x b."""
+    """Return the vector product a x b as three components, in the axes and with the units of a and b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @inlined
 def rotate(c, x, y, z):
-    """Return the vector C (x, y, z), with the nine entries c of the matrix C by rows."""
+    """Return the vector C (x, y, z).
+
+    Parameters
+    ----------
+    c : nine entries of the matrix C, by rows
+    x, y, z : components of the vector, any unit
+
+    Returns
+    -------
+    tuple of 3
+        Components of the rotated vector; for C = C_b_i, as from `matrix`, from body axes to frame i.
+    """
     return (
         c[0] * x + c[1] * y + c[2] * z,
         c[3] * x + c[4] * y + c[5] * z,
@@ -22,7 +33,13 @@ def rotate(c, x, y, z):
 
 @inlined
 def rotate_back(c, x, y, z):
-    """Return the vector C' (x, y, z), with the nine entries c of the matrix C by rows."""
+    """Return the vector C' (x, y, z), the inverse of `rotate` for a rotation matrix.
+
+    Parameters
+    ----------
+    c : nine entries of the matrix C, by rows
+    x, y, z : components of the vector, any unit
+    """
     return (
         c[0] * x + c[3] * y + c[6] * z,
         c[1] * x + c[4] * y + c[7] * z,
@@ -32,7 +49,13 @@ def rotate_back(c, x, y, z):
 
 @jit
 def multiply(p0, p1, p2, p3, q0, q1, q2, q3):
-    """Return the quaternion product p q."""
+    """Return the quaternion product p q: the rotation q followed by the rotation p.
+
+    Parameters
+    ----------
+    p0, p1, p2, p3 : first factor, scalar part first
+    q0, q1, q2, q3 : second factor, scalar part first
+    """
     return (
         p0 * q0 - p1 * q1 - p2 * q2 - p3 * q3,
         p0 * q1 + p1 * q0 + p2 * q3 - p3 * q2,
@@ -43,7 +66,12 @@ def multiply(p0, p1, p2, p3, q0, q1, q2, q3):
 
 @jit
 def matrix(q0, q1, q2, q3):
-    """Return the nine entries, by rows, of the rotation matrix from body to inertial axes."""
+    """Return the nine entries, by rows, of the rotation matrix from body to inertial axes.
+
+    Parameters
+    ----------
+    q0, q1, q2, q3 : unit quaternion, scalar part first, body to inertial
+    """
     a, b, c = q1 + q1, q2 + q2, q3 + q3  # every product below has the factor 2
     xx, yy, zz = a * q1, b * q2, c * q3
     xy, xz, yz = a * q2, a * q3, b * q3
@@ -63,7 +91,17 @@ def matrix(q0, q1, q2, q3):
 
 @jit
 def from_rotation(x, y, z):
-    """Return the quaternion of a rotation vector; series to the ninth power, exact to 1e-16 below 0.2 rad."""
+    """Return the quaternion of a rotation vector; series to the ninth power, exact to 1e-16 below 0.2 rad.
+
+    Parameters
+    ----------
+    x, y, z : rad, rotation vector
+
+    Returns
+    -------
+    tuple of 4
+        Quaternion, scalar part first.
+    """
     h = 0.25 * (x * x + y * y + z * z)
     # with half of the angle a/2 = sqrt(h): cos(a/2), and sin(a/2) / a
     cosine = 1.0 + h * (-0.5 + h * (1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))))
@@ -73,21 +111,35 @@ def from_rotation(x, y, z):
 
 @jit
 def normalise(q0, q1, q2, q3):
-    """Return a quaternion of nearly unit length, normalised by one Newton step of 1 / sqrt(q q')."""
+    """Return a quaternion of nearly unit length, normalised by one Newton step of 1 / sqrt(q q').
+
+    The norm must be within rounding or integration errors of 1: the step leaves a relative error of second order.
+    """
     scale = 1.5 - 0.5 * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
     return scale * q0, scale * q1, scale * q2, scale * q3
 
 
 @jit
 def small_rotation(p0, p1, p2, p3, q0, q1, q2, q3):
-    """Return the small rotation vector from attitude q to attitude p, in inertial axes (p = rotation * q)."""
+    """Return the small rotation vector (rad) from attitude q to attitude p, in inertial axes (p = rotation * q).
+
+    Parameters
+    ----------
+    p0, p1, p2, p3 : quaternion, body to inertial, for example the true attitude
+    q0, q1, q2, q3 : quaternion, body to inertial, for example the estimated attitude
+    """
     d0, d1, d2, d3 = multiply(p0, p1, p2, p3, q0, -q1, -q2, -q3)
     return rotation_vector(d0, d1, d2, d3)
 
 
 @jit
 def rotation_vector(d0, d1, d2, d3):
-    """Return the small rotation vector (rad) of a quaternion."""
+    """Return the small rotation vector (rad) of a unit quaternion.
+
+    Parameters
+    ----------
+    d0, d1, d2, d3 : quaternion, scalar part first; its negative gives the same result
+    """
     # angle = 2 asin(|d|), with the cubic term of the arc sine; q and -q are the same attitude, hence the sign
     factor = where(d0 < 0.0, -2.0, 2.0) * (1.0 + (d1 * d1 + d2 * d2 + d3 * d3) * (1.0 / 6.0))
     return factor * d1, factor * d2, factor * d3

@@ -22,7 +22,20 @@ def spectral_densities(h0: float, h_minus2: float) -> tuple[float, float]:
 
 
 def step_covariance(dt: float, h0: float, h_minus2: float) -> tuple[float, float, float]:
-    """Return the covariance that a step of `dt` (s) adds: bias (m^2), bias with drift (m^2/s), drift (m^2/s^2)."""
+    """Return the covariance that the noise of a receiver clock adds over a time step.
+
+    Parameters
+    ----------
+    dt
+        s. Length of the step.
+    h0, h_minus2
+        s, 1/s. Power-law coefficients, as in `spectral_densities`.
+
+    Returns
+    -------
+    tuple of float
+        Variance of bias (m^2), covariance of bias and drift (m^2/s), variance of drift (m^2/s^2).
+    """
     bias, drift = spectral_densities(h0, h_minus2)
     return bias * dt + drift * dt**3 / 3.0, drift * dt**2 / 2.0, drift * dt
 
@@ -32,6 +45,13 @@ def clock_step(dt: float, h0: float, h_minus2: float) -> tuple[float, float, flo
 
     With two standard normal draws n1, n2 a step is ``bias += drift * dt + a11 * n1`` and
     ``drift += a21 * n1 + a22 * n2``. A clock without noise, or a step of no length, gives zeros.
+
+    Parameters
+    ----------
+    dt
+        s. Length of the step.
+    h0, h_minus2
+        s, 1/s. Power-law coefficients, as in `spectral_densities`.
     """
     q11, q12, q22 = step_covariance(dt, h0, h_minus2)
     if q11 <= 0.0:

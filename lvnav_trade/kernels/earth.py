@@ -30,7 +30,12 @@ J4 = -3.0 * 0.539873863789e-6
 
 @jit
 def gravity_point(x: Any, y: Any, z: Any) -> Any:
-    """Return the gravitation (gx, gy, gz) in m/s^2 of a point mass at position x, y, z in m."""
+    """Return the gravitation (gx, gy, gz) in m/s^2 of a point mass, in the axes of the position.
+
+    Parameters
+    ----------
+    x, y, z : m, position relative to the Earth's centre; any axes
+    """
     r2 = x * x + y * y + z * z
     k = GM / (r2 * sqrt(r2))
     return -(k * x), -(k * y), -(k * z)
@@ -38,10 +43,14 @@ def gravity_point(x: Any, y: Any, z: Any) -> Any:
 
 @jit
 def gravity_j2(x: Any, y: Any, z: Any) -> Any:
-    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, at position x, y, z in m (z along the polar axis).
+    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, in the axes of the position.
 
     g = -GM / r^3 (x (1 - c (5 s^2 - 1)), y (1 - c (5 s^2 - 1)), z (1 - c (5 s^2 - 3))), c = 3/2 J2 (a/r)^2, s = z/r
     (Groves, 2nd ed., chapter 2).
+
+    Parameters
+    ----------
+    x, y, z : m, position relative to the Earth's centre, z along the polar axis
     """
     r2 = x * x + y * y + z * z
     k = GM / (r2 * sqrt(r2))
@@ -53,10 +62,14 @@ def gravity_j2(x: Any, y: Any, z: Any) -> Any:
 
 @jit
 def gravity_j4(x: Any, y: Any, z: Any) -> Any:
-    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, J3 and J4, at position x, y, z in m.
+    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, J3 and J4, in the axes of the position.
 
     Gradient of GM/r (1 - sum J_n (a/r)^n P_n(z/r)); with P'_(n+1) = (n+1) P_n + s P'_n it splits into a part along the
     radius, factor 1 - sum J_n (a/r)^n P'_(n+1)(s), and a part along the polar axis, factor sum J_n (a/r)^n P'_n(s).
+
+    Parameters
+    ----------
+    x, y, z : m, position relative to the Earth's centre, z along the polar axis
     """
     r2 = x * x + y * y + z * z
     r = sqrt(r2)
@@ -78,9 +91,13 @@ def gravity_j4(x: Any, y: Any, z: Any) -> Any:
 
 @jit
 def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
-    """Return the gradient (xx, xy, xz, yy, yz, zz) in 1/s^2 of `gravity_j2`, at position x, y, z in m.
+    """Return the gradient (xx, xy, xz, yy, yz, zz) in 1/s^2 of `gravity_j2`, in the axes of the position.
 
     Without J2 it is GM / r^3 (3 u u' - I), with u the unit vector of the position.
+
+    Parameters
+    ----------
+    x, y, z : m, position relative to the Earth's centre, z along the polar axis
     """
     r2 = x * x + y * y + z * z
     x2 = x * x / r2
@@ -102,10 +119,19 @@ def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
 
 @jit
 def height_and_up(x: Any, y: Any, z: Any) -> Any:
-    """Return (height m, up x, y, z) over the ellipsoid at position x, y, z in m; up is the ellipsoid's normal.
+    """Return the height over the ellipsoid and the upward normal of the ellipsoid.
 
-    One step of Bowring's latitude (Survey Review 23, 1976) without a division by the distance from the polar axis; the
-    height does not depend on the latitude's error to first order, and is good to 1e-6 m up to 100 km.
+    One step of Bowring's latitude (Survey Review 23, 1976) without a division by the distance from the polar axis. The
+    height does not depend on the latitude's error to first order; it is accurate to 1e-6 m up to 100 km.
+
+    Parameters
+    ----------
+    x, y, z : m, position relative to the Earth's centre, z along the polar axis
+
+    Returns
+    -------
+    height : m
+    ux, uy, uz : unit vector of the normal, in the axes of the position
     """
     p2 = x * x + y * y
     s = z * (SEMI_MAJOR / SEMI_MINOR)

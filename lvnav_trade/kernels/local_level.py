@@ -16,9 +16,19 @@ _ROUNDS = 3  # iterations of the latitude; each reduces the error to 0.7 %
 
 @jit
 def place_of(px, py, pz):
-    """Return normal (3), height (m) and radii of curvature (m) of meridian and prime vertical at a place.
+    """Return normal, height and radii of curvature at a place.
 
     N = a / sqrt(1 - e^2 sin^2 L), M = N (1 - e^2) / (1 - e^2 sin^2 L), L the latitude (Groves, 2nd ed., chapter 2).
+
+    Parameters
+    ----------
+    px, py, pz : place, as the module defines it, Earth-fixed axes
+
+    Returns
+    -------
+    ux, uy, uz : normal of the ellipsoid, Earth-fixed axes
+    height : m, over the ellipsoid
+    meridian, prime : m, radii of curvature M of the meridian and N of the prime vertical
     """
     length = sqrt(px * px + py * py + pz * pz)
     ux = px / length
@@ -40,7 +50,13 @@ def position_of(px, py, pz):
 
 @jit
 def axes_of(code, px, py, pz):
-    """Return the nine entries, by rows, of the matrix from Earth-fixed to local axes at a place; code: NED or ENU."""
+    """Return the nine entries, by rows, of the matrix from Earth-fixed to local axes at a place.
+
+    Parameters
+    ----------
+    code : NED or ENU
+    px, py, pz : place
+    """
     length = sqrt(px * px + py * py + pz * pz)
     ux = px / length
     uy = py / length
@@ -59,7 +75,13 @@ def axes_of(code, px, py, pz):
 
 @jit
 def north_east_up(code, x, y, z):
-    """Return the north, east and up components of a vector given in local axes; code: NED or ENU."""
+    """Return the north, east and up components of a vector.
+
+    Parameters
+    ----------
+    code : NED or ENU
+    x, y, z : components in these local axes
+    """
     if code == NED:
         return x, y, -z
     return y, x, z
@@ -67,7 +89,13 @@ def north_east_up(code, x, y, z):
 
 @jit
 def local(code, north, east, up):
-    """Return a vector in local axes from its north, east and up components; code: NED or ENU."""
+    """Return the components of a vector in local axes, the inverse of `north_east_up`.
+
+    Parameters
+    ----------
+    code : NED or ENU
+    north, east, up : components of the vector
+    """
     if code == NED:
         return north, east, -up
     return east, north, up
@@ -79,7 +107,11 @@ def transport_rate(code, px, py, pz, vx, vy, vz):
 
     Its north, east and up components are v_E / (N + h), -v_N / (M + h) and v_E tan L / (N + h).
 
-    px, py, pz : place; vx, vy, vz : m/s, velocity relative to the Earth, local axes
+    Parameters
+    ----------
+    code : NED or ENU
+    px, py, pz : place
+    vx, vy, vz : m/s, velocity relative to the Earth, local axes
     """
     ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
     north, east, _ = north_east_up(code, vx, vy, vz)
@@ -91,7 +123,13 @@ def transport_rate(code, px, py, pz, vx, vy, vz):
 
 @jit
 def earth_rate(code, px, py, pz):
-    """Return the Earth rate (3) rad/s in local axes at a place: w_ie cos L to the north, w_ie sin L up."""
+    """Return the Earth rate (3) rad/s in local axes: w_ie cos L to the north, w_ie sin L up.
+
+    Parameters
+    ----------
+    code : NED or ENU
+    px, py, pz : place
+    """
     length = sqrt(px * px + py * py + pz * pz)
     rate_north = OMEGA * sqrt(px * px + py * py) / length
     rate_up = OMEGA * pz / length
@@ -100,10 +138,16 @@ def earth_rate(code, px, py, pz):
 
 @jit
 def moving(px, py, pz, code, vx, vy, vz):
-    """Return the time derivative (3) 1/s of a place, for a velocity vx, vy, vz (m/s) in local axes.
+    """Return the time derivative (3) 1/s of a place, Earth-fixed axes.
 
     The place is p = (1 + h/a) u. Its derivative has the components (1 + h/a) v_N / (M + h) to the north,
     (1 + h/a) v_E / (N + h) to the east and v_U / a up.
+
+    Parameters
+    ----------
+    px, py, pz : place
+    code : NED or ENU
+    vx, vy, vz : m/s, velocity relative to the Earth, local axes
     """
     ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
     north, east, up = north_east_up(code, vx, vy, vz)
@@ -144,7 +188,14 @@ def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
 
 @jit
 def turning(code, px, py, pz, vx, vy, vz):
-    """Return the rotation rate (3) rad/s of the local axes in inertial space, local axes: w_ie + w_en."""
+    """Return the rotation rate (3) rad/s of the local axes in inertial space, local axes: w_ie + w_en.
+
+    Parameters
+    ----------
+    code : NED or ENU
+    px, py, pz : place
+    vx, vy, vz : m/s, velocity relative to the Earth, local axes
+    """
     ix, iy, iz = earth_rate(code, px, py, pz)
     tx, ty, tz = transport_rate(code, px, py, pz, vx, vy, vz)
     return ix + tx, iy + ty, iz + tz
@@ -174,7 +225,13 @@ def _quaternion(m):
 
 @jit
 def _larger(p0, p1, p2, p3, s, q0, q1, q2, q3, t):
-    """Return the vector of four with the larger size, and this size: p with s, or q with t."""
+    """Return p and s if s > t, otherwise q and t.
+
+    Parameters
+    ----------
+    p0, p1, p2, p3, s : first vector of four, and its size
+    q0, q1, q2, q3, t : second vector of four, and its size
+    """
     is_larger = s > t
     return (
         where(is_larger, p0, q0),
@@ -187,8 +244,13 @@ def _larger(p0, p1, p2, p3, s, q0, q1, q2, q3, t):
 
 @jit
 def to_local(nav, code, q, v, r):
-    """Transform a navigation state (10,) from Earth-fixed to local axes, and its position to a place.
+    """Transform a navigation state from Earth-fixed to local axes, and its position to a place.
 
+    Parameters
+    ----------
+    nav : (10,) quaternion body to Earth-fixed axes, velocity (m/s) relative to the Earth and position (m), Earth-fixed
+        axes; updated in place to quaternion body to local axes, velocity in local axes, and place
+    code : NED or ENU
     q, v, r : offsets of attitude, velocity and position in the state
     """
     x = nav[r]
@@ -219,7 +281,14 @@ def to_local(nav, code, q, v, r):
 
 @jit
 def from_local(nav, code, q, v, r):
-    """Transform a navigation state (10,) from local to Earth-fixed axes, the inverse of `to_local`."""
+    """Transform a navigation state from local to Earth-fixed axes, the inverse of `to_local`.
+
+    Parameters
+    ----------
+    nav : state as from `to_local`, updated in place
+    code : NED or ENU
+    q, v, r : offsets of attitude, velocity and position in the state
+    """
     px = nav[r]
     py = nav[r + 1]
     pz = nav[r + 2]

@@ -31,10 +31,16 @@ from lvnav_trade.kernels.strapdown import (
 
 @jit
 def _pair_products(increments, first, further):
-    """Return coning (3) and sculling (3) by the weighted products of all pairs of increments of a step.
+    """Return coning (3) rad and sculling (3) m/s by the weighted products of all pairs of increments of a step.
 
     With the weights b_jk, coning is the sum over j < k of b_jk w_j x w_k, and sculling that of
     b_jk (w_j x f_k + f_j x w_k).
+
+    Parameters
+    ----------
+    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
+    first : index of the first increment of the step
+    further : StrapdownExtensions, with the weights `pairs`
     """
     zero = like(increments[first, 0], 0.0)
     cx = cy = cz = zero
@@ -69,10 +75,15 @@ def _pair_products(increments, first, further):
 
 @jit
 def _velocity_rotation(wx, wy, wz, fx, fy, fz):
-    """Return the change of a velocity increment f by a simultaneous rotation w at constant rates.
+    """Return the change (3) m/s of a velocity increment by a simultaneous rotation at constant rates.
 
     It is (1 - cos a) / a^2 w x f + (a - sin a) / a^3 w x (w x f), a the magnitude of w, by series in a^2 (Savage,
     J. Guidance 21, 1998, part 2).
+
+    Parameters
+    ----------
+    wx, wy, wz : rad, angle increment w of the step, body axes
+    fx, fy, fz : m/s, velocity increment f of the step, body axes
     """
     square = wx * wx + wy * wy + wz * wz
     # (1 - cos a) / a^2 = 1/2! - a^2/4! + a^4/6! - ..., (a - sin a) / a^3 = 1/3! - a^2/5! + a^4/7! - ...
@@ -187,7 +198,21 @@ def _compensate_step(further, previous, increments, first, algorithm):
 
 @jit
 def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
-    """Integrate one step as `_local_step` does, in the inertial frame or in Earth-fixed axes, with position (m)."""
+    """Integrate one step in the inertial frame or in Earth-fixed axes, with gravitation at the middle of the step.
+
+    Parameters
+    ----------
+    algorithm : Strapdown
+    dt : s, of a step
+    rx, ry, rz : m, position at the start, relative to `algorithm.origin`
+    vx, vy, vz : m/s, velocity at the start
+    sx, sy, sz : m/s, velocity gained by specific force over the step, axes at the start
+
+    Returns
+    -------
+    position (3) m and velocity (3) m/s at the end; velocity gained (3) in the axes of mid-step; rotation of the axes
+    (3), rad
+    """
     half = 0.5 * dt
     half_turn = 0.0
     x = algorithm.origin[0] + rx + half * vx
@@ -214,7 +239,13 @@ def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
 
 @jit
 def _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm):
-    """Integrate the steps of a window with every form of compensation, in any axes; slower than `integrate`."""
+    """Integrate the steps of a window with every form of compensation, in any axes; slower than `integrate`.
+
+    Parameters
+    ----------
+    further : StrapdownExtensions
+    nav, sums, previous, increments, n_step, dt, algorithm : as in `mechanise`; nav is in the axes of the integration
+    """
     for i in range(N_SUM):
         sums[i] = like(nav[Q], 0.0)
     half = 0.5 * dt
@@ -254,7 +285,20 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
 
 @jit
 def _add_attitude(nav, sums, half, x, y, z):
-    """Add `half` (s) times the attitude matrix to its integral; return the vector x, y, z rotated from body axes."""
+    """Add the attitude matrix over half a step to its integral.
+
+    Parameters
+    ----------
+    nav : (10,) navigation state
+    sums : (18,) integrals of the window, updated in place
+    half : s, half of a step
+    x, y, z : vector in body axes
+
+    Returns
+    -------
+    tuple of 3
+        The vector in the axes of the integration.
+    """
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     for i in range(9):
         sums[SUM_C + i] += half * c[i]
@@ -263,7 +307,14 @@ def _add_attitude(nav, sums, half, x, y, z):
 
 @jit
 def _rotate_sums(sums, code, px, py, pz):
-    """Rotate the integral of the attitude and the velocity gained from local axes at a place to Earth-fixed axes."""
+    """Rotate the integral of the attitude and the velocity gained from local axes to Earth-fixed axes.
+
+    Parameters
+    ----------
+    sums : (18,) integrals of a window, updated in place
+    code : NED or ENU
+    px, py, pz : place of the local axes; only its direction matters
+    """
     c = axes_of(code, px, py, pz)
     for column in range(3):
         x, y, z = rotate_back(c, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
@@ -281,7 +332,13 @@ def _is_further(further):
 
 @jit
 def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, algorithm, seconds):
-    """Advance the navigation state as `mechanise` does, in local axes or with products of all pairs of increments."""
+    """Advance the navigation state as `mechanise` does, in local axes or with products of all pairs of increments.
+
+    Parameters
+    ----------
+    further : StrapdownExtensions; nothing is done if None
+    nav, sums, previous, increments, n_step, dt, algorithm, seconds : as in `mechanise`
+    """
     if further is None:
         return
     end = algorithm.angle + OMEGA * (seconds + n_step * dt)

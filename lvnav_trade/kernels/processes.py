@@ -86,10 +86,17 @@ def gather(tables, values, sensors, drivers):
 def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, dt):
     """Return the error of the increment of one axis over a tick, rad or m/s.
 
-    It is dt b + M u + G v + k u_axis^2 / dt, with the increments u of the sensor and v of the other sensor, and one row
-    of the matrices: bias b, scale factors and misalignments M, g-sensitivity G, quadratic term k.
+    It is dt b + M u + G v + k u_axis^2 / dt, with the increments u of the sensor and v of the other sensor, and the row
+    of the axis in the matrices: bias b, scale factors and misalignments M, g-sensitivity G, quadratic term k.
 
-    own_0 to other_2 : increments of the sensor and of the other sensor; square : square of the axis' increment / dt
+    Parameters
+    ----------
+    table : (24,) table of the sensor, as from `gather`, SI
+    axis : 0 to 2, body axis
+    own_0, own_1, own_2 : rad or m/s, increments of the sensor, body axes
+    other_0, other_1, other_2 : m/s or rad, increments of the other sensor, body axes
+    square : square of the axis' increment, divided by dt
+    dt : s, of a tick
     """
     return (
         dt * table[BIAS + axis]
@@ -105,7 +112,16 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
 
 @inlined
 def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
-    """Return the errors of a tick's increments, of the gyro (a0, a1, a2) and of the accelerometer (f0, f1, f2)."""
+    """Return the errors (6) of a tick's increments: gyro (rad), then accelerometer (m/s), body axes.
+
+    Parameters
+    ----------
+    gyro, accel : (24,) tables of `gather`
+    biases_only : whether the tables have biases only; the other terms are then skipped
+    a0, a1, a2 : rad, angle increments
+    f0, f1, f2 : m/s, velocity increments
+    dt : s, of a tick
+    """
     if biases_only:
         return (
             dt * gyro[BIAS],
@@ -127,7 +143,17 @@ def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
 
 @jit
 def quantise(increment, remainder, step_size):
-    """Return increment + remainder rounded to a whole number of steps, and the new remainder."""
+    """Return a quantised increment and the new remainder, both in the unit of the increment.
+
+    The output is increment + remainder, rounded to a whole number of steps. The remainder is added to the increment of
+    the next tick, so that no angle or velocity is lost.
+
+    Parameters
+    ----------
+    increment : increment of a tick, rad or m/s
+    remainder : remainder of the previous tick
+    step_size : quantisation step, above zero
+    """
     total = increment + remainder
     out = step_size * ((total / step_size + _ROUND) - _ROUND)
     return out, total - out
@@ -211,7 +237,21 @@ def zero_all(values):
 
 @jit
 def profile_value(unit, profile, axis, t):
-    """Return the bias or scale factor (SI) of a ramp profile on an axis at time t (s since lift-off)."""
+    """Return the value (SI) of a deterministic profile, a ramp from 0 to its full value.
+
+    Parameters
+    ----------
+    unit : NamedTuple with profile_start and profile_end (n_profile,) s since lift-off, and the full values `profile`
+        (n_profile, 3)
+    profile : index of the profile
+    axis : 0 to 2
+    t : s since lift-off
+
+    Returns
+    -------
+    float
+        Bias (rad/s or m/s^2) or scale factor.
+    """
     first, last = unit.profile_start[profile], unit.profile_end[profile]
     share = min(1.0, max(0.0, (t - first) / (last - first)))
     return share * unit.profile[profile, axis]

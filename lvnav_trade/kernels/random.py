@@ -35,7 +35,13 @@ def seed_words(seed: int) -> tuple[np.uint64, np.uint64]:
 
 @jit
 def philox(c0, c1, c2, c3, k0, k1):
-    """Return the four 32-bit output words (stored in 64 bits) of Philox4x32-10 for a counter and a key."""
+    """Return the four 32-bit output words (stored in 64 bits) of Philox4x32-10.
+
+    Parameters
+    ----------
+    c0, c1, c2, c3 : words of the counter, 32 bits each, stored in 64 bits
+    k0, k1 : words of the key, 32 bits each, see `seed_words`
+    """
     for _ in range(10):
         # high and low words of two products are permuted over the counter; the key is a Weyl sequence
         p0 = (c0 & _LOW) * _MULTIPLIER_0

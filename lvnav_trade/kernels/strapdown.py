@@ -28,7 +28,13 @@ POINT, J2, J4 = 0, 1, 2
 
 @jit
 def gravity(kind, x, y, z):
-    """Return the gravitation (m/s^2) at x, y, z (m), same frame, by the model of a code: POINT, J2 or J4."""
+    """Return the gravitation (gx, gy, gz) in m/s^2, in the axes of the position.
+
+    Parameters
+    ----------
+    kind : code of the gravity model: POINT, J2 or J4
+    x, y, z : m, position relative to the Earth's centre, z along the polar axis
+    """
     if kind == POINT:
         return gravity_point(x, y, z)
     if kind == J2:
@@ -87,7 +93,14 @@ def full_rate(gravity: int) -> Strapdown:
 
 @inlined
 def increment_sums(increments, first, subsamples):
-    """Return the sums of angle (3) rad and velocity (3) m/s increments of a step, which begins at row `first`."""
+    """Return the sums of angle (3) rad and velocity (3) m/s increments of a step, body axes.
+
+    Parameters
+    ----------
+    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
+    first : index of the first increment of the step
+    subsamples : number of increments of the step
+    """
     wx = increments[first, 0]
     wy = increments[first, 1]
     wz = increments[first, 2]
@@ -106,9 +119,15 @@ def increment_sums(increments, first, subsamples):
 
 @inlined
 def within(increments, first, algorithm):
-    """Return coning (3) rad and sculling (3) m/s by the increments of a step, which begin at row `first`.
+    """Return coning (3) rad and sculling (3) m/s by the increments of a step, body axes.
 
     The weighted sum of all increments but the last is multiplied by the last (Ignagni, J. Guidance 19, 1996).
+
+    Parameters
+    ----------
+    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
+    first : index of the first increment of the step
+    algorithm : Strapdown, with `subsamples` and `weights`
     """
     last = first + algorithm.subsamples - 1
     px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
@@ -135,7 +154,12 @@ def within(increments, first, algorithm):
 def fictitious(x, y, vx, vy):
     """Return the sum of centrifugal and Coriolis acceleration (m/s^2) along the Earth-fixed x and y axes.
 
-    It is -w x (w x r) - 2 w x v. x, y m, vx, vy m/s, Earth-fixed axes. The component along the polar axis is zero.
+    It is -w x (w x r) - 2 w x v. The component along the polar axis is zero.
+
+    Parameters
+    ----------
+    x, y : m, position relative to the Earth's centre, Earth-fixed axes
+    vx, vy : m/s, velocity relative to the Earth, Earth-fixed axes
     """
     ax = OMEGA * OMEGA * x + 2.0 * OMEGA * vy
     ay = OMEGA * OMEGA * y - 2.0 * OMEGA * vx
@@ -144,9 +168,15 @@ def fictitious(x, y, vx, vy):
 
 @inlined
 def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
-    """Return the acceleration of `fictitious` at the mean velocity of a step dt (s).
+    """Return the acceleration of `fictitious`, x and y in m/s^2, at the mean velocity of a step.
 
-    vx, vy : m/s, velocity at its start; sx, sy : m/s, velocity gained by specific force; gx, gy : m/s^2, gravitation
+    Parameters
+    ----------
+    x, y : m, position at the middle of the step, Earth-fixed axes
+    vx, vy : m/s, velocity at the start of the step
+    sx, sy : m/s, velocity gained by specific force over the step
+    gx, gy : m/s^2, gravitation
+    dt : s, of the step
     """
     kx, ky = fictitious(x, y, vx, vy)
     mean_vx = vx + 0.5 * (sx + dt * (gx + kx))
@@ -162,8 +192,13 @@ def rotate_polar(angle_cos, angle_sin, x, y):
 
 @jit
 def to_earth_fixed(nav, algorithm, angle):
-    """Transform a navigation state (10,) from the inertial frame to Earth-fixed axes with origin `algorithm.origin`.
+    """Transform a navigation state from the inertial frame to Earth-fixed axes.
 
+    Parameters
+    ----------
+    nav : (10,) quaternion, velocity (m/s) and position (m), updated in place; the velocity becomes that relative to the
+        rotating Earth, and the position counts from `algorithm.origin`
+    algorithm : Strapdown, with `origin`
     angle : rad, from frame i to the Earth-fixed axes
     """
     c, s = math.cos(angle), math.sin(angle)
@@ -184,8 +219,13 @@ def to_earth_fixed(nav, algorithm, angle):
 
 @jit
 def to_inertial(nav, algorithm, angle):
-    """Transform a navigation state (10,) from Earth-fixed axes back to the inertial frame, the inverse of
-    `to_earth_fixed`.
+    """Transform a navigation state from Earth-fixed axes back to the inertial frame, the inverse of `to_earth_fixed`.
+
+    Parameters
+    ----------
+    nav : (10,) state as from `to_earth_fixed`, updated in place
+    algorithm : Strapdown, with `origin`
+    angle : rad, from frame i to the Earth-fixed axes
     """
     c, s = math.cos(angle), math.sin(angle)
     half_c, half_s = math.cos(0.5 * angle), math.sin(0.5 * angle)

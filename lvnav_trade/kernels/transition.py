@@ -56,8 +56,14 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
 
 @jit
 def sensed_driver(sensor, kind, rate, force):
-    """Return the driver of a parameter of gyro or accelerometer per axis, from rate (3,) rad/s and specific force (3,)
-    m/s^2, body axes.
+    """Return the driver (3) of a parameter of gyro or accelerometer, per axis.
+
+    Parameters
+    ----------
+    sensor : GYRO or ACCEL
+    kind : kind of the driver, see `driver`
+    rate : (3,) rad/s, angular rate, body axes
+    force : (3,) m/s^2, specific force, body axes
     """
     if sensor == GYRO:
         return driver(kind, rate[0], rate[1], rate[2], force[0], force[1], force[2])
@@ -74,7 +80,14 @@ def _skew(block, x, y, z):
 
 @inlined
 def _gradient(block, factor, x, y, z):
-    """Set a block to a factor times the gravity gradient at x, y, z (m), frame i."""
+    """Set a block to a factor times the gravity gradient.
+
+    Parameters
+    ----------
+    block : (9,) by rows, set here
+    factor : factor, any unit
+    x, y, z : m, position, frame i
+    """
     xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
     block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
     block[3], block[4], block[5] = factor * xy, factor * yy, factor * yz
@@ -83,7 +96,15 @@ def _gradient(block, factor, x, y, z):
 
 @inlined
 def _column(block, factor, sums, ux, uy, uz):
-    """Set a block to factor * (integral of C) diag(u)."""
+    """Set a block to factor * (integral of C) diag(u).
+
+    Parameters
+    ----------
+    block : (9,) by rows, set here
+    factor : factor, 1
+    sums : (18,) integrals of the strapdown over the window
+    ux, uy, uz : driver of the parameter, body axes
+    """
     for i in range(0, 9, 3):
         block[i] = factor * sums[SUM_C + i] * ux
         block[i + 1] = factor * sums[SUM_C + i + 1] * uy
@@ -92,7 +113,7 @@ def _column(block, factor, sums, ux, uy, uz):
 
 @inlined
 def _cross_column(block, factor, sums, ux, uy, uz):
-    """Set a block to factor * [velocity gained x] (integral of C) diag(u)."""
+    """Set a block to factor * [velocity gained x] (integral of C) diag(u); arguments as in `_column`."""
     vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     for column in range(3):
         u = (ux, uy, uz)[column]
@@ -193,7 +214,15 @@ def linearise(rates, nav, code):
 
 @jit
 def linearised_sums(rates, sums, seconds, code):
-    """Replace the integrals of a window by those at the rates of `linearise`; store its means for the next window."""
+    """Replace the integrals of a window by those at the rates of `linearise`; store its means for the next window.
+
+    Parameters
+    ----------
+    rates : (2, 18) rates of the linearisation, and means of the last window; updated in place
+    sums : (18,) integrals of the strapdown over the window, updated in place
+    seconds : s, length of the window
+    code : EVERY_WINDOW (nothing is changed), KEPT, RENEWED or FIRST
+    """
     if code != EVERY_WINDOW:
         for i in range(N_SUM):
             rates[1, i] = sums[i] / seconds

@@ -109,7 +109,15 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
 
 @inlined
 def _projections(K, h, columns, r, q, n_estimated):
-    """Return the projection h_r K_q over the estimated states, and over all."""
+    """Return the projection h_r K_q over the estimated states, and over all states.
+
+    Parameters
+    ----------
+    K : (6, n) P h' of each measurement
+    h, columns : (6, n_entry) Jacobian entries and their states
+    r, q : numbers of the later and of the earlier measurement
+    n_estimated : number of estimated states
+    """
     estimated = like(K[q, 0], 0.0)
     considered = like(K[q, 0], 0.0)
     for k in range(columns.shape[1]):
@@ -123,9 +131,15 @@ def _projections(K, h, columns, r, q, n_estimated):
 
 @inlined
 def _velocity_error(sums, a0, a1, a2, f0, f1, f2):
-    """Return the velocity error (m/s) that errors of attitude (a) and mean specific force (f) cause over a tick.
+    """Return the velocity error (3) m/s, frame i, that errors of attitude and mean specific force cause over a tick.
 
     It is (integral of C) f - [velocity gained x] a.
+
+    Parameters
+    ----------
+    sums : (18,) integrals of the strapdown over the tick
+    a0, a1, a2 : rad, attitude error, frame i
+    f0, f1, f2 : m/s^2, error of the mean specific force, body axes
     """
     vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     return (
@@ -165,7 +179,15 @@ def advance(P, moved, sums, dt, motion):
 
 @inlined
 def _add_changes(P, moved, sums, dt, motion, n):
-    """P <- P + M + M' + M (Phi - I)' with the first nine rows `moved` of M = (Phi - I) P."""
+    """P <- P + M + M' + M (Phi - I)' with the first nine rows `moved` of M = (Phi - I) P.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle, updated in place
+    moved : (9, n) first rows of M
+    sums, dt, motion : as in `advance`
+    n : number of states
+    """
     w = motion
     f = motion + 3
     half = 0.5 * dt
@@ -189,7 +211,15 @@ def _add_changes(P, moved, sums, dt, motion, n):
 
 @jit
 def advance_vector(y, sums, dt, motion):
-    """Replace a vector y (n,) of the error state by Phi y of a tick; arguments as in `advance`."""
+    """Replace a vector of the error state by Phi y of a tick.
+
+    Parameters
+    ----------
+    y : (n,) error state, updated in place
+    sums : (18,) integrals of the strapdown over the tick
+    dt : s, of the tick
+    motion : first motion state
+    """
     w = motion
     f = motion + 3
     half = 0.5 * dt
@@ -212,9 +242,17 @@ def mirror(P):
 
 @jit
 def joint_gain(G, K, weight, h, columns, n_estimated):
-    """Set G (6, n) to the joint gain of the six measurements of a tick, from K and weight of `update_samples`.
+    """Set the joint gain of the six measurements of a tick, from the sequential gains of `update_samples`.
 
     Each sequential gain g_r reduces the gains before it: G_q <- (I - g_r h_r) G_q for q < r.
+
+    Parameters
+    ----------
+    G : (6, n) joint gain, transposed, set here
+    K : (6, n) P h' of each measurement after the previous ones
+    weight : (6,) 1 / innovation variance
+    h, columns : (6, n_entry) Jacobian entries and their states
+    n_estimated : number of estimated states; the gain of the others is zero
     """
     n = K.shape[1]
     for r in range(N_SAMPLE):
@@ -286,7 +324,15 @@ def update_together(P, Y, S, G, h, columns, noise):
 
 @jit
 def update_vector_together(y, projections, gain, h, columns):
-    """Y <- (I - G H) y; projections (6,) is set to H y before the update. One vector, or lanes."""
+    """Apply the joint update of the six measurements of a tick to one vector, or to lanes: y <- (I - G H) y.
+
+    Parameters
+    ----------
+    y : (n,) error state, updated in place
+    projections : (6,) set to H y before the update
+    gain : (6, n) joint gain, transposed
+    h, columns : (6, n_entry) Jacobian entries and their states
+    """
     for r in range(N_SAMPLE):
         value = like(y[0], 0.0)
         for k in range(columns.shape[1]):
@@ -301,7 +347,15 @@ def update_vector_together(y, projections, gain, h, columns):
 
 @jit
 def advance_vector_transposed(y, sums, dt, motion):
-    """Replace the vector y (n,) by Phi' y of a tick; see `advance_vector`."""
+    """Replace the vector y by Phi' y of a tick, as an adjoint is propagated backwards.
+
+    Parameters
+    ----------
+    y : (n,) adjoint of the error state, updated in place
+    sums : (18,) integrals of the strapdown over the tick
+    dt : s, of the tick
+    motion : first motion state
+    """
     w = motion
     f = motion + 3
     half = 0.5 * dt

@@ -93,7 +93,21 @@ class AltimeterCard(SensorCard):
 
 @jit
 def fill(H, z, at, observed, nav):
-    """Set a Jacobian row at `at`, and the innovation (m); nav (10,): navigation state, frame i."""
+    """Set the Jacobian row of a height and its innovation.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; that at `at` is set.
+    z : (n,)
+        Innovations; that at `at` is set (m).
+    at : int
+        Index of the scalar measurement.
+    observed : (4,)
+        Measured height over the ellipsoid (m) in the first entry.
+    nav : (10,)
+        Navigation state, frame i.
+    """
     height, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
     h = H[at]
     clear(h)

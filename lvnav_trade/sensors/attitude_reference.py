@@ -42,9 +42,16 @@ class AttitudeReferenceCard(SensorCard):
 
 @jit
 def measure(out, truth, e0, e1, e2):
-    """Set out (4,) to the measured attitude, a quaternion from the body to a frame.
+    """Set the measured attitude: the true attitude rotated by the errors about the axes of the frame.
 
-    It is the true attitude rotated by errors (rad) about the axes of that frame.
+    Parameters
+    ----------
+    out : (4,)
+        Measured quaternion from the body to a frame, set here.
+    truth : (4,)
+        True quaternion from the body to this frame.
+    e0, e1, e2 : float
+        Errors (rad) about the axes of this frame.
     """
     q0, q1, q2, q3 = from_rotation(e0, e1, e2)
     out[0], out[1], out[2], out[3] = multiply(q0, q1, q2, q3, truth[0], truth[1], truth[2], truth[3])
@@ -52,7 +59,21 @@ def measure(out, truth, e0, e1, e2):
 
 @jit
 def fill(H, z, at, observed, nav):
-    """Set three Jacobian rows from `at` on, and the small rotation (rad, frame i) from estimate to measurement."""
+    """Set the Jacobian rows of an attitude and its innovation, the small rotation from estimate to measurement.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (rad, frame i).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Measured quaternion, body to frame i.
+    nav : (10,)
+        Navigation state, frame i.
+    """
     z[at], z[at + 1], z[at + 2] = small_rotation(
         observed[0], observed[1], observed[2], observed[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
     )

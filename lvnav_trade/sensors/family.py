@@ -79,23 +79,40 @@ def model_of(models: SensorModels, sensor: SensorCard) -> Any:
 def measure(out, code, truth, e0, e1, e2):
     """Set the measured values of a sensor.
 
-    out : (4,) output.
-    code : Index of the sensor in `FAMILY`.
-    truth : (4,) error-free values at the epoch, SI.
-    e0, e1, e2 : Errors of the scalars, SI.
+    Parameters
+    ----------
+    out : (4,)
+        Measured values, set here.
+    code : int
+        Index of the sensor in `FAMILY`.
+    truth : (4,)
+        Error-free values at the epoch, SI.
+    e0, e1, e2 : float
+        Errors of the scalars, SI.
     """
 
 
 @inlined
 @choosing([member.fill for member in FAMILY])
 def fill(H, z, at, code, observed, nav, theta, known):
-    """Set the Jacobian rows of a sensor, from row `at` on, and its innovations (measured minus predicted).
+    """Set the Jacobian rows of a sensor, from index `at` on, and its innovations (measured minus predicted).
 
-    H : (n, n_entry) Jacobian, updated.
-    z : (n,) innovations, updated.
-    code : Index of the sensor in `FAMILY`.
-    observed : (4,) measured values, as from `measure`.
-    nav : (10,) navigation state, frame i.
-    theta : rad. Earth angle at the epoch.
-    known : (N_KNOWN,) parameters of the sensor that the filter knows, at the epoch.
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian, updated in place.
+    z : (n,)
+        Innovations, updated in place.
+    at : int
+        Index of the first scalar measurement.
+    code : int
+        Index of the sensor in `FAMILY`.
+    observed : (4,)
+        Measured values, as from `measure`.
+    nav : (10,)
+        Navigation state, frame i.
+    theta : float
+        Earth angle at the epoch (rad).
+    known : (N_KNOWN,)
+        Parameters of the sensor that the filter knows, at the epoch.
     """

@@ -111,9 +111,19 @@ def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
 
 
 def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Floats]], list[list[Floats]]]:
-    """Return Schmidt semi-normalised associated Legendre functions, by degree and order, and their derivatives.
+    """Return Schmidt semi-normalised associated Legendre functions and their derivatives.
 
-    cosine, sine : (...,). Cosine and sine of the colatitude. Derivatives are with respect to the colatitude (rad).
+    Parameters
+    ----------
+    cosine, sine : (...,)
+        Cosine and sine of the colatitude.
+    degree : int
+        Largest degree.
+
+    Returns
+    -------
+    P, dP : list of list of (...,)
+        Functions, and their derivatives with respect to the colatitude (rad), by degree and order.
     """
     P = [[np.ones_like(cosine)]]
     dP = [[np.zeros_like(cosine)]]
@@ -141,9 +151,25 @@ def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Float
 
 
 def gradient(r_e: Floats, year: float, degree: int = DEGREE, step: float = 1e3) -> Floats:
-    """Return the gradient (..., 3, 3) T/m of the field (rows) by position (columns) in frame e.
+    """Return the gradient of the field by position in frame e.
 
-    Central differences over `step` (m), accurate to 1e-6 of the gradient. Parameters are those of `field`.
+    Central differences over `step`, accurate to 1e-6 of the gradient.
+
+    Parameters
+    ----------
+    r_e : (..., 3) m, frame e
+        Positions, not on the polar axis.
+    year : float
+        Decimal year.
+    degree : int
+        Largest degree of the expansion.
+    step : float
+        Half the distance of the differences (m).
+
+    Returns
+    -------
+    (..., 3, 3) T/m
+        Rows: components of the field; columns: components of the position.
     """
     columns = []
     for axis in range(3):

@@ -286,7 +286,13 @@ def _inertial_vectors(vector_e: Floats, flight: FlightView) -> Floats:
 def fill(H, z, at, observed, nav, known):
     """Set the Jacobian rows of the measured scalars from `at` on, and the innovations (m, rad).
 
-    known : (14,) parameters by the indices above.
+    Parameters
+    ----------
+    H, z : (n, n_entry) and (n,) Jacobian rows and innovations of the epoch, updated in place
+    at : index of the first scalar measurement
+    observed : (4,) measured scalars, without those that the station does not measure, in order of `SCALARS` (m, rad)
+    nav : (10,) navigation state, frame i
+    known : (14,) parameters of station and reference direction, `PLACE` to `WHICH`
     """
     # line from the station
     x = nav[R] - known[PLACE]

@@ -82,7 +82,19 @@ class VelocityDifferenceCard(ImuDifferenceCard):
 
 @jit
 def fill(H, z, at, observed):
-    """Set three Jacobian rows from `at` on, which are zero for the navigation state, and the innovations."""
+    """Set the Jacobian rows of a difference of two IMUs, which are zero for the navigation state, and its innovations.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (rad or m/s, body axes).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Summed difference of the increments (rad or m/s, body axes) in the first three entries.
+    """
     for axis in range(3):
         clear(H[at + axis])
         z[at + axis] = observed[axis]

@@ -17,7 +17,17 @@ D_POS, D_ATT, D_CLOCK, D_EXTRA = 0, 3, 6, 7
 
 @jit
 def add(out, truth, e0, e1, e2):
-    """Set out[:3] to the measured values of up to three quantities: the true values truth[:3] plus errors."""
+    """Set the measured values of up to three quantities: true values plus errors.
+
+    Parameters
+    ----------
+    out : (4,)
+        Measured values; the first three are set.
+    truth : (4,)
+        Error-free values, SI.
+    e0, e1, e2 : float
+        Errors, SI.
+    """
     out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
 
 

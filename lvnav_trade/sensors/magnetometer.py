@@ -133,7 +133,23 @@ class MagnetometerCard(SensorCard):
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set three Jacobian rows from `at` on, and the innovations (T, body axes); known (15,): map at the epoch."""
+    """Set the Jacobian rows of a magnetic field and its innovations.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (T, body axes).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Measured field (T, body axes) in the first three entries.
+    nav : (10,)
+        Navigation state, frame i.
+    known : (15,)
+        Map at the epoch, frame i: field (T), gradient (T/m, by rows), position (m).
+    """
     # field at the estimated position, to first order about the position of the map
     x = nav[R] - known[PLACE]
     y = nav[R + 1] - known[PLACE + 1]

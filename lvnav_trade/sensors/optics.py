@@ -15,13 +15,24 @@ _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 
 
 def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
-    """Return geocentric unit vectors to the Sun (n, 3), frame i.
+    """Return geocentric unit vectors to the Sun.
 
-    Mean equator of date. The x axis of frame i need not be the equinox: the Earth angle relates it to Greenwich.
+    They refer to the mean equator of date. The x axis of frame i need not be the equinox: the Earth angle relates it to
+    Greenwich.
 
-    epoch : ISO 8601 time, UTC.
-    t : (n,) s after the epoch.
-    theta : (n,) rad. Earth angles at these times.
+    Parameters
+    ----------
+    epoch : str
+        ISO 8601 time, UTC.
+    t : (n,) s
+        Times after the epoch.
+    theta : (n,) rad
+        Earth angles at these times.
+
+    Returns
+    -------
+    (n, 3)
+        Unit vectors, frame i.
     """
     start = datetime.fromisoformat(epoch)
     start = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)

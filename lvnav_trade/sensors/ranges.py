@@ -13,11 +13,18 @@ from lvnav_trade.sensors.jacobian_row import D_ATT, D_CLOCK, D_POS, H_ATT, H_CLO
 def range_row(h, at, ux, uy, uz, distance, clock_bias):
     """Set the Jacobian row of a pseudorange and return the predicted pseudorange (m).
 
-    h : (13,) output.
-    at : (21,) antenna state, as `line_of_sight.antenna` sets it.
-    ux, uy, uz : unit vector from antenna to satellite, frame i.
-    distance : m. Distance of antenna and satellite.
-    clock_bias : m. Estimated clock bias.
+    Parameters
+    ----------
+    h : (13,)
+        Jacobian row, set here.
+    at : (21,)
+        Antenna state, as `line_of_sight.antenna` sets it.
+    ux, uy, uz : float
+        Unit vector from antenna to satellite, frame i.
+    distance : float
+        Distance of antenna and satellite (m).
+    clock_bias : float
+        Estimated clock bias (m).
     """
     h[H_POS], h[H_POS + 1], h[H_POS + 2] = -ux, -uy, -uz
     # a small rotation phi moves the antenna by phi x l: -u . (phi x l) = phi . (u x l)
@@ -32,9 +39,18 @@ def range_row(h, at, ux, uy, uz, distance, clock_bias):
 
 @jit
 def subtract_earlier(h, first, at, ux, uy, uz, distance, clock_bias):
-    """Set the entries of a difference for its earlier epoch, from `first` on, and return the range (m) to subtract.
+    """Set the Jacobian entries of a difference for its earlier epoch, and return the predicted earlier range (m).
 
-    Other arguments are those of `range_row`, at the earlier epoch.
+    Parameters
+    ----------
+    h : (n_entry,)
+        Jacobian row; seven entries from `first` on are set.
+    first : int
+        Index of the first entry of the earlier epoch.
+    at : (21,)
+        Antenna state at the earlier epoch.
+    ux, uy, uz, distance, clock_bias : float
+        As in `range_row`, at the earlier epoch.
     """
     h[first + D_POS], h[first + D_POS + 1], h[first + D_POS + 2] = ux, uy, uz
     ax, ay, az = cross(at[6], at[7], at[8], ux, uy, uz)
@@ -47,11 +63,18 @@ def subtract_earlier(h, first, at, ux, uy, uz, distance, clock_bias):
 def rate_row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
     """Set the Jacobian row of a range rate and return the predicted range rate (m/s).
 
-    satellite_velocity : (3,) m/s. Derivative of the satellite's position at transmission with respect to reception
-        time, frame i.
-    clock_drift : m/s. Estimated clock drift.
-
-    Other arguments are those of `range_row`.
+    Parameters
+    ----------
+    h : (13,)
+        Jacobian row, set here.
+    at : (21,)
+        Antenna state, as `line_of_sight.antenna` sets it.
+    satellite_velocity : (3,) m/s, frame i
+        Derivative of the satellite's position at transmission with respect to reception time.
+    ux, uy, uz, distance : float
+        Line of sight, as in `range_row`.
+    clock_drift : float
+        Estimated clock drift (m/s).
     """
     # velocity of the satellite relative to the antenna, and its component along the line of sight
     wx = satellite_velocity[0] - at[3]
@@ -77,5 +100,17 @@ def rate_row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
 
 @jit
 def observe(true_value, clock, sigma, normal):
-    """Return a measured pseudorange (m) or range rate (m/s): true value plus clock (bias or drift) and white noise."""
+    """Return a measured pseudorange (m), range rate (m/s) or carrier phase (m).
+
+    Parameters
+    ----------
+    true_value : float
+        True value, with the correlated errors.
+    clock : float
+        Clock bias (m), or drift (m/s) for a range rate.
+    sigma : float
+        Standard deviation of the white noise.
+    normal : float
+        Standard normal draw.
+    """
     return true_value + clock + sigma * normal

@@ -8,9 +8,14 @@ from lvnav_trade.sensors.jacobian_row import H_ATT, H_CLOCK, H_POS, H_RATE, H_VE
 def row(h, at, scalar):
     """Set the Jacobian row of a scalar of the solution and return its prediction (m or m/s) at the antenna.
 
-    h : (13,) output.
-    at : (21,) antenna state, as `line_of_sight.antenna` sets it.
-    scalar : 0 to 5, index of the scalar.
+    Parameters
+    ----------
+    h : (13,)
+        Jacobian row, set here.
+    at : (21,)
+        Antenna state, as `line_of_sight.antenna` sets it.
+    scalar : int
+        Index of the scalar, 0 to 5.
     """
     zero = 0.0 * at[0]
     axis = scalar % 3
@@ -33,5 +38,15 @@ def row(h, at, scalar):
 
 @jit
 def observe(true_value, sigma, normal):
-    """Return a scalar of the solution (m or m/s): the true value plus white noise of standard deviation `sigma`."""
+    """Return a measured scalar of the solution (m or m/s).
+
+    Parameters
+    ----------
+    true_value : float
+        True value, with the correlated errors.
+    sigma : float
+        Standard deviation of the white noise.
+    normal : float
+        Standard normal draw.
+    """
     return true_value + sigma * normal

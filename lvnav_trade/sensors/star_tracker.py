@@ -148,9 +148,16 @@ class StarTrackerCard(SensorCard):
 
 @jit
 def measure(out, truth, e0, e1, e2):
-    """Set out (4,) to the measured attitude, a quaternion from sensor axes to frame i.
+    """Set the measured attitude: the true attitude rotated by the errors about the axes of the sensor.
 
-    It is the true attitude rotated by errors (rad) about sensor axes.
+    Parameters
+    ----------
+    out : (4,)
+        Measured quaternion from sensor axes to frame i, set here.
+    truth : (4,)
+        True quaternion from sensor axes to frame i.
+    e0, e1, e2 : float
+        Errors (rad) about sensor axes x, y and boresight.
     """
     q0, q1, q2, q3 = from_rotation(e0, e1, e2)
     out[0], out[1], out[2], out[3] = multiply(truth[0], truth[1], truth[2], truth[3], q0, q1, q2, q3)
@@ -158,9 +165,22 @@ def measure(out, truth, e0, e1, e2):
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set three Jacobian rows from `at` on, and the innovations; known (4,): mounting.
+    """Set the Jacobian rows of a stellar attitude and its innovation, the small rotation from estimate to measurement.
 
-    The innovation is the small rotation (rad, sensor axes) from estimate to measurement.
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (rad, sensor axes).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Measured quaternion, sensor axes to frame i.
+    nav : (10,)
+        Navigation state, frame i.
+    known : (4,) or longer
+        Mounting, a quaternion from sensor axes to body axes.
     """
     # estimated attitude of the tracker, and the rotation from it to the measured attitude
     s0, s1, s2, s3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])

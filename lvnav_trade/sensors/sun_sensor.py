@@ -111,14 +111,40 @@ class SunSensorCard(SensorCard):
 
 @jit
 def measure(out, truth, e0, e1):
-    """Set out (4,) to cosine and sine of both measured angles: true angles truth[:2] (rad) plus errors (rad)."""
+    """Set cosine and sine of both measured angles.
+
+    Parameters
+    ----------
+    out : (4,)
+        Cosine and sine of alpha, cosine and sine of beta; set here.
+    truth : (4,)
+        True angles alpha and beta (rad) in the first two entries.
+    e0, e1 : float
+        Errors of the angles (rad).
+    """
     out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
     out[2], out[3] = turned(math.cos(truth[1]), math.sin(truth[1]), e1)
 
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set two Jacobian rows from `at` on, and the innovations (rad); known (7,): mounting and Sun."""
+    """Set the Jacobian rows of the two angles and their innovations.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; two from `at` on are set.
+    z : (n,)
+        Innovations; two from `at` on are set (rad).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Cosine and sine of alpha, cosine and sine of beta.
+    nav : (10,)
+        Navigation state, frame i.
+    known : (7,) or longer
+        Mounting, a quaternion from sensor axes to body axes; direction of the Sun, frame i.
+    """
     q0, q1, q2, q3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
     c = matrix(q0, q1, q2, q3)
     sx, sy, sz = known[SUN], known[SUN + 1], known[SUN + 2]

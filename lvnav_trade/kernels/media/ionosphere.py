@@ -67,7 +67,17 @@ def klobuchar(
 def _klobuchar_vertical(
     alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: Floats, longitude: Floats
 ) -> Floats:
-    """Return the vertical delay (...,) s of the broadcast model above a place; latitude, longitude in semicircles."""
+    """Return the vertical delay (...,) s of the broadcast model above a place.
+
+    Parameters
+    ----------
+    alpha, beta
+        (4,) s and s per power of a semicircle, as broadcast.
+    seconds
+        (...,) GPS seconds of the day.
+    latitude, longitude
+        (...,) semicircles. Place where the ray pierces the ionosphere.
+    """
     magnetic_latitude = latitude + 0.064 * np.cos((longitude - 1.617) * np.pi)
     local_time = np.mod(43200.0 * longitude + np.asarray(seconds, dtype=float), 86400.0)
     amplitude = np.polynomial.polynomial.polyval(magnetic_latitude, np.asarray(alpha, dtype=float))
@@ -85,7 +95,14 @@ def klobuchar_content(
 ) -> Floats:
     """Return the vertical electron content (...,) 1/m^2 that corresponds to the broadcast model at the zenith.
 
-    seconds, latitude, longitude (...,) s of the GPS day and rad; alpha, beta (4,) as in `klobuchar`.
+    Parameters
+    ----------
+    alpha, beta
+        (4,) s and s per power of a semicircle, as broadcast.
+    seconds
+        (...,) GPS seconds of the day.
+    latitude, longitude
+        (...,) rad. Place of the vertical.
     """
     lat, lon = (np.asarray(value, dtype=float) / np.pi for value in (latitude, longitude))
     vertical = _klobuchar_vertical(alpha, beta, seconds, np.clip(lat, -0.416, 0.416), lon)
@@ -127,9 +144,14 @@ def pierced(
 
 
 def content_above(height: ArrayLike, peak: float, scale: float) -> Floats:
-    """Return the fraction (...,) of the total vertical content above heights (...,) m, 1 to 0.
+    """Return the fraction (...,) of the total vertical content above a height, 1 to 0.
 
-    peak, scale: m, height h0 of the peak density and scale height H.
+    Parameters
+    ----------
+    height
+        (...,) m. Height of the receiver.
+    peak, scale
+        m. Height h0 of the peak density, and scale height H.
 
     Notes
     -----
@@ -141,7 +163,15 @@ def content_above(height: ArrayLike, peak: float, scale: float) -> Floats:
 
 
 def median_height(height: ArrayLike, peak: float, scale: float) -> Floats:
-    """Return the median height (...,) m of the content above a receiver at `height` (m): the ionospheric point."""
+    """Return the median height (...,) m of the content above a receiver: the ionospheric point.
+
+    Parameters
+    ----------
+    height
+        (...,) m. Height of the receiver.
+    peak, scale
+        m. Height of the peak density, and scale height.
+    """
     h = np.asarray(height, dtype=float)
     z = np.minimum((h - peak) / scale, 30.0)  # higher up the layer is exponential to rounding
     # half of the content 1 - exp(-exp(-z)) is above the median
@@ -185,8 +215,14 @@ def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: floa
 def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: float) -> Floats:
     """Return slant content over vertical content at the ground, (...,), integrated along the straight ray.
 
-    The layer ends 20 scale heights above its peak; 2e-9 of the content is beyond. The parameters are those of
-    `lear_slant`.
+    The layer ends 20 scale heights above its peak; 2e-9 of the content is beyond.
+
+    Parameters
+    ----------
+    elevation, height
+        (...,) rad and m. Elevation of the ray at the receiver, height of the receiver.
+    peak, scale
+        m. Height of the peak density, and scale height.
     """
     density = partial(_chapman, peak=peak, scale=scale)
     slant = along_ray(elevation, height, peak + scale * np.array(_PANELS), density)
@@ -220,13 +256,31 @@ def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density
 
 
 def _content_beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
-    """Return the integral of the layer above a height, in units of its peak density times scale height."""
+    """Return the integral of the layer above a height, in units of its peak density times scale height.
+
+    Parameters
+    ----------
+    height
+        (...,) m.
+    peak, scale
+        m. Height of the peak density, and scale height.
+    """
     z = (np.asarray(height, dtype=float) - peak) / scale
     return np.asarray(-math.e * np.expm1(-np.exp(-z)))
 
 
 def _integral(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats]) -> Floats:
-    """Return the integral (m) of a density of height along straight rays over panels between the bounds (..., m)."""
+    """Return the integral (...,) m of a density over height along straight rays, by Gauss-Legendre quadrature.
+
+    Parameters
+    ----------
+    impact
+        (...,) m. Smallest distance of the ray from the Earth's centre.
+    bounds
+        (..., k) m. Bounds of the panels, as distances along the ray from its closest point.
+    density
+        Density as a function of height (...,) m.
+    """
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
     height = np.sqrt(impact[..., None, None] ** 2 + along**2) - EARTH_RADIUS
@@ -245,9 +299,18 @@ def _chapman(height: Floats, peak: float, scale: float) -> Floats:
 def epstein_slant(elevation: ArrayLike, height: ArrayLike, peak: float, bottom: float, top: float) -> Floats:
     """Return slant content over vertical content at the ground, (...,), of two half Epstein layers, along the ray.
 
-    The density is 4 exp(z) / (1 + exp(z))^2, z = (h - peak) / B, with the thickness B of its bottom side below the peak
-    and of its top side above it (m), as in the NeQuick family (Di Giovanni and Radicella 1990). The layer ends 20
-    thicknesses above the peak, with 2e-9 of the content beyond. elevation (...,) rad, height (...,) m.
+    The density is 4 exp(z) / (1 + exp(z))^2, z = (h - peak) / B, with different thicknesses B below and above the peak,
+    as in the NeQuick family (Di Giovanni and Radicella 1990). The layer ends 20 thicknesses above the peak, with 2e-9
+    of the content beyond.
+
+    Parameters
+    ----------
+    elevation, height
+        (...,) rad and m. Elevation of the ray at the receiver, height of the receiver.
+    peak
+        m. Height of the peak density.
+    bottom, top
+        m. Thickness B below and above the peak.
     """
     edges = [peak + bottom * z for z in (-8.0, -4.0, -2.0, -1.0, 0.0)]
     edges += [peak + top * z for z in (1, 2, 4, 8, 20)]

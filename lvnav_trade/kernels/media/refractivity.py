@@ -102,7 +102,19 @@ def bean_thayer_refractivity(height: ArrayLike, surface: float = 324.8) -> Float
 
 
 def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: float = 7350.0) -> Floats:
-    """Return the refractivity (...,) that falls exponentially; the default is the mean of the world of ITU-R P.453."""
+    """Return the refractivity (n - 1) x 1e6, (...,), that falls exponentially.
+
+    The defaults are the world mean of ITU-R P.453.
+
+    Parameters
+    ----------
+    height
+        (...,) m. Height above sea level.
+    surface
+        Refractivity at height zero.
+    scale
+        m. Scale height.
+    """
     return np.asarray(surface * np.exp(-np.asarray(height, dtype=float) / scale))
 
 
@@ -188,7 +200,17 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
 
 
 def _air_contribution(profile: SampledAtmosphere, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
-    """Return the contribution of the air to optical path (m) and central angle (rad) of rays to space, (...,) each."""
+    """Return the contribution of the air to optical path (m) and central angle (rad) of rays to space, (...,) each.
+
+    Parameters
+    ----------
+    profile
+        Layered atmosphere.
+    start_radius
+        (...,) m. X = n r at the receiver.
+    apparent
+        (...,) rad. Apparent elevation at the receiver.
+    """
     impact = start_radius * np.cos(apparent)
     start = start_radius * np.sin(apparent)  # l at the receiver
     bounds = np.sqrt(np.maximum(profile.panels**2 - impact[..., None] ** 2, 0.0))
@@ -201,7 +223,17 @@ def _air_contribution(profile: SampledAtmosphere, start_radius: Floats, apparent
 
 
 def _integrals(profile: SampledAtmosphere, impact: Floats, bounds: Floats) -> tuple[Floats, Floats]:
-    """Return the integrals of f dl and of f a / X^2 dl over panels between the bounds (..., m), l in m."""
+    """Return the integrals of f dl (m) and of f a / X^2 dl (rad), (...,) each, by Gauss-Legendre quadrature.
+
+    Parameters
+    ----------
+    profile
+        Layered atmosphere.
+    impact
+        (...,) m. The constant a of the ray.
+    bounds
+        (..., k) m. Bounds of the panels in the variable l.
+    """
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
     square = impact[..., None, None] ** 2 + along**2

@@ -85,9 +85,15 @@ _AT_MIDDLE, _UPPER = 105.0, 0.1424e-3  # refractivity at the upper one, and its 
 def stanag(elevation: ArrayLike, height: ArrayLike, surface: float = 324.8) -> Floats:
     """Return the delay (...,) m of NATO STANAG 4294: integral of its refractivity upwards, times its mapping function.
 
-    elevation (...,) rad, zero or above; height (...,) m; surface: refractivity at sea level, (n - 1) x 1e6. The mapping
-    function is 1 / (sin E + 0.00143 / (tan E + 0.0455)); its two constants are second hand, the agreement itself was
-    not at hand.
+    The mapping function is 1 / (sin E + 0.00143 / (tan E + 0.0455)). Its two constants are from a secondary source; the
+    agreement itself was not available.
+
+    Parameters
+    ----------
+    elevation, height
+        (...,) rad and m. Elevation of the ray, zero or above; height of the receiver.
+    surface
+        Refractivity at sea level, (n - 1) x 1e6.
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
     slope = -7.32e-3 * np.exp(0.005577 * surface)
@@ -212,6 +218,14 @@ def niell(
 
 
 def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return Marini's continued fraction, normalised to 1 at the zenith."""
+    """Return Marini's continued fraction (...,), normalised to 1 at the zenith.
+
+    Parameters
+    ----------
+    elevation
+        (...,) rad.
+    a, b, c
+        (...,) coefficients of the fraction.
+    """
     sine = np.sin(elevation)
     return np.asarray((1.0 + a / (1.0 + b / (1.0 + c))) / (sine + a / (sine + b / (sine + c))))

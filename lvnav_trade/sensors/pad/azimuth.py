@@ -68,13 +68,37 @@ class AzimuthCard(StandingCard):
 
 @jit
 def measure(out, truth, e0):
-    """Set out[:2] to cosine and sine of the measured azimuth: true azimuth truth[0] (rad) plus an error (rad)."""
+    """Set cosine and sine of the measured azimuth.
+
+    Parameters
+    ----------
+    out : (4,)
+        Measured values; the first two are set.
+    truth : (4,)
+        True azimuth (rad) in the first entry.
+    e0 : float
+        Error of the azimuth (rad).
+    """
     out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
 
 
 @jit
 def fill(H, z, at, observed, nav):
-    """Set a Jacobian row at `at`, and the innovation (rad)."""
+    """Set the Jacobian row of an azimuth and its innovation.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; that at `at` is set.
+    z : (n,)
+        Innovations; that at `at` is set (rad).
+    at : int
+        Index of the scalar measurement.
+    observed : (4,)
+        Cosine and sine of the measured azimuth in the first two entries.
+    nav : (10,)
+        Navigation state, frame i.
+    """
     # axes of the local horizon: u up, e east, n north
     _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
     scale = 1.0 / sqrt(ux * ux + uy * uy)

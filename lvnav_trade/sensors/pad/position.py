@@ -58,7 +58,23 @@ class PadPositionCard(RestCard):
 
 @jit
 def fill(H, z, at, observed, nav, theta):
-    """Set three Jacobian rows from `at` on, and the innovations (m); theta : rad, Earth angle."""
+    """Set the Jacobian rows of a known position and its innovations.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (m, frame e).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Surveyed position (m, frame e) in the first three entries.
+    nav : (10,)
+        Navigation state, frame i.
+    theta : float
+        Earth angle (rad).
+    """
     x, y = to_earth(theta, nav[R], nav[R + 1])
     z[at] = observed[0] - x
     z[at + 1] = observed[1] - y

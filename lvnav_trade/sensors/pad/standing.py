@@ -35,7 +35,19 @@ class RestCard(StandingCard):
 
 @jit
 def begin_rows(H, at, entry, theta):
-    """Set three Jacobian rows from `at` on to the matrix C_i_e, from `entry` on; theta : rad, Earth angle."""
+    """Clear three Jacobian rows and set three of their columns to the matrix C_i_e.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    at : int
+        Index of the first scalar measurement.
+    entry : int
+        First column of the matrix, as `H_POS`.
+    theta : float
+        Earth angle (rad).
+    """
     for axis in range(3):
         clear(H[at + axis])
     zero = H[at, entry]
@@ -49,6 +61,14 @@ def begin_rows(H, at, entry, theta):
 
 @jit
 def to_earth(theta, x, y):
-    """Return the x and y components in frame e of a vector in frame i; z is the same in both."""
+    """Return the x and y components in frame e of a vector in frame i; z is the same in both.
+
+    Parameters
+    ----------
+    theta : float
+        Earth angle (rad).
+    x, y : float
+        Components in frame i.
+    """
     c, s = math.cos(theta), math.sin(theta)
     return c * x + s * y, c * y - s * x

@@ -78,9 +78,24 @@ class ZeroRotationCard(RestCard):
 
 @jit
 def fill(H, z, at, observed, nav, theta):
-    """Set three Jacobian rows from `at` on, and the innovations; theta : rad, Earth angle.
+    """Set the Jacobian rows of the attitude at rest and its innovations.
 
-    The innovation is the small rotation (rad, frame e) from the estimated to the measured attitude.
+    The innovation is the small rotation from the estimated to the measured attitude.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (rad, frame e).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Measured quaternion, body to frame e.
+    nav : (10,)
+        Navigation state, frame i.
+    theta : float
+        Earth angle (rad).
     """
     # estimated attitude relative to frame e, which is rotated by theta about z
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)

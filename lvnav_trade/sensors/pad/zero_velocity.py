@@ -46,7 +46,23 @@ class ZeroVelocityCard(RestCard):
 
 @jit
 def fill(H, z, at, observed, nav, theta):
-    """Set three Jacobian rows from `at` on, and the innovations (m/s); theta : rad, Earth angle."""
+    """Set the Jacobian rows of the velocity relative to the Earth and its innovations.
+
+    Parameters
+    ----------
+    H : (n, n_entry)
+        Jacobian rows of the epoch; three from `at` on are set.
+    z : (n,)
+        Innovations; three from `at` on are set (m/s, frame e).
+    at : int
+        Index of the first scalar measurement.
+    observed : (4,)
+        Measured velocity (m/s, frame e) in the first three entries.
+    nav : (10,)
+        Navigation state, frame i.
+    theta : float
+        Earth angle (rad).
+    """
     # velocity relative to the Earth: vel - Omega x pos
     x, y = to_earth(theta, nav[V] + OMEGA * nav[R + 1], nav[V + 1] - OMEGA * nav[R])
     z[at] = observed[0] - x
