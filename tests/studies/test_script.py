@@ -102,7 +102,7 @@ def test_a_kept_page_is_counted_anew_with_the_marks_that_its_folder_has_by_now(f
     rows = pd.read_csv("kept/references.csv", keep_default_na=False).set_index("id")
     assert (rows.counts_as["s2"], rows.own["s2"]) == ("own", "the bound")
     page = Path("kept/report.md").read_text()
-    assert "1 results whose statement or bound is ours" in page
+    assert "1 result whose statement or bound is ours" in page
     assert page.partition("\n## Ass")[2] == before.partition("\n## Ass")[2]
 
 
