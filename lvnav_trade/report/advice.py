@@ -20,7 +20,7 @@ from lvnav_trade.results.evaluation.resources import scenario_of
 from lvnav_trade.results.metric import where
 from lvnav_trade.results.tables.read import Tables
 
-# Unit of a datasheet for a field, by the SI unit in which resolved campaigns state it
+# Unit of a datasheet for a field, by the SI unit of the field in resolved campaigns
 _DATASHEET = {
     "rad/s**0.5": "deg/sqrt(h)",
     "rad/s**1.5": "deg/h/sqrt(h)",
@@ -166,8 +166,21 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
 def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
     """Return each source's share of the mean square of an error, by source.
 
-    The shares are those at the event, or at the last event if the budget lacks it. The series is named after that
-    event.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity : str
+        Quantity of the error, such as "velocity".
+    event : str
+        Event; the last event of the budget is used if the budget lacks it.
+
+    Returns
+    -------
+    pandas.Series
+        Shares (0 to 1) by source. The series is named after the event.
     """
     budget = METRICS["budget"](tables)
     rows = budget[(budget.case == tables.labels[case]) & (budget.metric == f"{quantity}_error")]
@@ -253,7 +266,9 @@ def _filter_cards() -> list[tuple[str, frozenset[str], frozenset[str]]]:
 
 
 def _error(source: str, dispersions: frozenset[str]) -> str:
-    """Return an error source as a noun phrase; of several sources the largest, and the number of others.
+    """Return an error source as a noun phrase, or several sources as a list.
+
+    Of many sources only the first are listed, followed by the number of the others.
 
     dispersions : names of the sources that are dispersions of the vehicle, such as thrust
     """
@@ -277,7 +292,22 @@ def _dispersions(tables: Tables) -> frozenset[str]:
 
 
 def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
-    """Return "from 1500 to 1010 ppm (1 sigma)" for the fields of a source; empty if a field is not a single number."""
+    """Return the required change of a source as text: "from 1500 to 1010 ppm (1 sigma)".
+
+    Parameters
+    ----------
+    scenario : mapping
+        The scenario as nested mappings.
+    source : str
+        Error source.
+    factor : float
+        Required sigma divided by the present sigma.
+
+    Returns
+    -------
+    str
+        Empty if a field of the source is not a single number with a unit, or if there are too many fields.
+    """
     parts = []
     fields = fields_of(source)
     for path, power in fields:

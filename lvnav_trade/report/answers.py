@@ -64,7 +64,14 @@ def _worst_runs(tables: Tables) -> list[Block]:
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
     """Return the paragraphs on one requirement: the requirement, the cases by verdict, and how to comply.
 
-    rows : verdicts of all cases on the requirement
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    requirement : dict
+        Requirement, as written in the campaign.
+    rows : pandas.DataFrame
+        Verdicts of all cases on the requirement.
     """
     name = str(requirement["name"])
     sentence = say(
@@ -140,7 +147,22 @@ def _place(requirement: dict[str, Any]) -> str:
 
 
 def _covariance_verdicts(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
-    """Return the verdicts by linear covariance alone; a single sentence if all agree with the verdicts of the runs."""
+    """Return the verdicts by linear covariance alone.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    name : str
+        Name of the requirement.
+    verdicts : pandas.DataFrame
+        Verdicts of all cases on the requirement, by runs where there are runs.
+
+    Returns
+    -------
+    list of str
+        One sentence with the number of equal verdicts and the cases that differ. With few cases, all are listed.
+    """
     frame = METRICS["expected_verdicts"](tables)
     frame = frame[frame.requirement == name]
     if frame.empty:
@@ -175,6 +197,9 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
 
     The mean error, which is the same in every run, counts as a source. For a phase, the budget is that of the event
     with the smallest margin.
+
+    requirement : requirement, as written in the campaign
+    violated : verdicts of the cases that violate it
     """
     budget = METRICS["budget"](tables)
     quantity = split_metric(requirement["metric"])[0]

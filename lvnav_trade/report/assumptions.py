@@ -126,7 +126,17 @@ def configuration(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 
 def _device_table(tables: Tables, device_type: str, frame: pd.DataFrame) -> Table:
-    """Return the table of the key numbers (terms) of all devices of one type."""
+    """Return the table of the key numbers (terms) of all devices of one type.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    device_type : str
+        Type of the devices, which becomes the first heading.
+    frame : pandas.DataFrame
+        Rows of these devices: case, device, name, term, value_text.
+    """
     terms = list(dict.fromkeys(frame.term))
     lines: dict[tuple[str, ...], list[str]] = {}
     for (case, _), rows in frame.groupby(["case", "device"], sort=False):

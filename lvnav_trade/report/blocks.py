@@ -154,7 +154,10 @@ def percent(value: float) -> str:
 
 
 def listed(texts: Sequence[str], most: int, separator: str = "; ") -> str:
-    """Join texts; of more than `most` texts only the first, with the number of the others."""
+    """Return texts joined by a separator.
+
+    Of more than `most` texts only the first are listed, followed by the number of the others.
+    """
     text = separator.join(texts[:most])
     n_more = len(texts) - most
     return f"{text}; and {n_more} more, see the table" if n_more > 0 else text
@@ -169,7 +172,10 @@ def first_ones(names: Sequence[str], most: int) -> str:
 
 
 def among(names: Sequence[str], most: int, separator: str = ", ") -> str:
-    """Join names; of more than `most` names only the first, with the number of the others: "a, b and 3 more"."""
+    """Return names joined by a separator: "a, b and 3 more".
+
+    Of more than `most` names only the first are listed, followed by the number of the others.
+    """
     text = separator.join(names[:most])
     n_more = len(names) - most
     if n_more <= 0:
@@ -249,7 +255,17 @@ def _interval_text(low: pd.Series, high: pd.Series) -> pd.Series:
 
 
 def table(frame: pd.DataFrame, caption: str = "", columns: str = "") -> Table:
-    """Return a frame as a table with all columns, or with the given columns (see `shown`)."""
+    """Return a frame as a table.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The frame.
+    caption : str
+        Caption of the table.
+    columns : str
+        Columns and their formats, see `shown`; by default all columns.
+    """
     if columns:
         frame = shown(frame, columns)
     numeric = tuple(pd.api.types.is_numeric_dtype(dtype) and dtype is not bool for dtype in frame.dtypes)
@@ -338,7 +354,19 @@ def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
 
 
 def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:
-    """Return a numbered figure for each case; with several cases the caption names the case."""
+    """Return a numbered figure for each case; with several cases the caption names the case.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    plot : str
+        Name of the plot, and of its caption in `templates/texts.toml`.
+    cases : sequence of str
+        Digests of the cases.
+    **content
+        Texts for the braces in the caption.
+    """
     pictures: list[Block] = []
     for k, case in enumerate(cases, 1):
         caption = note(plot, "figures", **content) + named(tables, case, cases)

@@ -146,7 +146,7 @@ def _content(tables: Tables, sections: Sequence[str] | None, step: Callable[[], 
     shown_tables = named(tables)
     detailed = _detailed(shown_tables)
     content = _sections(shown_tables, detailed, names, step)
-    if selection:  # a section that was asked for is shown even if it is empty
+    if selection:  # a requested section is shown even if it is empty
         content = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in content]
     else:
         content = [section for section in content if not all(map(_is_nothing, section.blocks))]
@@ -164,7 +164,7 @@ def _content(tables: Tables, sections: Sequence[str] | None, step: Callable[[], 
 def _sections(tables: Tables, detailed: Tables, names: Sequence[str], step: Callable[[], None]) -> list[Section]:
     """Return the sections of these names; `step` is called after each.
 
-    detailed : the results for the sections that take long
+    detailed : the results for the sections that take long to build
     """
     sections = []
     for name in names:
@@ -177,8 +177,9 @@ def _sections(tables: Tables, detailed: Tables, names: Sequence[str], step: Call
 def _csv_tables(tables: Tables, shown_tables: Tables, detailed: Tables) -> dict[str, str]:
     """Return the CSV tables that have rows, by file name, with the labels of the stored results.
 
-    tables, shown_tables : the results with their stored labels, and with those of the report
-    detailed : the results for the tables that take long, with the labels of the report
+    tables : results with their stored labels
+    shown_tables : results with the labels of the report
+    detailed : results for the tables that take long to compute, with the labels of the report
     """
     frames = {name: METRICS[name](detailed if name in _DETAILED else shown_tables) for name in CSV}
     if shown_tables is not tables:

@@ -85,7 +85,17 @@ def _size(value: float, row: Any) -> str:
 
 
 def _change(value: float, scale: str, form: str = "") -> str:
-    """Return a change with its sign: a ratio in percent, a fraction of runs in percentage points."""
+    """Return a change with its sign: a ratio in percent, a fraction of runs in percentage points.
+
+    Parameters
+    ----------
+    value : float
+        The change.
+    scale : str
+        "ratio", "fraction of runs", or the unit of the change.
+    form : str
+        Python format of the number; by default three significant digits.
+    """
     if math.isnan(value):
         return "–"
     sign = "+" if value > 0 else ("-" if value < 0 else "")
@@ -98,7 +108,7 @@ def _change(value: float, scale: str, form: str = "") -> str:
 
 
 def markdown(comparison: ResultComparison) -> str:
-    """Return a comparison as a Markdown page."""
+    """Return a comparison as Markdown."""
     return render(
         "compare.md.j2",
         base=comparison.base,
@@ -186,7 +196,7 @@ def parse_map(assignments: Sequence[str]) -> dict[str, str]:
 def write(comparison: ResultComparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
     """Write the requested files and return their paths.
 
-    In a CI job that offers a summary file, the page is appended to it.
+    In a CI job with a summary file (environment variable GITHUB_STEP_SUMMARY), the Markdown is appended to that file.
 
     Parameters
     ----------
@@ -194,6 +204,16 @@ def write(comparison: ResultComparison, md: Path | None = None, xml: Path | None
         The comparison.
     md, xml : Path, optional
         Markdown and JUnit files.
+
+    Returns
+    -------
+    list of Path
+        The written files, including the summary file.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written.
     """
     paths = []
     if md is not None:
@@ -207,7 +227,7 @@ def write(comparison: ResultComparison, md: Path | None = None, xml: Path | None
 
 
 def _write_text(path: Path, mode: str, text: str) -> Path:
-    """Write or append a text to a file, with its folder, and return the file."""
+    """Write ("w") or append ("a") a text to a file and return the file. Its folder is created if necessary."""
     with writing(path, "cannot be written"):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open(mode, encoding="utf-8") as file:

@@ -60,7 +60,19 @@ def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 
 def _event_table(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
-    """Return the table of sources by events: sigma and share of the variance, largest at the final event first."""
+    """Return the table of error sources by event: sigma and share of the variance, largest at the final event first.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity : str
+        Quantity of the error, such as "velocity".
+    rows : pandas.DataFrame
+        Rows of the error budget for this case and quantity.
+    """
     events = separate_events(tables, case)
     end = events.t_s[events.event == final_event(tables, case)].max()
     names = list(events.event[events.t_s <= end])
@@ -92,7 +104,8 @@ def _mean_lines(tables: Tables, case: str, quantity: str, variance: pd.Series[fl
 
     The result is empty if the mean error is insignificant at every event.
 
-    variance : by event, in the square of the table's unit
+    case : digest of the case
+    variance : variance of the error by event, in the square of the table's unit
     """
     mean = np.array([mean_at(tables, case, event, quantity) for event in variance.index])
     if not (mean**2 >= _LEAST_SHARE * (mean**2 + variance)).any():
@@ -142,6 +155,9 @@ def _source_scaling(tables: Tables, case: str, quantity: str, retuned: pd.DataFr
     """Return the mean square of an error and of its sources, with the re-tuned points of each source.
 
     Squares are in the square of the display unit. None if linear covariance has no budget of the error.
+
+    case : digest of the case
+    retuned : rows of the metric `sensitivity`: error for factors on the sigma of a source, filter re-tuned
     """
     rows = tables.adjoint[tables.adjoint.case == case]
     event = str(rows.event.iloc[0]) if len(rows) else final_event(tables, case)

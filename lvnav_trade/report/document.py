@@ -133,7 +133,19 @@ def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
 def _window_margins(tables: Tables, required: float, sufficient: Collection[str]) -> str:
     """Return the sentence on the cases with less than the required margin in a window around an event.
 
-    sufficient : cases with the required margin at the events
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    required : float
+        Required margin, as a fraction of the limit.
+    sufficient : collection of str
+        Labels of the cases with the required margin at the events.
+
+    Returns
+    -------
+    str
+        Empty if no case lacks the margin.
     """
     frame = METRICS["windows"](tables)
     frame = frame[frame.case.isin(sufficient)]

@@ -98,9 +98,9 @@ def note(name: str, group: str = "notes", **content: Any) -> str:
 
 
 def render(template: str, **content: Any) -> str:
-    """Return a page from its template.
+    """Return a document from its template.
 
-    HTML templates (``.html.j2``) escape all values. Markdown pages (``.md.j2``) get single blank lines.
+    HTML templates (``.html.j2``) escape all values. In Markdown documents (``.md.j2``) repeated blank lines are merged.
 
     Parameters
     ----------

@@ -128,10 +128,10 @@ def trajectory(tables: Tables) -> list[Block]:
 
 
 def fact(name: str, value: float | str) -> tuple[str, str]:
-    """Return name and value of a trajectory fact in display units.
+    """Return the name and value of a trajectory fact in display units.
 
     name : name with its SI unit at the end
-    value : in that unit
+    value : number in this unit, or text
     """
     if isinstance(value, str):
         return words(name), value
@@ -185,7 +185,7 @@ def _rms_table(tables: Tables, quantities: Sequence[str]) -> Table:
 
 
 def _has_runs(tables: Tables, case: str, quantity: str) -> bool:
-    """Return whether quantiles of the 3-D error over the runs are stored."""
+    """Return whether quantiles of the 3-D error over the runs are stored for a case (digest) and a quantity."""
     return bool(history_of(tables, case, quantity, "3d").q95_si.notna().any())
 
 

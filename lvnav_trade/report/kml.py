@@ -77,13 +77,19 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[KmlFlight]:
 
 
 def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
-    """Return the covariances of the ellipses by time (see `KmlFlight`)."""
+    """Return the covariances of the ellipses of a case, (3, 3) in m^2, north, east, down, by time (s).
+
+    every : interval (s) of the ellipses along the history
+    """
     ellipses = _history_ellipses(tables, case, every) | _event_ellipses(tables, case)
     return dict(sorted(ellipses.items()))
 
 
 def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
-    """Return diagonal covariances along the history, at the stored times nearest to multiples of an interval (s)."""
+    """Return diagonal covariances along the history, at the stored times nearest to multiples of an interval.
+
+    every : interval (s), counted from the first stored time
+    """
     axes = list(_AXES)
     rows = tables.history
     rows = rows[(rows["case"] == case) & (rows.quantity == "position") & rows.axis.isin(axes)]
@@ -101,7 +107,10 @@ def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Fl
 
 
 def _event_ellipses(tables: Tables, case: str) -> dict[float, Floats]:
-    """Return the covariances at the events at which they are stored in full."""
+    """Return the covariances of the position error at the events, (3, 3) in m^2, north, east, down, by time (s).
+
+    Events without a stored covariance are omitted.
+    """
     axes = list(_AXES)
     rows = tables.covariances
     rows = rows[(rows["case"] == case) & (rows.quantity == "position") & (rows.source == "")]
@@ -114,7 +123,20 @@ def _event_ellipses(tables: Tables, case: str) -> dict[float, Floats]:
 
 
 def write_kml(file: Path, title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> Path:
-    """Write flights as KML 2.2 (see `kml`) and return the file."""
+    """Write trajectories as KML 2.2 and return the file.
+
+    Parameters
+    ----------
+    file : Path
+        File to be written.
+    title, drawn, magnify
+        As in `kml`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
     with writing(file, "cannot be written"):
         file.write_bytes(kml(title, drawn, magnify))
     return file
@@ -161,7 +183,11 @@ def _nearest_row(flight: KmlFlight, time: float) -> pd.Series[float]:
 
 
 def _coordinates(longitude: ArrayLike, latitude: ArrayLike, height: ArrayLike) -> str:
-    """Return longitude, latitude (from rad to deg) and height (m) as KML coordinates with millimetre resolution."""
+    """Return positions as KML coordinates with millimetre resolution.
+
+    longitude, latitude : () or (n,) rad. Geodetic longitude and latitude.
+    height : () or (n,) m. Height above the ellipsoid.
+    """
     rows = np.broadcast(np.degrees(longitude), np.degrees(latitude), height)
     return " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lon, lat, h in rows)
 
@@ -170,6 +196,8 @@ def _event(flight: KmlFlight, name: str, time: float) -> tuple[str, str, str]:
     """Return name, description and coordinates of an event or of the start of a fault.
 
     The description gives time, height and ground speed.
+
+    time : s since lift-off
     """
     row = _nearest_row(flight, time)
     height = row.altitude_m * 1e-3
@@ -179,7 +207,12 @@ def _event(flight: KmlFlight, name: str, time: float) -> tuple[str, str, str]:
 
 
 def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float) -> tuple[str, str, str]:
-    """Return name, description and coordinates of an error ellipse at a time (s); covariance (3, 3) in m^2."""
+    """Return name, description and coordinates of a 3-sigma error ellipse.
+
+    time : s since lift-off
+    covariance : (3, 3) m^2. Covariance of the position error, axes north, east, down.
+    magnify : factor on the size of the drawn ellipse
+    """
     north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
     eigenvalues = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     half_axes = SIGMAS * np.sqrt(eigenvalues)[::-1]

@@ -83,7 +83,17 @@ def _cells(row: pd.Series | None) -> tuple[str, str, str]:
 
 
 def mistakes(study: StudyCard, questions: Sequence[StudySection], script: StudyScript) -> Iterator[Mistake]:
-    """Yield the cells of printed tables for which no statement exists."""
+    """Yield the cells of printed tables for which no statement exists.
+
+    Parameters
+    ----------
+    study : StudyCard
+        Study with the printed tables.
+    questions : sequence of StudySection
+        Sections of study.yaml with their campaigns, whose references are statements.
+    script : StudyScript
+        Script of the study, which may add statements.
+    """
     items: dict[str, set[str]] = {}
     for question in questions:
         campaign = question.campaign

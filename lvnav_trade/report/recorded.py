@@ -60,7 +60,7 @@ def _filter_remarks(done: FilteredLog) -> Iterator[str]:
 def _filter_remark(row: Any) -> str:
     """Return by how much a filter assumes too little or too much error; empty if it is consistent."""
     if row.failed:
-        return ""  # the notes explain it: such a row gives no evidence on the filter
+        return ""  # explained in the notes: a failed run gives no evidence on the filter
     if row.inside_percent < INSIDE:
         return f"{row.inside_percent:.0f} % inside three sigma, fewer than {INSIDE:g} %: the filter assumes too little"
     if row.nees_ratio < LEAST_NEES:

@@ -60,10 +60,26 @@ def recount(study: StudyCard, campaigns: Sequence[Campaign], folder: Path | str,
     Numbers, figures and sections of the campaigns are unchanged. Cases in which both engines agree are removed from the
     appendix.
 
+    Parameters
+    ----------
+    study : StudyCard
+        Texts and layout of the report.
+    campaigns : sequence of Campaign
+        All campaigns of the study.
+    folder : Path or str
+        Folder of the stored report.
+    script : StudyScript
+        Additions to the report.
+
+    Returns
+    -------
+    Path
+        report.md.
+
     Raises
     ------
     InputError
-        The folder has no such report.
+        The folder has no such report, or the study lacks the entry of a stored row.
     """
     place = Path(folder)
     rows = _mark_rows(_stored_rows(place), _study_entries(campaigns, script))
@@ -91,10 +107,11 @@ def renew(
 ) -> Path:
     """Update a stored study report with new results of some campaigns, and recount all of it.
 
+    study, folder, script : as in `recount`
     campaigns : all campaigns of the study, in order
-    answered : campaigns with results; rows, figures and sections of the others are unchanged
+    answered : campaigns with new results; rows, figures and sections of the others are unchanged
 
-    InputError if the folder has no such report.
+    InputError if the folder has no such report. Returns report.md.
     """
     place = Path(folder)
     target = owned(place, "study")
@@ -155,9 +172,11 @@ def _renewed_page(
     answered: Sequence[StudyResult],
     names: Sequence[str],
 ) -> _Page:
-    """Return a stored report with new sections, and with the lines of the answered campaigns in common tables.
+    """Return a stored report with new sections, and with updated lines of some campaigns in common tables.
 
+    page : the stored report
     sections : sections to replace or insert
+    answered : campaigns with new results
     names : names of all campaigns, in order
     """
     new = [result.part.campaign for result in answered]
@@ -194,7 +213,10 @@ def _section_text(section: Section) -> str:
 
 
 def _insert_sections(page: _Page, sections: Sequence[Section], order: Sequence[str]) -> _Page:
-    """Return a report with sections replaced, or inserted in the order of the campaigns' headings."""
+    """Return a report with sections replaced or inserted.
+
+    order : headings of the campaigns, in the order of the report
+    """
     updated = page.sections | {section.title: _section_text(section) for section in sections}
     first = [title for title in (_ANSWER, _ASSUMPTIONS) if title in updated]
     middle = [title for title in order if title in updated]
@@ -223,9 +245,13 @@ def _first_cell(line: str) -> str:
 def _merge_lines(
     sections: dict[str, str], section: Section, title: str, new: Collection[str], names: Sequence[str]
 ) -> None:
-    """Insert the lines of the campaigns in `new` into the table of a stored section, in the order of `names`.
+    """Replace the lines of some campaigns in the table of a stored section, in place.
 
+    sections : text of the stored sections by heading; changed
     section : the section with the campaigns in `new` only
+    title : heading of the stored section
+    new : names of the campaigns with new lines
+    names : names of all campaigns, in the order of the table
     """
     new_text = _section_text(section)
     stored_text = sections.get(title, new_text)
@@ -259,7 +285,11 @@ def _sort_rows(frames: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataF
 
 
 def _agreement_rows(place: Path, answered: Sequence[StudyResult], names: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of agreement.csv, with those of the answered campaigns replaced."""
+    """Return the rows of agreement.csv, with those of the campaigns in `answered` replaced.
+
+    place : folder of the stored report
+    names : names of all campaigns, in the order of the rows
+    """
     stored = _text_table(read_text(place / "agreement.csv", DATA_BYTES))
     new = _text_table(csv_text(agreed(answered)))
     campaigns = [result.part.campaign for result in answered]
@@ -282,7 +312,7 @@ def _stored_rows(place: Path) -> pd.DataFrame:
 
 
 class _Entry(NamedTuple):
-    """An entry in the folder of a study that states a row.
+    """An entry in the folder of a study from which a row of references.csv is made.
 
     identifier : Identifier of the row.
     counts_as : Group in which the row counts.
@@ -312,7 +342,10 @@ def _study_entries(campaigns: Sequence[Campaign], script: StudyScript) -> list[_
 
 
 def _mark_rows(rows: pd.DataFrame, entries: Sequence[_Entry]) -> pd.DataFrame:
-    """Return rows with their present items and marks; InputError if the study no longer has the entry of a row."""
+    """Return rows with their present items and marks; InputError if the study no longer has the entry of a row.
+
+    rows : rows of references.csv
+    """
     by_identifier: dict[str, list[_Entry]] = {}
     for entry in entries:
         by_identifier.setdefault(entry.identifier, []).append(entry)

@@ -86,7 +86,11 @@ def _sorted_text(values: Iterable[Any]) -> str:
 
 
 def _range(groups: Any, digits: int) -> pd.Series:
-    """Return the smallest and the largest value of each group as text; one number if they are equal."""
+    """Return the smallest and the largest value of each group as text; a single number if they are equal.
+
+    groups : grouped column of numbers
+    digits : number of decimals
+    """
     to_text = f"{{:.{digits}f}}".format
     low = groups.min().map(to_text)
     high = groups.max().map(to_text)

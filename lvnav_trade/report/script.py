@@ -85,7 +85,7 @@ class StudyScript:
         return []
 
     def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
-        """Return rows without a campaign, and rows of campaigns without results; their case is empty."""
+        """Return rows without a campaign, and rows of campaigns without results (`unflown`); their case is empty."""
         return []
 
     def is_statement(self, rows: pd.DataFrame) -> pd.Series:

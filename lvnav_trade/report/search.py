@@ -32,12 +32,14 @@ def write(
     ----------
     folder : Path or str
         Folder of the report. Files of an earlier search report are replaced.
-    title, asked : str
-        Title, and question of the search.
+    title : str
+        Title of the report.
+    asked : str
+        Question of the search.
     blocks : sequence of Block
         Content.
     frames : mapping
-        CSV tables by name.
+        Frames by name; those with rows become CSV tables.
     files : mapping, optional
         Further text files by name.
 
@@ -62,9 +64,22 @@ def write(
 def solved(
     answers: pd.DataFrame, intervals: pd.DataFrame, scanned: pd.DataFrame, confirmed: pd.DataFrame, names: Sequence[str]
 ) -> list[Block]:
-    """Return the solutions of an inverse problem.
+    """Return the blocks on the solutions of an inverse problem.
 
-    names : names of the varied fields
+    The tables are those of `campaign.search.solve.InverseSolution`.
+
+    Parameters
+    ----------
+    answers : pandas.DataFrame
+        Largest value of the first field that meets the requirements, by case, tuning and value of the second field.
+    intervals : pandas.DataFrame
+        Intervals in which the requirements are met, shown if a solution is not monotone.
+    scanned : pandas.DataFrame
+        All evaluations, for the figure.
+    confirmed : pandas.DataFrame
+        Confirmation by runs; may be empty.
+    names : sequence of str
+        Paths of the varied fields, one or two.
     """
     has_curve = bool(answers.along.notna().any())
     columns = ["evaluations"] if has_curve else ["evaluations", "along", "along_unit"]
@@ -107,9 +122,16 @@ def _answer(row: Any, names: Sequence[str]) -> str:
 
 
 def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[Block]:
-    """Return the case that meets the requirements with the smallest total.
+    """Return the blocks on the case that meets the requirements with the smallest total.
 
-    least : column of the total, such as cost or mass
+    Parameters
+    ----------
+    answers : pandas.DataFrame
+        All cases, smallest total first. Column `chosen` marks the case.
+    confirmed : pandas.DataFrame
+        Runs of the case and of the next cheaper case; may be empty.
+    least : str
+        Column of the minimised total. Its first word, such as cost or mass, is used in the text.
     """
     name = least.split("_")[0]
     best = answers[answers.chosen]
@@ -169,7 +191,17 @@ def indexed(
 
 
 def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:
-    """Return the tuned filter parameters, the errors in every case (validation cases too), and the card as source."""
+    """Return the blocks on the tuned parameters of a filter.
+
+    Parameters
+    ----------
+    values : pandas.DataFrame
+        The tuned parameters.
+    cases : pandas.DataFrame
+        Error over its limit before and after tuning, for every case; `role` separates tuned and validation cases.
+    source : str
+        Source of the numbers, as written in the filter card.
+    """
     return [
         Text(_tuning(cases), "Error over its limit:"),
         Text(note("tune")),

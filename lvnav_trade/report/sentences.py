@@ -31,7 +31,7 @@ def say(name: str, /, **facts: Any) -> str:
 
 
 def plural(count: int, one: str, some: str) -> str:
-    """Return the singular or plural form for a count."""
+    """Return the singular form `one` or the plural form `some` for a count."""
     return one if count == 1 else some
 
 

@@ -92,7 +92,10 @@ def _influence_tables(tables: Tables) -> list[Block]:
 
 
 def _without_intervals(tables: Tables, frame: pd.DataFrame, low: str) -> pd.DataFrame:
-    """Return a table without its interval columns, unless the designs are random samples."""
+    """Return a table without its interval columns, unless the designs are random samples.
+
+    low : column of the lower bound; the column of the upper bound has "high" in place of "low"
+    """
     return frame if tables.is_sampled else frame.drop(columns=[low, low.replace("low", "high")])
 
 
@@ -287,7 +290,14 @@ def _strongest_axis(tables: Tables, frame: pd.DataFrame) -> str:
 
 
 def _column(tables: Tables, frame: pd.DataFrame, name: str) -> dict[str, Any]:
-    """Return the name, unit and values of a column for the interactive plots; words as the index of their level."""
+    """Return a column of a table for the interactive plots.
+
+    Returns
+    -------
+    dict
+        `name`, `unit` (empty if dimensionless) and `values`: single precision, little-endian, base64, in display units.
+        For a column of words, the values are the indices of its `levels`.
+    """
     if not is_numeric(frame, name):
         levels = list(dict.fromkeys(frame[name]))
         indices = {level: k for k, level in enumerate(levels)}

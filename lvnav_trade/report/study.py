@@ -169,6 +169,7 @@ def answer(
 def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
     """Return the row of a campaign in the table of campaigns.
 
+    result : the campaign with its results
     frame : rows of published numbers of all campaigns
     """
     campaign = result.part.campaign
@@ -190,7 +191,14 @@ def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
 def campaign_section(result: StudyResult, frame: pd.DataFrame, script: StudyScript) -> Section:
     """Return the section of a campaign.
 
-    frame : rows of published numbers of this campaign
+    Parameters
+    ----------
+    result : StudyResult
+        The campaign with its results.
+    frame : pandas.DataFrame
+        Rows of published numbers of this campaign.
+    script : StudyScript
+        Additions to the report.
     """
     part = result.part
     question = part.question or result.campaign.description
@@ -250,7 +258,13 @@ def heading(campaign: str) -> str:
 
 
 def _draw(result: StudyResult, figure: CampaignFigure, script: StudyScript) -> Drawing | None:
-    """Return the drawing of a figure of study.yaml, by the script or by a plot of the report."""
+    """Return the drawing of a figure in study.yaml, by a plot of the report; None if there is nothing to draw.
+
+    Raises
+    ------
+    InputError
+        The campaign has no case with the levels of the figure.
+    """
     case = _cases(result, figure.case)[0]
     for levels in figure.cases:  # an InputError for levels without a case
         _cases(result, levels)

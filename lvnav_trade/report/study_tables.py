@@ -18,10 +18,16 @@ _MANY = 12  # cases; with more, the table of coverage has the last event only
 
 
 def study_tables(tables: Tables, names: Sequence[str], axis: str) -> list[Block]:
-    """Return the tables named in `names`, in a fixed order.
+    """Return the requested tables of a campaign, in a fixed order.
 
-    names : requirements, logic, coverage, paired, error_bound, integrity, tested_errors
-    axis : axis whose levels are compared in the table `paired`
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    names : sequence of str
+        Names among requirements, logic, coverage, paired, error_bound, integrity, tested_errors.
+    axis : str
+        Axis whose levels are compared in the table `paired`.
     """
     builders: dict[str, Callable[[Tables], list[Block]]] = {
         "requirements": _requirements,

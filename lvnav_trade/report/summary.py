@@ -103,7 +103,16 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
 def _not_met(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str, is_several: bool) -> str:
     """Return the number of designs with a verdict as their worst, and the requirements if there are several.
 
-    worst_verdicts : worst verdict by case
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Verdicts by case and requirement.
+    worst_verdicts : pandas.Series
+        Worst verdict by case.
+    verdict : str
+        The verdict, such as "violated".
+    is_several : bool
+        Whether the campaign has several requirements.
     """
     cases = worst_verdicts.index[worst_verdicts == verdict]
     rows = frame[frame.case.isin(cases) & (frame.verdict == verdict)]
@@ -120,7 +129,17 @@ def _not_met(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str, is_se
 def _evidence(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str) -> str:
     """Return the number of designs whose verdict is confirmed by runs, if other designs rest on linear covariance.
 
-    Compliance of a design is confirmed if all its requirements are; a violation, if that requirement is.
+    Compliance of a design is confirmed if all its requirements are. A violation is confirmed if that of one requirement
+    is.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Verdicts by case and requirement, with their evidence (`by`).
+    worst_verdicts : pandas.Series
+        Worst verdict by case.
+    verdict : str
+        "met" or "violated"; the result is empty for any other verdict.
     """
     of_runs = frame.by != COVARIANCE
     if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
@@ -242,7 +261,7 @@ def _required(tables: Tables, frame: pd.DataFrame) -> str:
 
 
 def _beyond(tables: Tables) -> list[Block]:
-    """Return a warning if cards allow flights outside validated limits, which a reader should not overlook."""
+    """Return a warning if cards permit trajectories outside validated limits, which a reader should not overlook."""
     lines = tables.manifest.get("beyond_limits", [])
     if not lines:
         return []

@@ -155,10 +155,21 @@ def empty_stages(tables: Tables) -> list[Block]:
 
 
 def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
-    """Return texts on windows with the evidence of each; if all have the same evidence, the texts and the evidence
-    apart.
+    """Return texts on windows with their evidence.
 
-    by : evidence of each text, as in `windows`
+    Parameters
+    ----------
+    texts : sequence of str
+        The texts.
+    by : pandas.Series
+        Evidence of each text, as in `windows`.
+
+    Returns
+    -------
+    texts : list of str
+        The texts, each with its evidence unless all have the same.
+    evidence : str
+        The common evidence; empty if the evidence differs.
     """
     if by.nunique() == 1:
         return list(texts), f" {RESTS_ON[by.iloc[0]]}"

@@ -72,7 +72,7 @@ class Stack(units.Card):
 class RotationCard(units.NamedCard):
     """How a launch vehicle turns in pitch and yaw, about the ascent of its vehicle card.
 
-    Roll is held; the axes do not couple. Bending, sloshing, jet damping and the nozzle's own inertia are left out.
+    Roll is held; the axes do not couple. Bending, sloshing, jet damping and the nozzle's own inertia are not modelled.
     """
 
     stacks: tuple[Stack, ...] = Field(min_length=1, description="one entry for each stage, from the first")
@@ -248,8 +248,9 @@ def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> 
 
 
 class SteeredCard(units.Card):
-    """An ascent flown under wind and attitude control: a launch with a rotation, and by nozzle and air a path, of its
-    own. Every realisation is another launch, of other wind, thrust misalignment and noises of its controller.
+    """An ascent under wind and attitude control. The rotation of the vehicle is simulated, and the forces of nozzle and
+    air change its path. Every realisation is a different launch, with its own wind, thrust misalignment and controller
+    noise.
     """
 
     rotation: RotationCard
@@ -297,8 +298,8 @@ class SteeredCard(units.Card):
 class ControlledCard(units.Card):
     """The vehicle of the ascent as a body that is controlled in pitch and yaw, with the navigated attitude as feedback.
 
-    It is flown with the raw, the filtered and the true rate on the same draws. Unit, attitude reference and the
-    envelope of the filter are those of the scenario.
+    It is simulated with the raw, the filtered and the true rate on the same draws. The IMU, the attitude reference and
+    the envelope of the filter are those of the scenario.
     """
 
     rotation: RotationCard
