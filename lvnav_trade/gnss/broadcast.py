@@ -255,9 +255,19 @@ def integrated(states: Sequence[StateVector], reference: float) -> IntegratedSta
 
 
 def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
-    """Return the acceleration (..., 3) m/s^2 in Earth-fixed axes: attraction with J2, Moon and Sun, rotating axes.
+    """Return the acceleration of a GLONASS satellite, (..., 3) m/s^2, Earth-fixed axes.
 
-    ICD 5.1, section A.3.1.2: a_e, by Moon and Sun, stays as broadcast in Earth-fixed axes.
+    It is the sum of attraction with J2, acceleration by Moon and Sun, and centrifugal and Coriolis acceleration of the
+    rotating axes (ICD 5.1, section A.3.1.2).
+
+    Parameters
+    ----------
+    r_e : (..., 3) m
+        Position, Earth-fixed axes.
+    v_e : (..., 3) m/s
+        Velocity relative to the Earth, Earth-fixed axes.
+    a_e : (..., 3) m/s^2
+        Acceleration by Moon and Sun as broadcast, constant in Earth-fixed axes.
     """
     r2 = np.sum(r_e * r_e, axis=-1, keepdims=True)
     attraction = -GM_PZ90 / (r2 * np.sqrt(r2))
@@ -274,9 +284,20 @@ def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
 
 
 def _integrate(satellites: IntegratedStates, first: int, last: int) -> tuple[Floats, Floats, Floats]:
-    """Return position, velocity and acceleration (last - first + 1, n_sat, 3) at whole steps from the broadcast time.
+    """Return position (m), velocity (m/s) and acceleration (m/s^2) at whole steps from the broadcast time.
 
     Classical Runge-Kutta, forwards and backwards in time.
+
+    Parameters
+    ----------
+    satellites : IntegratedStates
+    first, last : int
+        First step (zero or negative) and last step, in steps of `STEP` from the broadcast time.
+
+    Returns
+    -------
+    three of (last - first + 1, n_sat, 3)
+        Earth-fixed axes.
     """
     size = (last - first + 1, satellites.start.size, 3)
     r = np.empty(size)
@@ -293,7 +314,17 @@ def _integrate(satellites: IntegratedStates, first: int, last: int) -> tuple[Flo
 
 
 def _step(r: Floats, v: Floats, a: Floats, h: float) -> tuple[Floats, Floats]:
-    """Return position and velocity after a Runge-Kutta step of h (s); a: acceleration by Moon and Sun."""
+    """Return position (m) and velocity (m/s) after a Runge-Kutta step, (..., 3) each, Earth-fixed axes.
+
+    Parameters
+    ----------
+    r, v : (..., 3) m, m/s
+        Position and velocity at the start.
+    a : (..., 3) m/s^2
+        Acceleration by Moon and Sun.
+    h : float
+        Step (s), may be negative.
+    """
     a1 = acceleration(r, v, a)
     v2 = v + 0.5 * h * a1
     a2 = acceleration(r + 0.5 * h * v, v2, a)
@@ -307,9 +338,14 @@ def _step(r: Floats, v: Floats, a: Floats, h: float) -> tuple[Floats, Floats]:
 
 
 def _interpolate_step(before: list[Floats], after: list[Floats], s: Floats) -> tuple[Floats, Floats]:
-    """Return position and velocity at the fraction s of a step, by the quintic Hermite polynomial.
+    """Return position (m) and velocity (m/s) within a step, by the quintic Hermite polynomial.
 
-    before, after : position, velocity and acceleration at both ends.
+    Parameters
+    ----------
+    before, after : list of three (..., 3)
+        Position (m), velocity (m/s) and acceleration (m/s^2) at both ends.
+    s : (..., 1)
+        Fraction of the step, 0 to 1.
     """
     r0, v0, a0 = before
     r1, v1, a1 = after

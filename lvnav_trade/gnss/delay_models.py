@@ -91,9 +91,17 @@ def _weather_delay(
 def ionosphere_delay(
     model: delay_cards.IonosphereModel, geometry: DelayGeometry, frequency: float = ionosphere.L1
 ) -> Floats:
-    """Return the ionospheric group delay (n_epoch, n_sat) in m at a frequency (Hz).
+    """Return the ionospheric group delay, (n_epoch, n_sat) m.
 
     It increases pseudoranges and decreases carrier ranges (and their rates): code is delayed, phase is advanced.
+
+    Parameters
+    ----------
+    model : card of an ionosphere model
+    geometry : DelayGeometry
+        Positions of the antenna and directions of the satellites at the epochs.
+    frequency : float
+        Carrier frequency (Hz); the default is L1.
     """
     elevation = np.asarray(geometry.elevation, dtype=float)
     height = _column(geometry.height)

@@ -56,13 +56,36 @@ def jamming_density(
 
 
 def _jammer_position(card: Jamming, theta0: float, t: Floats) -> Floats:
-    """Return the position of a jammer (n, 3) m, frame i, at times t (n,) s."""
+    """Return the position of a jammer, (n, 3) m, frame i.
+
+    Parameters
+    ----------
+    card : Jamming
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n,) s since lift-off
+    """
     r_e = np.array(frames.ecef_from_geodetic(card.latitude, card.longitude, card.height))
     return frames.eci_from_ecef(np.tile(r_e, (t.size, 1)), frames.earth_angle(theta0, t))
 
 
 def _jammer_line(card: Jamming, theta0: float, t: Floats, r_i: Floats) -> tuple[Floats, Bools]:
-    """Return the lines (n, 3) m, frame i, from a vehicle to a jammer, and whether the vehicle is above its horizon."""
+    """Return the lines from a vehicle to a jammer, and whether the vehicle is above its horizon.
+
+    Parameters
+    ----------
+    card : Jamming
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n,) s since lift-off
+    r_i : (n, 3) m, frame i
+        Position of the vehicle.
+
+    Returns
+    -------
+    line : (n, 3) m, frame i
+    is_above_horizon : (n,) bool
+    """
     jammer_i = _jammer_position(card, theta0, t)
     down = frames.rotation_i_n(jammer_i, frames.earth_angle(theta0, t))[:, 2]
     line = jammer_i - r_i
@@ -70,7 +93,17 @@ def _jammer_line(card: Jamming, theta0: float, t: Floats, r_i: Floats) -> tuple[
 
 
 def _off_boresight(card: Jamming, theta0: float, t: Floats, outward: Floats) -> Floats:
-    """Return the angle (n,) rad between the boresight of a jammer and the lines `outward` (n, 3) from it, frame i."""
+    """Return the angle between the boresight of a jammer and the lines from it, (n,) rad.
+
+    Parameters
+    ----------
+    card : Jamming
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n,) s since lift-off
+    outward : (n, 3), frame i
+        Lines from the jammer, of any length.
+    """
     horizontal = math.cos(card.elevation)
     boresight_n = np.array(
         [

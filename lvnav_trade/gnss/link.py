@@ -89,11 +89,14 @@ def gain(card: AntennaCard, angle: Floats) -> Floats:
 
 
 def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:
-    """Return the gain (..., n_antenna) dBi of every antenna towards a direction.
+    """Return the gain of every antenna towards a direction, (..., n_antenna) dBi.
 
-    Without antennas there is one isotropic antenna of 0 dBi.
-
-    direction_b : (..., 3). Unit vectors in body axes.
+    Parameters
+    ----------
+    cards : sequence of AntennaCard
+        If empty, there is one isotropic antenna of 0 dBi.
+    direction_b : (..., 3)
+        Unit vectors in body axes.
     """
     if not cards:
         return np.zeros((*direction_b.shape[:-1], 1))
@@ -150,10 +153,18 @@ def path_loss(card: LinkCard, distance: Floats) -> Floats:
 
 
 def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Floats:
-    """Return the power (...,) dBW received by an isotropic antenna.
+    """Return the power received by an isotropic antenna, (...,) dBW.
 
-    distance : (...,) m. Distance to the satellite.
-    off_nadir : (...,) rad. Angle at the satellite between its nadir and the antenna.
+    It is the transmitted power plus the gain of the satellite's antenna, minus the free-space loss and the `loss` of
+    the card.
+
+    Parameters
+    ----------
+    card : LinkCard
+    distance : (...,) m
+        Distance to the satellite.
+    off_nadir : (...,) rad
+        Angle at the satellite between its nadir and the antenna.
     """
     transmitted = card.transmit_power + np.interp(off_nadir, card.transmit_angle, card.transmit_gain)
     return np.asarray(transmitted - path_loss(card, distance) - card.loss)

@@ -72,10 +72,16 @@ def _ratio(cn0: Floats) -> Floats:
 
 
 def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
-    """Return the thermal noise (...,) m, one sigma, of the code loop at C/N0 cn0 (...,) dB-Hz.
+    """Return the thermal noise of the code loop, (...,) m, one sigma.
 
     For a non-coherent early-minus-late discriminator. The product of correlator spacing and front-end bandwidth selects
     one of three expressions (Betz and Kolodziejski, in Kaplan and Hegarty, section 5.6.3).
+
+    Parameters
+    ----------
+    card : LoopsCard
+    cn0 : (...,) dB-Hz
+        Carrier-to-noise density.
     """
     c, spacing, width = _ratio(cn0), card.spacing, card.front_end / card.code_rate
     squaring = 2.0 / (card.integration * c * (2.0 - spacing))
@@ -89,18 +95,32 @@ def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
 
 
 def phase_sigma(card: LoopsCard, cn0: Floats) -> Floats:
-    """Return the thermal noise (rad, one sigma) of a phase loop at C/N0 (dB-Hz).
+    """Return the thermal noise of a phase loop, (...,) rad, one sigma.
 
     sigma^2 = B / c (1 + 1 / (2 T c)) with bandwidth B, integration time T and the ratio c of C/N0 (1/s).
+
+    Parameters
+    ----------
+    card : LoopsCard
+    cn0 : (...,) dB-Hz
+        Carrier-to-noise density.
     """
     c = _ratio(cn0)
     return np.asarray(np.sqrt(card.carrier_bandwidth / c * (1.0 + 0.5 / (card.integration * c))))
 
 
 def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats:
-    """Return the thermal noise (Hz, one sigma) of a frequency loop at C/N0 (dB-Hz).
+    """Return the thermal noise of a frequency loop, (...,) Hz, one sigma.
 
-    sigma = sqrt(4 F B / c (1 + 1 / (T c))) / (2 pi T); factor F is 1 for strong signals, 2 near threshold.
+    sigma = sqrt(4 F B / c (1 + 1 / (T c))) / (2 pi T).
+
+    Parameters
+    ----------
+    card : LoopsCard
+    cn0 : (...,) dB-Hz
+        Carrier-to-noise density.
+    factor : float
+        F: 1 for strong signals, 2 near threshold.
     """
     c, period = _ratio(cn0), card.integration
     spread = np.sqrt(4.0 * factor * card.carrier_bandwidth / c * (1.0 + 1.0 / (period * c)))
@@ -108,11 +128,17 @@ def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats
 
 
 def rate_sigma(card: LoopsCard, cn0: Floats, wavelength: float) -> Floats:
-    """Return the thermal noise (m/s, one sigma) of the range rate at C/N0 (dB-Hz).
+    """Return the thermal noise of the range rate, (...,) m/s, one sigma.
 
     A phase loop computes the rate from the difference of two phases with independent noise over `rate_interval`.
 
-    wavelength : m. Wavelength of the carrier.
+    Parameters
+    ----------
+    card : LoopsCard
+    cn0 : (...,) dB-Hz
+        Carrier-to-noise density.
+    wavelength : float
+        Wavelength of the carrier (m).
     """
     if card.carrier == "fll":
         return wavelength * frequency_sigma(card, cn0)
@@ -120,14 +146,25 @@ def rate_sigma(card: LoopsCard, cn0: Floats, wavelength: float) -> Floats:
 
 
 def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) -> Floats:
-    """Return the steady-state lag of the carrier loop under dynamics, without sign: rad (phase loop) or Hz.
+    """Return the steady-state lag of the carrier loop under dynamics, without sign, (...,).
 
     A phase loop of order n lags by the n-th derivative of phase over omega^n; a frequency loop of order n has one
     integrator more.
 
-    acceleration : (...,) m/s^2. Second derivative of the range.
-    jerk : (...,) m/s^3. Third derivative of the range.
-    wavelength : m. Wavelength of the carrier.
+    Parameters
+    ----------
+    card : LoopsCard
+    acceleration : (...,) m/s^2
+        Second derivative of the range.
+    jerk : (...,) m/s^3
+        Third derivative of the range.
+    wavelength : float
+        Wavelength of the carrier (m).
+
+    Returns
+    -------
+    (...,)
+        rad for a phase loop, Hz for a frequency loop.
     """
     along = acceleration if card.carrier_order + (card.carrier == "fll") == 2 else jerk
     cycles = np.abs(along) / wavelength / card.natural_frequency**card.carrier_order
@@ -135,18 +172,30 @@ def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) 
 
 
 def shaking(card: LoopsCard, specific_force: Floats) -> Floats:
-    """Return the phase jitter (rad, one sigma) of the oscillator under a specific force (m/s^2)."""
+    """Return the phase jitter of the oscillator under specific force, (...,) rad, one sigma.
+
+    Parameters
+    ----------
+    card : LoopsCard
+    specific_force : (...,) m/s^2
+        Magnitude of the specific force; vibration is proportional to its excess over 1 g.
+    """
     return np.hypot(card.jitter, card.vibration * np.maximum(specific_force - 9.80665, 0.0))
 
 
 def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
-    """Return the loss of C/N0 (...,) dB due to carrier errors within an integration interval.
+    """Return the loss of C/N0 due to carrier errors within an integration interval, (...,) dB.
 
     A Gaussian phase jitter reduces the power by exp(-sigma^2), a constant frequency error by sinc^2, and a constant
     phase error by cos^2.
 
-    trail : (...,) rad or Hz. Lag of the carrier loop, as from `lag`.
-    jitter : (...,) rad. Phase jitter of the oscillator, one sigma.
+    Parameters
+    ----------
+    card : LoopsCard
+    trail : (...,) rad or Hz
+        Lag of the carrier loop, as from `lag`.
+    jitter : (...,) rad
+        Phase jitter of the oscillator, one sigma.
     """
     if card.carrier == "fll":
         power = np.sinc(np.minimum(trail * card.integration, 1.0)) ** 2

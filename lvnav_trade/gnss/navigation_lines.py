@@ -26,7 +26,18 @@ class NumberBounds(NamedTuple):
 def number(where: str, text: str, bounds: NumberBounds) -> float:
     """Return the number in a text, also with a Fortran exponent, within its bounds.
 
-    InputError ``where: what`` if the text is no number or the number is outside the bounds, as nan and inf always are.
+    Parameters
+    ----------
+    where : str
+        File and line, for messages.
+    text : str
+        Text of the number; surrounding blanks are ignored.
+    bounds : NumberBounds
+
+    Raises
+    ------
+    InputError
+        The text is no number, or the number is outside the bounds, as nan and inf always are.
     """
     try:
         value = bounds.read(text.strip().upper().replace("D", "E"))

@@ -89,7 +89,15 @@ def sky(
 
 
 def with_noise(heard: ReceivedSatellites, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
-    """Return the satellites with the white-noise sigmas of the receiver's measurements."""
+    """Return the satellites with the white-noise sigmas of the receiver's measurements.
+
+    Parameters
+    ----------
+    heard : ReceivedSatellites
+        As from `heard_in`.
+    receiver : ReceiverCard
+    trajectory : Trajectory
+    """
     range_sigma, rate_sigma, phase_sigma = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
     return heard.sky._replace(range_sigma=range_sigma, rate_sigma=rate_sigma, phase_sigma=phase_sigma)
 
@@ -147,16 +155,19 @@ def heard_in(
 
 
 def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
-    """Return the elevation mask (rad) of the receiver, (n_epoch, 1), or a single number for all epochs.
+    """Return the elevation mask of the receiver in rad, (n_epoch, 1), or a single number for all epochs.
 
     With `mask_height` the mask sinks linearly to the horizontal at that height, and above it with the horizon of a
-    shell of that height.
+    shell of that height (Canepa and Servidia, section 6.3.1, with a shell of ten scale heights of the troposphere).
 
-    theta0 : rad. Earth angle at lift-off.
-    t : (n_epoch,) s since lift-off.
-    antenna_r : (n_epoch, 3) m, frame i.
-
-    Source: Canepa and Servidia, section 6.3.1, with a shell of ten scale heights of the troposphere.
+    Parameters
+    ----------
+    receiver : ReceiverCard
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n_epoch,) s since lift-off
+    antenna_r : (n_epoch, 3) m, frame i
+        Antenna positions.
     """
     shell = receiver.mask_height
     if shell is None:
@@ -171,7 +182,15 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
 
 
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
-    """Return true position (m) and velocity (m/s) of the antenna in frame i at times t (n_epoch,) s, (n_epoch, 3)."""
+    """Return true position (m) and velocity (m/s) of the antenna, (n_epoch, 3) each, frame i.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    receiver : ReceiverCard
+        Its `lever_b` is the vector from the IMU to the antenna (m, body axes).
+    t : (n_epoch,) s since lift-off
+    """
     state = motion(trajectory, t)
     return point_of(state, frames.matrices(state.q_b_i), np.array(receiver.lever_b))
 
@@ -198,10 +217,15 @@ def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats)
 
 
 def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
-    """Return position (m) and inertial velocity (m/s) of satellites in frame i, (..., n_sat, 3) each.
+    """Return position (m) and inertial velocity (m/s) of satellites, (..., n_sat, 3) each, frame i.
 
-    theta0 : rad. Earth angle at lift-off.
-    t : (..., n_sat) s since lift-off.
+    Parameters
+    ----------
+    above : Satellites
+        Orbits of the satellites.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (..., n_sat) s since lift-off
     """
     r_e, v_e = above.ecef(t)
     theta = frames.earth_angle(theta0, t)

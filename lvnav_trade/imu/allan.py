@@ -31,17 +31,40 @@ class Process(NamedTuple):
 
 
 def white(density: float, tau: Floats) -> Floats:
-    """Return the Allan deviation (n,) of white noise with root PSD `density` at averaging times tau (n,) s."""
+    """Return the Allan deviation (n,) of white noise, density / sqrt(tau).
+
+    Parameters
+    ----------
+    density : float
+        Root PSD (rad/sqrt(s) or m/s/sqrt(s)).
+    tau : (n,) s
+        Averaging times.
+    """
     return np.asarray(density / np.sqrt(tau))
 
 
 def random_walk(density: float, tau: Floats) -> Floats:
-    """Return the Allan deviation (n,) of a random walk with root PSD `density` at averaging times tau (n,) s."""
+    """Return the Allan deviation (n,) of a random walk, density sqrt(tau / 3).
+
+    Parameters
+    ----------
+    density : float
+        Root PSD of its rate (rad/s/sqrt(s) or m/s^2/sqrt(s)).
+    tau : (n,) s
+        Averaging times.
+    """
     return np.asarray(density * np.sqrt(tau / 3.0))
 
 
 def gauss_markov(process: Process, tau: Floats) -> Floats:
-    """Return the Allan deviation (n,) of a Gauss-Markov process at averaging times tau (n,) s."""
+    """Return the Allan deviation (n,) of a Gauss-Markov process, by the equation of the module.
+
+    Parameters
+    ----------
+    process : Process
+    tau : (n,) s
+        Averaging times.
+    """
     x = np.asarray(tau) / process.time_constant
     # series x^2 / 3 - x^3 / 4 of the bracket for small x, where the difference loses all digits
     series = x * (1.0 / 3.0 - 0.25 * x)

@@ -64,9 +64,21 @@ class AxisFit(NamedTuple):
 
 
 def ladder(n: int, dt: float, shortest: float = 0.0, longest: float = math.inf) -> list[int]:
-    """Return averaging factors (samples) for a stream of n samples of dt s.
+    """Return averaging factors (samples) for a stream, six per decade, up to a ninth of the stream.
 
-    There are six per decade, up to a ninth of the stream, with averaging times from `shortest` to `longest` (s).
+    Parameters
+    ----------
+    n : int
+        Number of samples.
+    dt : float
+        Sampling interval (s).
+    shortest, longest : float
+        Smallest and largest averaging time (s).
+
+    Returns
+    -------
+    list of int
+        Rising; empty if the stream is too short.
     """
     # 1e-9: an averaging time that is a multiple of dt stays one after rounding
     first = max(1, math.ceil(shortest / dt - 1e-9))
@@ -117,10 +129,16 @@ def fit(rates: Floats, dt: float, factors: Sequence[int]) -> AxisFit:
 
 
 def variances(name: str, m: Ints, dt: float) -> Floats:
-    """Return the Allan variance (n,) of a process with unit coefficient, for averaging times of m (n,) samples.
+    """Return the Allan variance (n,) of a process with unit coefficient.
 
-    name : One of `NAMES`.
-    dt : s. Sampling interval.
+    Parameters
+    ----------
+    name : str
+        Process, one of `NAMES`.
+    m : (n,)
+        Averaging times in samples.
+    dt : float
+        Sampling interval (s).
     """
     at_0 = _generalised(name, 0 * m, dt)
     at_m = _generalised(name, m, dt)
@@ -133,6 +151,15 @@ def _interval_factor(residual: Floats, V: Floats, n_fitted: int) -> float:
     """Return the factor on the confidence intervals: root of chi-square per degree of freedom if it is significant.
 
     Chi-square has mean dof and variance 2 dof; intervals are widened beyond four sigmas.
+
+    Parameters
+    ----------
+    residual : (n,)
+        Observed minus modelled Allan variances.
+    V : (n, n)
+        Covariance of the Allan variances.
+    n_fitted : int
+        Number of coefficients above zero.
     """
     dof = residual.size - n_fitted
     chi2 = float(residual @ np.linalg.solve(V, residual))
@@ -142,11 +169,20 @@ def _interval_factor(residual: Floats, V: Floats, n_fitted: int) -> float:
 
 
 def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
-    """Return the generalised covariance of the angle of a process at lags in samples.
+    """Return the generalised covariance of the angle of a process with unit coefficient, same shape as `lag`.
 
     It gives the covariances of second differences, which are stationary: sigma^2 at lag 0 for white noise of the angle,
     -|t| / 2 for a random walk, |t|^3 / 12 for an integrated random walk, t^2 ln|t| / (2 pi) for integrated flicker
     noise.
+
+    Parameters
+    ----------
+    name : str
+        Process, one of `NAMES`.
+    lag : (...,)
+        Lags in samples.
+    dt : float
+        Sampling interval (s).
     """
     t = np.abs(lag) * dt
     if name == "quantisation":
@@ -160,9 +196,30 @@ def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
 
 
 def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tuple[Floats, Floats, Floats]:
-    """Return squared coefficients (4,), none negative, their variances (4,), and the covariance of the observations.
+    """Return the squared coefficients of a generalised least-squares fit, none negative.
 
-    That covariance depends on the coefficients, so that the fit is repeated until they no longer change.
+    The covariance of the observations depends on the coefficients, so that the fit is repeated until they no longer
+    change.
+
+    Parameters
+    ----------
+    observed : (n_factor,)
+        Observed Allan variances.
+    design : (n_factor, 4)
+        Allan variances of processes with unit coefficient.
+    m : (n_factor,)
+        Averaging times in samples.
+    n : int
+        Number of samples of the stream.
+    dt : float
+        Sampling interval (s).
+
+    Returns
+    -------
+    squares, square_variances : (4,)
+        Squared coefficients and their variances.
+    V : (n_factor, n_factor)
+        Covariance of the observations.
     """
     from scipy.optimize import nnls  # the import takes 0.3 s in every worker, and few need it
 
@@ -218,10 +275,16 @@ def _coefficient(square: float, sigma: float) -> Coefficient:
 def covariance(squares: Floats, m: Sequence[int], n: int, dt: float) -> Floats:
     """Return the covariance (n_factor, n_factor) of overlapping Allan variances.
 
-    squares : (4,). Squared coefficients of the processes.
-    m : (n_factor,). Averaging times in samples.
-    n : Number of samples.
-    dt : s. Sampling interval.
+    Parameters
+    ----------
+    squares : (4,)
+        Squared coefficients of the processes, in the order of `NAMES`.
+    m : sequence of int, n_factor
+        Averaging times in samples.
+    n : int
+        Number of samples of the stream.
+    dt : float
+        Sampling interval (s).
     """
     return np.einsum("ijkl,k,l->ij", _quadratic_forms(tuple(m), n, dt), squares, squares)
 

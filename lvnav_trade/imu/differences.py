@@ -107,7 +107,15 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
 
 
 def _correlation(covariance: Floats, variance: Floats, other_variance: Floats) -> Floats:
-    """Return a correlation by axis (3,), 0 without a bias or if it is a rounding error between equal IMUs."""
+    """Return a correlation by axis (3,), 0 without a bias or if it is a rounding error between equal IMUs.
+
+    Parameters
+    ----------
+    covariance : (3,)
+        Covariance of two biases.
+    variance, other_variance : (3,)
+        Their variances.
+    """
     scale = np.sqrt(variance * other_variance)
     is_correlated = (scale > 0.0) & (np.abs(covariance) > 1e-12 * scale)
     return np.divide(covariance, scale, out=np.zeros(3), where=is_correlated)

@@ -31,7 +31,13 @@ def _fused_sigma(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> P
 
     It is the root mean square over the body axes if the axes of every IMU are equal, otherwise by axis.
 
-    value : Function that returns the sigma of a gyro or accelerometer card.
+    Parameters
+    ----------
+    imu : ImuSet
+    sensor : int
+        GYRO or ACCEL.
+    value : callable
+        Function that returns the sigma of a gyro or accelerometer card.
     """
     variance = np.zeros(3)
     alike = True
@@ -49,6 +55,14 @@ def _fused_matrix(imu: ImuSet, sensor: int, scale_field: str, skew_field: str = 
     """Return the sigmas of the fused scale-factor and misalignment matrix: diagonal, off-diagonal.
 
     Each is the root mean square over the entries. The scale factor of a skewed axis contributes to both.
+
+    Parameters
+    ----------
+    imu : ImuSet
+    sensor : int
+        GYRO or ACCEL.
+    scale_field, skew_field : str
+        Fields of the card with the sigmas of scale factor and misalignment; an empty name means no misalignment.
     """
     variance = np.zeros((3, 3))
     for triad, A, card in _fused_axes(imu, sensor):

@@ -38,7 +38,17 @@ class ImuArrayWork(NamedTuple):
 
 
 def new_units(units: Any, n_tick: int, lanes: int = 0) -> ImuArrayWork:
-    """Return the arrays of an IMU array (ImuArray): one run, or `lanes` runs on the last axis."""
+    """Return the arrays of an IMU array.
+
+    Parameters
+    ----------
+    units
+        ImuArray.
+    n_tick
+        Largest number of ticks of a window.
+    lanes
+        Number of runs on the last axis; 0 for one run without this axis.
+    """
     n_triad = units.n_axis.size
     n_pair = units.pair_sensor.size
     redundancy = units.redundant
@@ -97,7 +107,15 @@ def add_relative_biases(work, imus, units):
 
 @jit
 def _gather_block(table, frames, driver, values):
-    """Add a block of three parameters to the table of its triad."""
+    """Add a block of three parameters to the table of its triad.
+
+    Parameters
+    ----------
+    table : (N_TABLE,) table of a sensor of the triad, updated in place
+    frames : (3, 3, 3) direction and misalignment directions of each sensing axis, body axes
+    driver : driver of the block, see `transition.driver`
+    values : (3,) parameters by sensing axis, SI
+    """
     for axis in range(3):
         value = values[axis]
         if driver == CONSTANT:
@@ -152,9 +170,15 @@ def fuse_tables(fused, imus, units, tick):
 
 @inlined
 def _axis_error(table, c, along, a, other, dt):
-    """Return the error of an increment along sensing axis c.
+    """Return the error of an increment along sensing axis c, rad or m/s.
 
-    along : increment along the axis; a, other : (3,) increments of the sensor and of the other sensor, body axes
+    Parameters
+    ----------
+    table : (N_TABLE,) table of the sensor, with a row per sensing axis
+    c : sensing axis
+    along : increment along the axis
+    a, other : (3,) increments of the sensor and of the other sensor, body axes
+    dt : s, of a tick
     """
     return (
         dt * table[BIAS + c]
@@ -172,7 +196,16 @@ def _axis_error(table, c, along, a, other, dt):
 def _sense_triad(imus, units, k, at, ticks, dt, key, run):
     """Set the increments of a triad over some ticks: true increments, errors, white noise, quantisation.
 
-    ticks : (2,) first tick, number of ticks; key : (2,) key words of the seed
+    Parameters
+    ----------
+    imus : ImuArrayWork, of which `sensed` and `remainder` are updated in place
+    units : ImuArray
+    k : triad
+    at : index of the first increment in the window
+    ticks : (2,) first tick, number of ticks
+    dt : s, of a tick
+    key : (2,) key words of the seed
+    run : number of the run, one or eight lanes
     """
     first_tick, n_tick = ticks
     k0, k1 = key
@@ -206,8 +239,16 @@ def _sense_triad(imus, units, k, at, ticks, dt, key, run):
 def lever_arm_increment(imus, units, k, x, y, z, dt):
     """Return the velocity increment (3) m/s of a triad by its lever arm r over a tick, body axes.
 
-    It is (dw x r) + w x (w x r) dt, with w dt the combined angle increment x, y, z (rad) of the tick, and dw the change
-    of w since the previous tick.
+    It is dw x r + w x (w x r) dt, with w dt the combined angle increment of the tick, and dw the change of w since the
+    previous tick.
+
+    Parameters
+    ----------
+    imus : ImuArrayWork, with the combined angle increment of the previous tick
+    units : ImuArray, with the lever arms (m, body axes)
+    k : triad
+    x, y, z : rad, combined angle increment of the tick, body axes
+    dt : s, of a tick
     """
     lever = units.lever[k]
     before = imus.before
@@ -280,7 +321,17 @@ def _store_angle(before, x, y, z):
 
 @jit
 def _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick, dt):
-    """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection."""
+    """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection.
+
+    Parameters
+    ----------
+    increments : (n, 6) rad, m/s, body axes, updated in place
+    imus, units : ImuArrayWork, ImuArray
+    redundancy : ImuRedundancy
+    at : index of the first increment in the window
+    first_tick, n_tick : first tick, number of ticks
+    dt : s, of a tick
+    """
     n = units.n_axis.shape[0]
     redundant = imus.redundant
     for row in range(at, at + n_tick):
@@ -313,9 +364,18 @@ def _fuse_ticks(increments, imus, units, redundancy, at, first_tick, n_tick, dt)
 
 @jit
 def sense_units(work, imus, units, at, first_tick, n_tick, dt, key):
-    """Set the increments of the combined triad for some ticks, from row `at` on.
+    """Set the increments of the combined triad for some ticks.
 
     The increments of each IMU are in `imus.sensed` afterwards.
+
+    Parameters
+    ----------
+    work : Work, of which `increments` is updated in place
+    imus, units : ImuArrayWork, ImuArray
+    at : index of the first increment in the window
+    first_tick, n_tick : first tick, number of ticks
+    dt : s, of a tick
+    key : (2,) key words of the seed
     """
     for k in range(units.n_axis.shape[0]):
         _sense_triad(imus, units, k, at, (first_tick, n_tick), dt, key, work.run[0])

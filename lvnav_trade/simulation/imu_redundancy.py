@@ -107,7 +107,21 @@ def _clear(work):
 
 
 def entering(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
-    """Return the weight of axis c of a triad in axis i of the combined triad at a tick (RedundancyWork, or None)."""
+    """Return the weight with which a sensing axis enters the combined triad at a tick.
+
+    Parameters
+    ----------
+    work
+        RedundancyWork, or None.
+    units
+        ImuArray.
+    tick
+        Index of the tick.
+    k, sensor
+        Triad; 0 gyro or 1 accelerometer.
+    i, c
+        Axis of the combined triad, sensing axis of the triad.
+    """
     whole = units.solved[units.flown[tick], k, sensor, i, c]
     return whole if work is None else where(work.reduced[0] > 0.0, work.solved[k, sensor, i, c], whole)
 
@@ -123,14 +137,30 @@ def _entering(work, units, tick, k, sensor, i, c):
 
 @jit
 def note(work, sensor, k, c, value):
-    """Store an increment along an axis for selection and test."""
+    """Store an increment along an axis for selection and test.
+
+    Parameters
+    ----------
+    work : RedundancyWork, updated in place
+    sensor : 0 gyro, 1 accelerometer
+    k, c : triad, sensing axis
+    value : rad or m/s, increment of a tick
+    """
     work.value[k, c] = value
     work.sums[sensor, k, c] = work.sums[sensor, k, c] + value
 
 
 @jit
 def combine(increments, work, units, redundancy, row, sensor):
-    """Set the combined increments of a tick: mean of the IMUs in use, or their middle value on each axis."""
+    """Set the combined increments of a tick: mean of the IMUs in use, or their middle value on each axis.
+
+    Parameters
+    ----------
+    increments : (n, 6) rad, m/s, body axes, updated in place
+    work, units, redundancy : RedundancyWork, ImuArray, ImuRedundancy
+    row : index of the tick in the window
+    sensor : 0 gyro, 1 accelerometer
+    """
     n = units.n_axis.shape[0]
     first = 3 * sensor
     for i in range(3):
@@ -183,7 +213,15 @@ def _weight(work, skip, redundancy, weights, k, c):
 
 @jit
 def _residual(work, units, redundancy, sensor, window, skip):
-    """Return the weighted sum of squared residuals of a fit without IMU `skip` (-1 none), and its dof."""
+    """Return the weighted sum of squared residuals of a fit without one IMU, and its degrees of freedom.
+
+    Parameters
+    ----------
+    work, units, redundancy : RedundancyWork, ImuArray, ImuRedundancy
+    sensor : 0 gyro, 1 accelerometer
+    window : index of the test window
+    skip : IMU that is omitted, -1 none
+    """
     weights = redundancy.weight[window, sensor]
     n = units.n_axis.shape[0]
     zero = like(work.over[0], 0.0)

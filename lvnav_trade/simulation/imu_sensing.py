@@ -11,7 +11,15 @@ from lvnav_trade.simulation.imu_array import fuse_tables, gather_units, sense_un
 
 @jit
 def gather_tables(work, imus, unit, units):
-    """Set the error tables from true parameters; in an IMU array (ImuArray) of each IMU and of the combined triad."""
+    """Set the error tables from true parameters; in an IMU array of each IMU and of the combined triad.
+
+    Parameters
+    ----------
+    work : Work, of which `true_tables` is set
+    imus : ImuArrayWork of an IMU array, updated in place; None for one IMU
+    unit : ImuTruth
+    units : ImuArray; None for one IMU
+    """
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
     else:
@@ -21,7 +29,16 @@ def gather_tables(work, imus, unit, units):
 
 @jit
 def _add_scale_factor(table, units, code, axis, value):
-    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array (ImuArray) by its direction."""
+    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array by the direction of the axis.
+
+    Parameters
+    ----------
+    table : (N_TABLE,) error table, updated in place
+    units : ImuArray; None for one IMU
+    code : number of the sensor: GYRO or ACCEL, in an array 2 triad + sensor
+    axis : 0 to 2
+    value : scale-factor error
+    """
     if units is None:
         entry = processes.OWN + 4 * axis
         table[entry] = table[entry] + value
@@ -34,7 +51,15 @@ def _add_scale_factor(table, units, code, axis, value):
 
 @jit
 def _add_profiles(tables, unit, units, tick):
-    """Add the deterministic profiles to the tables, for the process step that starts at a tick."""
+    """Add the deterministic profiles to the tables, for the process step that starts at a tick.
+
+    Parameters
+    ----------
+    tables : error tables by sensor, updated in place
+    unit : ImuTruth, with the profiles
+    units : ImuArray; None for one IMU
+    tick : first tick of the process step; the profiles are taken at the middle of the step
+    """
     middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
     for profile in range(unit.profile_sensor.shape[0]):
         code = unit.profile_sensor[profile]
@@ -61,9 +86,15 @@ def _set_true_tables(work, imus, unit, units, tick):
 
 @jit
 def _miss_gravity(work, value, seconds):
-    """Add the error by a gravity disturbance (m/s^2) over part of a window to the estimate.
+    """Add the error by a gravity disturbance over part of a window to the estimate.
 
     The disturbance adds value t to the velocity error and value t^2 / 2 to the position error.
+
+    Parameters
+    ----------
+    work : Work, of which `nav` is updated in place
+    value : (3,) m/s^2, gravity disturbance, frame i
+    seconds : s, length of this part
     """
     for i in range(3):
         missed = seconds * value[i]
@@ -74,7 +105,18 @@ def _miss_gravity(work, value, seconds):
 
 @inlined
 def _sense_ticks(work, imus, unit, units, at, tick, count, key):
-    """Set the increments of `count` ticks of one process step, from row `at` on."""
+    """Set the increments that the IMU outputs over some ticks of one process step.
+
+    Parameters
+    ----------
+    work : Work, of which `increments` is updated in place
+    imus : ImuArrayWork of an IMU array; None for one IMU
+    unit : ImuTruth
+    units : ImuArray; None for one IMU
+    at : index of the first increment in the window
+    tick, count : first tick, number of ticks
+    key : (2,) key words of the seed
+    """
     if units is None:
         k0, k1 = key
         processes.corrupt(

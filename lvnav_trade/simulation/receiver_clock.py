@@ -51,7 +51,17 @@ def _walk(
 
 
 def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:
-    """Return the true clock bias (m) and drift (m/s) of the receiver at the epochs of a run, (n_epoch, 2)."""
+    """Return the true clock bias (m) and drift (m/s) of the receiver at the epochs of a run, (n_epoch, 2).
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    run
+        Number of the run.
+    """
     signals = prepared.signals
     path = np.zeros((prepared.t_epoch.size + 1, 2))
     _walk(

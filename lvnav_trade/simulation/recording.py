@@ -20,7 +20,15 @@ N_SAMPLE_OUTPUT = 12
 
 @jit
 def true_parameter(tables, sensor, driver, axis):
-    """Return the true value of a filter's IMU parameter: the sum of all true parameters with the same driver."""
+    """Return the true value (SI) of a filter's IMU parameter: the sum of all true parameters with the same driver.
+
+    Parameters
+    ----------
+    tables : (2, N_TABLE) true error tables of gyro and accelerometer, see `processes.gather`
+    sensor : GYRO or ACCEL
+    driver : driver of the parameter, see `transition.driver`
+    axis : 0 to 2, body axis
+    """
     table = tables[sensor]
     if driver == CONSTANT:
         return table[processes.BIAS + axis]
@@ -45,7 +53,15 @@ def _extra_errors(work, shared, model):
 
 @jit
 def _motion_error(x, nav, history, hist):
-    """Set the errors (truth minus estimate) of attitude, velocity and position of a navigation state."""
+    """Set the errors (truth minus estimate) of attitude (rad), velocity (m/s) and position (m), frame i.
+
+    Parameters
+    ----------
+    x : (n,) error state; the first nine entries are set
+    nav : (10,) navigation state, frame i
+    history : HistoryTruth
+    hist : index of the history time
+    """
     q = history.q[hist]
     rx, ry, rz = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     x[ATT] = rx
@@ -69,7 +85,16 @@ def _navigation_errors(x, work, history, model, hist):
 
 @jit
 def _record_vector(err, sigma, output, x, P, state, along):
-    """Write the error and the sigma of a block of three states, from `state` on, along a direction (3,)."""
+    """Write error and sigma of a block of three states along a direction.
+
+    Parameters
+    ----------
+    err, sigma : (n_out,) outputs at a history time, updated in place
+    output : index of the output
+    x, P : (n,) and (n, n) error and covariance
+    state : first state of the block
+    along : (3,) unit vector, in the axes of the states
+    """
     c0, c1, c2 = along
     err[output] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
     sigma[output] = sqrt(variance_along(P, state, c0, c1, c2))
@@ -77,7 +102,16 @@ def _record_vector(err, sigma, output, x, P, state, along):
 
 @jit
 def _record_motion(err, sigma, first, x, P, history, hist):
-    """Write errors and sigmas of attitude, velocity and position in reporting axes, from output `first` on."""
+    """Write errors and sigmas of attitude (body axes), velocity and position (reporting axes).
+
+    Parameters
+    ----------
+    err, sigma : (n_out,) outputs at a history time, updated in place
+    first : index of the first output
+    x, P : (n,) and (n, n) error and covariance, frame i
+    history : HistoryTruth
+    hist : index of the history time
+    """
     q = history.q[hist]
     axes = history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
@@ -197,6 +231,14 @@ def _record_misses(work, transition_errors, history, model, hist):
     """Write the error of the inertial system, and the error of the filter's transition since the previous history time.
 
     The error state is then set to the true error, from which the transition propagates it.
+
+    Parameters
+    ----------
+    work : Work, of which `x` is updated in place
+    transition_errors : TransitionErrors, updated in place; None: nothing is written
+    history : HistoryTruth
+    model : FilterModel
+    hist : index of the history time
     """
     if transition_errors is not None:
         _navigation_errors(transition_errors.error[hist], work, history, model, hist)

@@ -51,7 +51,14 @@ def begin(work, imus, case, truth, key):
 
 @jit
 def _initial_error(start, block, k0, k1, run):
-    """Return the drawn initial error (3) of a block: 0 attitude (rad), 1 velocity (m/s), 2 position (m), frame i."""
+    """Return the drawn initial error (3) of a block, frame i: rad, m/s or m.
+
+    Parameters
+    ----------
+    start : keys `sources` of the draws, and matrix roots `roots` (3, 3, 3) of the covariance of each block
+    block : 0 attitude, 1 velocity, 2 position
+    k0, k1, run : key words of the seed; run, one or eight lanes
+    """
     n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
     root = start.roots[block]
     x = root[0, 0] * n0 + root[0, 1] * n1 + root[0, 2] * n2
@@ -62,7 +69,15 @@ def _initial_error(start, block, k0, k1, run):
 
 @jit
 def _begin_estimate(work, start, model, k0, k1, run):
-    """Set the initial estimate: truth minus drawn errors, no estimated IMU parameters, initial covariance."""
+    """Set the initial estimate: truth minus drawn errors, no estimated IMU parameters, initial covariance.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    start : initial state, its draws and the initial covariance of the filter
+    model : FilterModel
+    k0, k1, run : key words of the seed; run, one or eight lanes
+    """
     q0, q1, q2, q3 = from_errors(work, start, k0, k1, run)
     work.nav[Q] = q0
     work.nav[Q + 1] = q1
@@ -94,7 +109,14 @@ def _begin_receiver(work, signals, k0, k1, run):
 
 @jit
 def from_errors(work, start, k0, k1, run):
-    """Set estimated velocity and position to truth minus drawn errors; return the estimated attitude likewise."""
+    """Set estimated velocity and position to truth minus drawn errors; return the estimated attitude (4) likewise.
+
+    Parameters
+    ----------
+    work : Work, of which `nav` is updated in place
+    start : initial state with its draws
+    k0, k1, run : key words of the seed; run, one or eight lanes
+    """
     true = start.nav
     dv = _initial_error(start, 1, k0, k1, run)
     dr = _initial_error(start, 2, k0, k1, run)
@@ -109,9 +131,15 @@ def from_errors(work, start, k0, k1, run):
 
 @jit
 def step_clock(clock, step, interval, jump, n0, n1):
-    """Step bias (m) and drift (m/s) of a clock over an interval (s).
+    """Step bias (m) and drift (m/s) of a clock over an interval.
 
-    step : (3,) Cholesky factor of the noise; jump : (2,) jumps by faults; n0, n1 : standard normals
+    Parameters
+    ----------
+    clock : (2,) m, m/s, updated in place
+    step : (3,) Cholesky factor of the noise, as from `clock.clock_step`
+    interval : s
+    jump : (2,) m, m/s, jumps by faults
+    n0, n1 : standard normals
     """
     clock[0] = clock[0] + interval * clock[1] + step[0] * n0 + jump[0]
     clock[1] = clock[1] + step[1] * n0 + step[2] * n1 + jump[1]
@@ -119,7 +147,16 @@ def step_clock(clock, step, interval, jump, n0, n1):
 
 @jit
 def _step_receiver(work, signals, word, epoch, key):
-    """Step the receiver's clock and the correlated measurement errors to an epoch."""
+    """Step the receiver's clock and the correlated measurement errors to an epoch.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    signals : Signals
+    word : epoch + 1, the number of the step in the keys of the draws
+    epoch : index
+    key : (2,) key words of the seed
+    """
     k0, k1 = key
     run = work.run[0]
     n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
@@ -134,7 +171,14 @@ def _step_receiver(work, signals, word, epoch, key):
 
 @jit
 def _shared_error(work, shared, epoch, channel):
-    """Return the sum of the correlated errors in the measurement of a channel at an epoch."""
+    """Return the sum of the correlated errors in the measurement of a channel at an epoch, SI.
+
+    Parameters
+    ----------
+    work : Work, with the errors `shared`
+    shared : correlated errors of the case, with components and partial derivatives by family and channel
+    epoch, channel : indices
+    """
     total = like(work.clock[0], 0.0)
     for family in range(shared.member.shape[0]):
         m = shared.member[family, channel]
@@ -166,7 +210,15 @@ def _begin_phases(work, further, signals, word, epoch, key):
 def _measure_further(work, last, further, signals, word, epoch, key):
     """Set the further observables of all satellites; pseudorange and range rate are set already.
 
+    Parameters
+    ----------
+    work : Work, of which `ranges` is updated in place
     last : (n_sat, n_kind) observables of the previous epoch, with which differences are formed; updated in place
+    further : FurtherObservables
+    signals : Signals
+    word : epoch + 1, the number of the step in the keys of the draws
+    epoch : index
+    key : (2,) key words of the seed
     """
     k0, k1 = key
     _begin_phases(work, further, signals, word, epoch, key)
@@ -201,7 +253,17 @@ def _repeat(work, further, signals, epoch):
 
 @jit
 def _measure_ranges(work, n_kind, signals, word, epoch, key):
-    """Set pseudorange and range rate of every satellite in use. n_kind : channels of a satellite."""
+    """Set pseudorange (m) and range rate (m/s) of every satellite in use.
+
+    Parameters
+    ----------
+    work : Work, of which `ranges` is updated in place
+    n_kind : number of channels of a satellite
+    signals : Signals
+    word : epoch + 1, the number of the step in the keys of the draws
+    epoch : index
+    key : (2,) key words of the seed
+    """
     k0, k1 = key
     run = work.run[0]
     shared = signals.shared
@@ -253,13 +315,31 @@ def _solve(work, receiver, solver, signals, epoch):
 
 @jit
 def _sensor_error(work, signals, epoch, channel, normal):
-    """Return the error of a scalar of a sensor: white noise plus lasting errors."""
+    """Return the error of a scalar of a sensor, SI: white noise plus lasting errors.
+
+    Parameters
+    ----------
+    work, signals : Work, Signals
+    epoch, channel : indices; the channel is an index of the measured channels, as in `signals.sigma`
+    normal : standard normal draw
+    """
     return signals.sigma[epoch, channel] * normal + _shared_error(work, signals.shared, epoch, channel)
 
 
 @jit
 def measure_sensors(work, imus, sensors, units, signals, key, epoch):
-    """Set the measurements of all sensors other than the receiver (Sensors, or None) at an epoch."""
+    """Set the measurements of all sensors other than the receiver at an epoch.
+
+    Parameters
+    ----------
+    work : Work, of which `observed` is updated in place
+    imus : ImuArrayWork of an IMU array; None for one IMU
+    sensors : Sensors, or None
+    units : ImuArray, or None
+    signals : Signals
+    key : (2,) key words of the seed
+    epoch : index
+    """
     if sensors is not None:
         zero = like(work.clock[0], 0.0)
         k0, k1 = key

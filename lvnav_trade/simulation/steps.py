@@ -36,8 +36,13 @@ def begin_filter(work, parts, options):
 
 @inlined
 def _advance(work, parts, case, vehicle, w):
-    """Propagate the navigation state over window w: by compensated increments, or by the motion states of a filter
-    (VehicleModel) that processes every IMU sample as a measurement.
+    """Propagate the navigation state over a window: by compensated increments, or by motion states.
+
+    Parameters
+    ----------
+    work, parts, case : Work, Parts, FilterCase
+    vehicle : VehicleModel of a filter that processes every IMU sample as a measurement, or None
+    w : index of the window
     """
     n_tick = case.schedule.n_tick[w]
     model = case.model
@@ -54,9 +59,15 @@ def _advance(work, parts, case, vehicle, w):
 
 @inlined
 def propagate(work, parts, case, w):
-    """Propagate the filter over window w by the increments of the IMU.
+    """Propagate the filter over a window by the increments of the IMU.
 
-    The backup strapdown and the sigma points take the increments first, before the estimated errors are removed.
+    The backup strapdown and the sigma points use the increments first, before the estimated errors are removed.
+
+    Parameters
+    ----------
+    work, parts : Work, Parts; updated in place
+    case : FilterCase
+    w : index of the window
     """
     schedule, model, options = case.schedule, case.model, case.options
     length = schedule.length[w]
@@ -100,7 +111,14 @@ def begin_epoch(work, parts, case, epoch):
 
 @inlined
 def update(work, parts, case, epoch):
-    """Update the filter by the measurements of an epoch, feed the error state back, and store or clone the estimate."""
+    """Update the filter by the measurements of an epoch, feed the error state back, and store or clone the estimate.
+
+    Parameters
+    ----------
+    work, parts : Work, Parts; updated in place
+    case : FilterCase
+    epoch : index
+    """
     options = case.options
     hold_correction(parts.mode_state, options.rules, work.x)
     process_epoch(work, parts, case, None, parts.open_loop, case.sensors, options.rules, epoch)

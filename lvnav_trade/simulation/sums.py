@@ -165,7 +165,17 @@ def add_errors(
 
 @jit
 def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
-    """Copy values (n, n_out) to rows (n, n_column), followed by the norms of the groups."""
+    """Copy values to scratch rows, followed by the norms of the groups.
+
+    Parameters
+    ----------
+    values
+        (n, n_out). Errors or standard deviations of a run.
+    groups
+        (n_norm, 3). Outputs of three-axis quantities.
+    row
+        (n, n_out + n_norm). Set here.
+    """
     n, n_out = values.shape
     for k in range(n):
         for c in range(n_out):
@@ -179,7 +189,21 @@ def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
 
 @jit
 def _find_bins(error: Floats, unit: Floats, width: float, n_bin: int, bins: Ints) -> None:
-    """Set the bins of errors (n,), by the logarithm of their magnitude."""
+    """Set the bins of errors by the logarithm of their magnitude.
+
+    Parameters
+    ----------
+    error
+        (n,). Errors.
+    unit
+        (n,). Upper edge of the first bin of each error.
+    width
+        Width of a bin in ln(|error| / unit).
+    n_bin
+        Number of bins; larger errors are in the last bin.
+    bins
+        (n,) or longer. Set here.
+    """
     for cell in range(len(error)):
         place = log_unit(abs(error[cell]) / unit[cell]) / width
         bins[cell] = int(min(max(place + 1.0, 0.0), n_bin - 1.0))
@@ -215,7 +239,14 @@ class LagSums(NamedTuple):
 def lag_products(block: RunBlock, until: Floats, n_lag: int) -> tuple[Floats, Ints]:
     """Return sums and numbers of products of innovations by lag in epochs and channel, (n_lag, n_channel) each.
 
-    until : (n_run,) s. Time from which a run does not count.
+    Parameters
+    ----------
+    block
+        Block of runs.
+    until
+        (n_run,) s. Time from which a run does not count.
+    n_lag
+        Number of lags, from 0.
     """
     innovation = np.ascontiguousarray(block.innovation)
     _, n_epoch, n_channel = innovation.shape

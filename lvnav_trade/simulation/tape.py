@@ -63,7 +63,17 @@ def _new_estimates(work, n_time: int) -> Estimates:
 
 
 def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
-    """Return an empty tape for a run with the arrays `work` (Work)."""
+    """Return an empty tape for a run.
+
+    Parameters
+    ----------
+    work
+        Work of the run, for the shapes.
+    n_imu
+        Number of ticks of the IMU.
+    n_epoch
+        Number of epochs.
+    """
     shapes = {
         "start": (10,),
         "increments": (n_imu, 6),
@@ -109,7 +119,14 @@ def tape_start(tape, work):
 
 @jit
 def tape_increments(tape, work, first, n_tick):
-    """Record the increments of a window before they are compensated."""
+    """Record the increments of a window before they are compensated.
+
+    Parameters
+    ----------
+    tape : Tape, updated in place, or None
+    work : Work
+    first, n_tick : first tick, number of ticks
+    """
     if tape is not None:
         for k in range(n_tick):
             _copy(tape.increments[first + k], work.increments[k])
@@ -117,7 +134,15 @@ def tape_increments(tape, work, first, n_tick):
 
 @jit
 def tape_epoch(tape, work, receiver, epoch):
-    """Record the measurements of an epoch. receiver : Receiver that reports a covariance, or None."""
+    """Record the measurements of an epoch.
+
+    Parameters
+    ----------
+    tape : Tape, updated in place, or None
+    work : Work
+    receiver : Receiver that reports a covariance, or None
+    epoch : index
+    """
     if tape is not None:
         _copy_rows(tape.ranges[epoch], work.ranges)
         _copy(tape.solution[epoch], work.solution)
