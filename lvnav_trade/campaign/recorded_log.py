@@ -49,7 +49,18 @@ class FilteredLog(NamedTuple):
 
 
 def read_card(file: Path) -> NavigationLog:
-    """Read the card of a log; InputError with all input errors of the card."""
+    """Read the card of a log.
+
+    Parameters
+    ----------
+    file : Path
+        File of the card.
+
+    Raises
+    ------
+    InputError
+        With all input errors of the card.
+    """
     root = tree.read_mapping(file)
     try:
         return NavigationLog.model_validate(tree.plain(root))

@@ -10,9 +10,14 @@ _NARROWEST = 30  # characters of a last column that is wrapped
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | None = None) -> str:
     """Return an aligned table without frames.
 
-    header : names of the columns
-    rows : cells of each row; floats are printed with four significant digits
-    width : largest width of the table in characters, to which the last column is wrapped; None: no limit
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequence
+        Cells of each row; floats are printed with four significant digits.
+    width : int, optional
+        Largest width of the table in characters, to which the last column is wrapped; no limit by default.
     """
     lines = [list(header)]
     for row in rows:

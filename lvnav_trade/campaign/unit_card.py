@@ -98,7 +98,26 @@ def fit_unit(
 
 
 def _fit_axes(file: str, sensor: str, rates: Floats, dt: float, factors: list[int]) -> list[AxisFit]:
-    """Return the fits of the axes x, y and z of a sensor; `rates`: (n, 3), SI."""
+    """Return the fits of the axes x, y and z of a sensor.
+
+    Parameters
+    ----------
+    file : str
+        Name of the log, for messages.
+    sensor : str
+        gyro or accel.
+    rates : (n, 3) array
+        Angular rate (rad/s) or specific force (m/s^2).
+    dt : float
+        Sampling interval (s).
+    factors : list of int
+        Averaging times, in samples.
+
+    Raises
+    ------
+    InputError
+        An output never changes.
+    """
     for axis, column in zip("xyz", rates.T, strict=True):
         if np.ptp(column) == 0.0:
             raise InputError(f"{file}: {sensor} {axis} never changes: there is no noise to fit")
@@ -168,7 +187,17 @@ def _floors(sensor: str, axes: list[Coefficient]) -> str:
 
 
 def _coefficient_lines(sensor: str, name: str, axes: list[Coefficient]) -> list[str]:
-    """Return the lines of a coefficient: a comment with the interval or bound of each axis, and the values."""
+    """Return the lines of a coefficient: a comment with the interval or bound of each axis, and the values.
+
+    Parameters
+    ----------
+    sensor : str
+        gyro or accel.
+    name : str
+        Name of the coefficient.
+    axes : list of Coefficient
+        Coefficient of the axes x, y and z, SI.
+    """
     unit, si = _UNITS[sensor][name]
     factor = units.parse(f"1 {unit}", si)
     intervals = []

@@ -55,7 +55,17 @@ def check_preferred(prefer: Sequence[str]) -> None:
 
 
 def with_ranking(answer: VerbResult, results: Any, prefer: Sequence[str]) -> VerbResult:
-    """Return an answer extended by the cases in preferred order; cases that meet every requirement come first."""
+    """Return an answer extended by the cases in preferred order; cases that meet every requirement come first.
+
+    Parameters
+    ----------
+    answer : VerbResult
+        Console output of the campaign.
+    results : api.Results
+        Results of the campaign.
+    prefer : sequence of str
+        Criteria in the order of preference: cost, mass, power, volume or error.
+    """
     from lvnav_trade.results.evaluation.resources import ranked
 
     frame = results.pareto
@@ -80,7 +90,17 @@ def with_ranking(answer: VerbResult, results: Any, prefer: Sequence[str]) -> Ver
 
 
 def answer_of(results: Any, answers: Sequence[Any], report: bool) -> VerbResult:
-    """Return the console output of a finished campaign: verdicts, location of the results, exit code."""
+    """Return the console output of a finished campaign: verdicts, location of the results, exit code.
+
+    Parameters
+    ----------
+    results : api.Results
+        Results of the campaign.
+    answers : sequence
+        Results of linear covariance, one per case.
+    report : bool
+        Whether the report has been built.
+    """
     from lvnav_trade.campaign.reading.flights import KINDS
 
     failures = results.failures
@@ -118,6 +138,17 @@ def _campaign_lines(
     """Return the lines on a finished campaign: remarks, verdicts, failed runs, summary of a design space.
 
     The verdicts are first, or second after a remark on settings beyond validated limits.
+
+    Parameters
+    ----------
+    results : api.Results
+        Results of the campaign.
+    failures : sequence of str
+        Failed runs, a line each.
+    remarks : mapping of str to sequence of str
+        Remarks on the campaign, by kind.
+    report : bool
+        Whether the report has been built.
     """
     from lvnav_trade.campaign.reading.flights import remark_lines
     from lvnav_trade.results.requirements.requirements import in_words

@@ -133,9 +133,16 @@ class VerbResult(NamedTuple):
 def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., VerbResult]], Callable[..., None]]:
     """Add a command to the application: a function that returns its answer.
 
-    Its arguments are those of the command, which has the options ``--json`` and ``--debug`` too. An argument that is a
-    record (NamedTuple) gives the command an option for every field. A function that prints before it answers takes
-    ``--json`` as `as_json`. `example` is printed below its help, without the name of the tool.
+    The arguments of the function are those of the command, which has the options ``--json`` and ``--debug`` too. An
+    argument that is a record (NamedTuple) gives the command an option for every field. A function that prints before it
+    answers takes ``--json`` as `as_json`.
+
+    Parameters
+    ----------
+    example : str
+        Arguments of an example, printed below the help without the name of the tool.
+    with_json : bool
+        Whether the command has the option ``--json``.
     """
 
     def add(function: Callable[..., VerbResult]) -> Callable[..., None]:
@@ -266,7 +273,19 @@ def _exit_on(error: Exception, as_json: bool, debug: bool) -> NoReturn:
 
 
 def _exit(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
-    """Print a message and exit; in a CI service, also annotate the line of the file."""
+    """Print a message and exit; in a CI service, also annotate the line of the file.
+
+    Parameters
+    ----------
+    code : int
+        Exit code.
+    as_json : bool
+        Whether the message is printed as a JSON object on standard output.
+    message : str
+        Message; credentials in it are removed.
+    records : sequence of Mistake
+        Input errors with their places.
+    """
     message = visible(without_credentials(message))
     if as_json:
         _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])

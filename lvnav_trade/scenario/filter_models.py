@@ -49,7 +49,20 @@ def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
 
 
 def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
-    """Return the filter model of a sensor; `matched` uses the numbers of the sensor's card."""
+    """Return the filter model of a sensor; `matched` uses the numbers of the sensor's card.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Scenario with the filter.
+    sensor : SensorCard
+        A sensor of the scenario.
+
+    Returns
+    -------
+    Any
+        Model with the fields of the sensor's family.
+    """
     stated = getattr(scenario.filter.sensor_models, sensor.measurement)
     if isinstance(sensor, ImuDifferenceCard) and isinstance(stated, str):
         model: Any = sensor.model
@@ -58,7 +71,21 @@ def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
 
 
 def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
-    """Return the sigmas of the difference of the two IMUs of a difference sensor."""
+    """Return the sigmas of the difference of the two IMUs of a difference sensor.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Scenario with an IMU array.
+    sensor : ImuDifferenceCard
+        Sensor that measures the difference of two of these IMUs.
+
+    Returns
+    -------
+    RelativeErrors
+        Errors of the difference, SI. They are those of the gyros if the sensor measures an angle (rad), otherwise those
+        of the accelerometers.
+    """
     assert isinstance(scenario.imu, ImuSet)  # the scenario is checked for it
     first, second = sensor.units  # numbers from 1
     quantity = GYRO if sensor.unit == "rad" else ACCEL
@@ -107,8 +134,15 @@ def epoch_interval(scenario: Scenario) -> float:
 def _matched_imu(imu: ImuCard) -> ImuModel:
     """Return the filter model with the true numbers of an IMU.
 
-    The bias instability is part of the bias states: its sigma is added to their initial sigma, and its drift over short
-    times, 2 sigma^2 / T, to their random walk.
+    Parameters
+    ----------
+    imu : ImuCard
+        Card of the IMU, SI; for an array that of the equivalent IMU.
+
+    Notes
+    -----
+    The bias instability is part of the bias states. Its sigma is added in quadrature to their initial sigma. Its drift
+    over short times, 2 sigma^2 / T, is added to the variance of their random walk.
     """
     model: dict[str, Any] = {"gyro_g_sensitivity": imu.gyro.g_sensitivity}
     for name, sensor in (("gyro", imu.gyro), ("accel", imu.accel)):
@@ -218,7 +252,13 @@ def _matched_receiver(scenario: Scenario) -> Any:
 
 
 def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialModel]:
-    """Return the filter models of IMU, receiver and initial errors; `matched` uses the true numbers."""
+    """Return the filter models of IMU, receiver and initial errors; `matched` uses the true numbers.
+
+    Returns
+    -------
+    ImuModel, ReceiverModel, InitialModel
+        Models in SI units.
+    """
     card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
     imu = card.imu
     if isinstance(imu, str):

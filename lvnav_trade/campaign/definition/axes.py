@@ -48,6 +48,15 @@ def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> It
 
     In the design one_at_a_time, the axes with the indices `crossed` take each of their levels in every case of the
     other axes.
+
+    Parameters
+    ----------
+    design : str
+        Design of the campaign, such as grid, zip or one_at_a_time.
+    sizes : sequence of int
+        Number of levels of each axis.
+    crossed : sequence of int
+        Indices of the crossed axes.
     """
     if not sizes:
         yield ()
@@ -78,7 +87,18 @@ def combinations(
 
     Cases that are excluded or violate a constraint are omitted, and so are cases that equal another because of `when`.
 
-    base : the base scenario; constraints use its value of an axis at level None
+    Parameters
+    ----------
+    design : str
+        Design of the campaign.
+    axes : sequence of Axis
+        The axes.
+    exclude : sequence of mapping
+        Excluded combinations: label, or labels, by name of the axis.
+    constraints : sequence of str
+        Comparisons of expressions in the names of axes.
+    base : mapping, optional
+        Base scenario as plain data. Constraints use its value of an axis at level None.
     """
     sizes = [len(axis.values or axis.cards or ()) for axis in axes]
     crossed = [number for number, axis in enumerate(axes) if axis.crossed]
@@ -124,7 +144,24 @@ def sides(constraint: str) -> tuple[str, str, str]:
 
 
 def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
-    """Whether a combination satisfies a constraint; ValueError names an axis without numbers."""
+    """Whether a combination satisfies a constraint.
+
+    Parameters
+    ----------
+    constraint : str
+        Comparison of two expressions in the names of axes.
+    axes : sequence of Axis
+        The axes.
+    chosen : sequence of int or None
+        Level of each axis; None is the value of the base.
+    base : mapping
+        Base scenario as plain data.
+
+    Raises
+    ------
+    ValueError
+        A named axis has no numbers.
+    """
     left, comparison, right = sides(constraint)
     values = {}
     for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True):
@@ -325,7 +362,17 @@ def chosen_levels(campaign: Campaign) -> list[Chosen]:
 
 
 def put(data: Any, path: Sequence[str], value: Any) -> Any:
-    """Return a copy of nested dictionaries and lists with `value` at `path`."""
+    """Return a copy of nested dictionaries and lists with `value` at `path`.
+
+    Parameters
+    ----------
+    data : dict, list or None
+        Nested data. None is a section that is not given.
+    path : sequence of str
+        Keys, and indices of lists, from the outside in.
+    value : Any
+        New value.
+    """
     if not path:
         return value
     if isinstance(data, list):

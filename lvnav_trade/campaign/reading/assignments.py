@@ -9,7 +9,17 @@ from lvnav_trade.scenario.scenario import Scenario
 
 
 def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
-    """Return the campaign's tree with one assignment applied; InputError if the assignment is invalid."""
+    """Return the campaign's tree with one assignment applied; InputError if the assignment is invalid.
+
+    Parameters
+    ----------
+    root : tree.Node
+        Tree of the campaign.
+    assignment : str
+        ``path=value``, with the value in YAML.
+    shelf : Shelf
+        Cards that the assignment can name.
+    """
     text, equals, value = assignment.partition("=")
     if not equals or not text.strip():
         raise InputError(f"{tree.HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
@@ -63,7 +73,28 @@ def _refuse_varied(root: tree.Node, path: list[str]) -> None:
 def _put_value(
     node: tree.Node, steps: list[str], value: tree.Node, kind: fields.Kind, shelf: Shelf, path: str
 ) -> tree.Node:
-    """Return the settings `node` at `path` with `value` at `steps` below it; a card on the way is expanded first."""
+    """Return settings with a new value; a card on the way is expanded first.
+
+    Parameters
+    ----------
+    node : tree.Node
+        Settings at `path`.
+    steps : list of str
+        Keys from these settings to the value.
+    value : tree.Node
+        New value.
+    kind : fields.Kind
+        Annotation of the settings.
+    shelf : Shelf
+        Cards that the settings can name.
+    path : str
+        Dotted path of the settings, for messages.
+
+    Raises
+    ------
+    InputError
+        There is no such path.
+    """
     if not steps:
         return value
     key, below = steps[0], steps[1:]

@@ -57,7 +57,19 @@ def replaced(kind: str, axes: Sequence[WrittenAxis]) -> Iterator[Mistake]:
 
 
 def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int] = ()) -> Iterator[Mistake]:
-    """Yield an input error if a design with axes of these sizes has too many axes or cases."""
+    """Yield an input error if a design with axes of these sizes has too many axes or cases.
+
+    Parameters
+    ----------
+    kind : str
+        Design of the campaign.
+    sizes : sequence of int
+        Number of levels of each axis.
+    root : Node
+        Tree of the campaign, for the place of the error.
+    crossed : sequence of int
+        Indices of the crossed axes.
+    """
     if kind == "grid":
         count = math.prod(sizes)
     elif kind == "zip":
@@ -80,6 +92,17 @@ def bad_levels(
 
     Two levels must not be equal, except in a zip. A label must not be empty, too long, not printable, the label of the
     base, or the label of a different level.
+
+    Parameters
+    ----------
+    kind : str
+        Design of the campaign.
+    varied : WrittenAxis
+        The axis as written in the file.
+    values, labels : sequence
+        Values and labels of its levels.
+    index : int
+        Index of the axis in the campaign.
     """
     path = f"axes.{index}.{varied.key}"
     for number, value in enumerate(values):

@@ -123,7 +123,17 @@ def axes_of_errors(campaign: Campaign) -> dict[str, list[str]]:
 def pool_faults(
     statement: Pooled, wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]]
 ) -> Iterator[tuple[str, str]]:
-    """Yield the errors of pooled axes, path and message: an unknown axis, or an axis whose level is also given."""
+    """Yield the errors of pooled axes, path and message: an unknown axis, or an axis whose level is also given.
+
+    Parameters
+    ----------
+    statement : Pooled
+        Statement with the pooled axes.
+    wanted : mapping of str to str
+        Level by axis that the statement requires.
+    cases : sequence of mapping
+        Level by axis of every case.
+    """
     for axis in statement.pool:
         if cases and axis not in cases[0]:
             yield "pool", f"no axis {quoted(axis)}{meant(axis, cases[0])}"
@@ -186,9 +196,16 @@ def named_cases(campaign: Campaign) -> list[dict[str, str]]:
 
 
 def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], single: bool = False) -> str:
-    """Return the message if no case has the levels wanted (by axis), else an empty text.
+    """Return the message if no case has the wanted levels; otherwise an empty text.
 
-    With `single` the message is also returned if several cases have them.
+    Parameters
+    ----------
+    wanted : mapping of str to str
+        Wanted level by axis.
+    cases : sequence of mapping
+        Level by axis of every case.
+    single : bool
+        Whether a message is also returned if several cases have the levels.
     """
     axes = list(cases[0]) if cases else []
     for axis, level in wanted.items():

@@ -26,7 +26,19 @@ class _Expander:
         self.mistakes: list[Mistake] = []
 
     def expand(self, node: Node, kind: Kind, path: str, depth: int = 0) -> Node:
-        """Return the tree with all cards expanded; on an input error, collect it and return the tree unchanged."""
+        """Return the tree with all cards expanded; on an input error, collect it and return the tree unchanged.
+
+        Parameters
+        ----------
+        node : Node
+            Tree of settings.
+        kind : Kind
+            Annotation of the settings.
+        path : str
+            Dotted path of the settings, for messages.
+        depth : int
+            Number of cards that lead to this tree.
+        """
         if fields.models(kind):
             return self._settings(node, kind, path, depth)
         if node.is_list and fields.item(kind, 0) is not None:
@@ -61,7 +73,21 @@ class _Expander:
         return self._mapping(node, kind, path, depth)
 
     def _card(self, node: Node, reference: Node, kind: Kind, path: str, depth: int) -> Node:
-        """Read the card named by `reference`; `node` is the reference itself, or a mapping that overrides fields."""
+        """Read the card named by `reference`, and apply the override of its fields.
+
+        Parameters
+        ----------
+        node : Node
+            The reference itself, or a mapping that overrides fields of the card.
+        reference : Node
+            Name of the card.
+        kind : Kind
+            Annotation of the settings.
+        path : str
+            Dotted path of the settings, for messages.
+        depth : int
+            Number of cards that lead to this card.
+        """
         if len(self.mistakes) > MESSAGES:
             return node  # suggestions for a thousand unknown names would take too long
         if depth > _DEEPEST:
@@ -166,7 +192,18 @@ def _tag(node: Node, kind: Kind) -> str | None:
 def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
     """Return `base` with an expanded override applied, mapping by mapping.
 
-    A value, settings of another kind, and a card (which `written` shows) replace the base as a whole.
+    A value, settings of another kind, and a card replace the base as a whole.
+
+    Parameters
+    ----------
+    base : Node
+        Overridden settings.
+    over : Node
+        Override with its cards expanded.
+    written : Node
+        Override as written, which shows where it names a card.
+    kind : Kind
+        Annotation of the settings.
     """
     if not (base.is_map and over.is_map and written.is_map) or _replaces(base, written, kind):
         return over

@@ -30,7 +30,19 @@ _UNKNOWN_UNIT = re.compile(r"(\S+)' has no unit that is known")
 
 
 def explain(error: ValidationError, node: tree.Node, kind: fields.Kind, path: str = "") -> list[Mistake]:
-    """Return the input errors of a validation error of the tree `node`, read as `kind`; `path`: path of the tree."""
+    """Return the input errors of a validation error.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        The validation error.
+    node : tree.Node
+        The tree that was validated.
+    kind : fields.Kind
+        Annotation by which it was read.
+    path : str
+        Dotted path of the tree in the campaign.
+    """
     all_items = error.errors(include_url=False)
     word_fields = {item["loc"][:-1] for item in all_items if item["type"] == "literal_error"}
     meant_items = (item for item in all_items if _is_meant(item, word_fields))
@@ -62,7 +74,19 @@ class _Location(NamedTuple):
 
 
 def _located(steps: Sequence[str | int], root: tree.Node, kind: fields.Kind, path: str) -> _Location:
-    """Return the value at a location of pydantic, which names the alternatives on the way in addition to the keys."""
+    """Return the value at a location of pydantic, which names the alternatives on the way in addition to the keys.
+
+    Parameters
+    ----------
+    steps : sequence of str or int
+        Location of pydantic.
+    root : tree.Node
+        The tree that was validated.
+    kind : fields.Kind
+        Annotation by which it was read.
+    path : str
+        Dotted path of the tree in the campaign.
+    """
     location = _Location(root, kind, path, "", root.place, (kind, root))
     follows_tag = False
     for step in steps:

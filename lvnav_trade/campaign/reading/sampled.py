@@ -114,7 +114,24 @@ def _level_count(axis: Node) -> int:
 
 
 def _check_count(root: Node, design: str, samples: Any, grid_size: int) -> None:
-    """Refuse a number of samples or of combinations that is not possible for a design."""
+    """Refuse a number of samples or of combinations that is not possible for a design.
+
+    Parameters
+    ----------
+    root : Node
+        Tree of the campaign, for the place of the error.
+    design : str
+        Design of the campaign.
+    samples : Any
+        Number of samples as written; None if it is not given.
+    grid_size : int
+        Number of combinations of a grid.
+
+    Raises
+    ------
+    InputError
+        The number is not possible.
+    """
     if design == "grid":
         if samples is not None:
             message = f"no effect: of the designs {' and '.join(_RULES[1:])} only"
@@ -184,7 +201,17 @@ def _written_fields(ends: tuple[AxisEnds, bool]) -> dict[str, Any]:
 
 
 def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats) -> Axis:
-    """Return an axis with one value per sample, from the coordinates (n,) of the samples in the unit interval."""
+    """Return an axis with one value per sample.
+
+    Parameters
+    ----------
+    axis : Axis
+        Axis with its levels, or with the two limits as levels.
+    ends : (AxisEnds, bool), optional
+        Limits in the unit of the campaign file, and whether the axis is logarithmic; None if levels are sampled.
+    coordinate : (n,) array
+        Coordinates of the samples in the unit interval.
+    """
     values: list[Any]
     labels: list[str]
     if ends is None:

@@ -80,7 +80,26 @@ def written(axis: Node, index: int) -> Node:
 def _with_rule_values(
     axis: Node, index: int, key: str, rule: Node, make_values: Callable[[Sequence[Any], AxisEnds], Floats]
 ) -> Node:
-    """Return an axis with the values of a rule, such as ``linspace: [first, last, count]``."""
+    """Return an axis with the values of a rule, such as ``linspace: [first, last, count]``.
+
+    Parameters
+    ----------
+    axis : Node
+        Axis as written.
+    index : int
+        Index of the axis in the campaign.
+    key : str
+        Name of the rule.
+    rule : Node
+        The three numbers of the rule.
+    make_values : callable
+        Function of the numbers and the ends of the axis, which returns the values (n,) in the unit of the ends.
+
+    Raises
+    ------
+    InputError
+        The rule is not valid.
+    """
     try:
         numbers = tree.plain(rule)
         if not isinstance(numbers, list) or len(numbers) != 3:
@@ -161,7 +180,27 @@ _RULES: dict[str, Callable[[Sequence[Any], AxisEnds], Floats]] = {
 
 
 def between(fraction: Floats, ends: AxisEnds, log: bool) -> Floats:
-    """Return the values at fractions (n,) of the interval between the ends, or of its logarithm."""
+    """Return the values at fractions of the interval between the ends, or of its logarithm.
+
+    Parameters
+    ----------
+    fraction : (n,) array
+        Fractions between 0 and 1.
+    ends : AxisEnds
+        Ends of the interval.
+    log : bool
+        Whether the fractions are those of the logarithm.
+
+    Returns
+    -------
+    (n,) array
+        Values, in the unit of the ends.
+
+    Raises
+    ------
+    ValueError
+        An end of a logarithmic interval is not above zero.
+    """
     if not log:
         return ends.first + fraction * (ends.last - ends.first)
     if min(ends.first, ends.last) <= 0.0:

@@ -255,7 +255,22 @@ def _card(
 ) -> str:
     """Return the card as text, one line per field with the reason of the guess as a comment.
 
-    The reason of the epoch is empty if the user gave it.
+    Parameters
+    ----------
+    name : str
+        Name of the trajectory.
+    place : str
+        Path of the file, as written in the card.
+    epoch_and_reason : (str, str)
+        Epoch of lift-off, and the reason of the guess; the reason is empty if the user gave the epoch.
+    guessed : list of guesses.Guess
+        Guesses of the other fields.
+    unused_columns : list of str
+        Columns of the file that the card does not use.
+    events : dict of str to str
+        Time of each event, with its unit.
+    hold : str
+        Time at rest before lift-off, with its unit.
     """
     epoch, reason = epoch_and_reason
     source = f"the rows of {Path(place).name}"

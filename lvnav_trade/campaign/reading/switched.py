@@ -21,7 +21,17 @@ Found = Iterator[tuple[str, str]]
 
 
 def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> Found:
-    """Yield the conditions of a sensor that name an unknown event or are never met; events: times (s) by name."""
+    """Yield the conditions of a sensor that name an unknown event or are never met.
+
+    Parameters
+    ----------
+    card : SensorCard
+        Card of the sensor.
+    scenario : Scenario
+        Scenario with the trajectory.
+    events : mapping of str to float
+        Times (s) of the events by name.
+    """
     profile = _profile(card, scenario, events)
     errors = list(_unmet(card, profile))
     yield from errors
@@ -39,7 +49,17 @@ def _never_able(card: SensorCard, scenario: Scenario) -> Found:
 
 
 def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:
-    """Yield the times and conditions by which a fault is never active; events: times (s) by name."""
+    """Yield the times and conditions by which a fault is never active.
+
+    Parameters
+    ----------
+    fault : AnyFault
+        The fault.
+    scenario : Scenario
+        Scenario with the trajectory.
+    events : mapping of str to float
+        Times (s) of the events by name.
+    """
     profile = _profile(fault, scenario, events)
     errors = list(_unmet(fault, profile))
     yield from errors

@@ -52,7 +52,17 @@ class WrittenCases:
 
 
 def first_cases(kind: str, axes: Sequence[WrittenAxis], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
-    """Return the first case with each level, by axis and level; axes that a later axis changes are omitted."""
+    """Return the first case with each level, by axis and level; axes that a later axis changes are omitted.
+
+    Parameters
+    ----------
+    kind : str
+        Design of the campaign.
+    axes : sequence of WrittenAxis
+        The axes.
+    sizes : sequence of int
+        Number of levels of each axis.
+    """
     has_cases = all(sizes) and (kind != "zip" or len(set(sizes)) == 1)
     if not has_cases:
         return {}

@@ -40,9 +40,20 @@ class Block(NamedTuple):
 def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequence[tuple[int, int]]]) -> list[Block]:
     """Return the blocks still to be computed, case by case.
 
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    cases : sequence of Case
+        Its cases.
+    done : mapping of str to sequence of (int, int)
+        First run and number of runs of the stored blocks, by digest of the case.
+
+    Notes
+    -----
     Blocks start at multiples of their size, so that 500 runs and then 500 more give the same blocks as 1000 at once.
-    Only an incomplete last block is computed again. `done` has the first run and the number of runs of the stored
-    blocks, by digest of the case. `execute.run` takes all blocks, and skips the stored blocks when it simulates.
+    Only an incomplete last block is computed again. `execute.run` takes all blocks, and skips the stored blocks when it
+    simulates.
     """
     card = campaign.monte_carlo
     if card is None:
@@ -125,14 +136,36 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
 def _total_seconds(
     campaign: Campaign, all_cases: Sequence[Case], remaining: Sequence[Block], duration: Mapping[str, float]
 ) -> float:
-    """Return the computing time (s) of linear covariance of all cases and of the remaining blocks."""
+    """Return the computing time (s) of linear covariance of all cases and of the remaining blocks.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    all_cases : sequence of Case
+        Its cases.
+    remaining : sequence of Block
+        Blocks still to be computed.
+    duration : mapping of str to float
+        Duration of the flight (s), by digest of the case.
+    """
     linear = sum(_CASE_S + covariance_seconds(case, duration[case.id]) for case in all_cases)
     monte_carlo = sum(block.n_run * _run_seconds(block.case, duration[block.case.id]) for block in remaining)
     return linear * (1 + _RETUNED * campaign.covariance.sensitivity) + monte_carlo
 
 
 def _worker_bytes(campaign: Campaign, all_cases: Sequence[Case], duration: Mapping[str, float]) -> float:
-    """Return the memory (bytes) of a worker for the largest case."""
+    """Return the memory (bytes) of a worker for the largest case.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    all_cases : sequence of Case
+        Its cases.
+    duration : mapping of str to float
+        Duration of the flight (s), by digest of the case.
+    """
     card = campaign.monte_carlo
     runs_at_once = min(card.runs, card.block) if card else 0
     largest = 0.0

@@ -102,10 +102,19 @@ class Bar(Progress):
 
 @contextmanager
 def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callable[[], None]]:
-    """Report the work within a ``with`` block as one stage of `total` steps.
+    """Report the work within a ``with`` block as one stage.
 
     The function that it yields counts one step; the end of the block is the last step. The steps take different times,
     so the remaining time is estimated from all of them.
+
+    Parameters
+    ----------
+    watch : Progress or None
+        Output of the progress; None for none.
+    name : str
+        Name of the stage.
+    total : int
+        Number of steps, including the end of the block.
     """
     if watch is None:
         yield lambda: None

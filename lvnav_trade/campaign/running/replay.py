@@ -71,7 +71,29 @@ def trace(job: Job, case: Case, runs: Sequence[int]) -> WorkOutcome:
 
 
 def write_trace(replayed: RunReplay, folder: Path, case: Case, run: int) -> Path:
-    """Write the trace of a replayed run as Parquet into `folder`/traces; return its path."""
+    """Write the trace of a replayed run as a Parquet file.
+
+    Parameters
+    ----------
+    replayed : RunReplay
+        The replayed run.
+    folder : Path
+        Folder of results; the file is written to its folder `traces`.
+    case : Case
+        The case.
+    run : int
+        Number of the run, from 0.
+
+    Returns
+    -------
+    Path
+        Path of the file.
+
+    Raises
+    ------
+    InputError
+        A file with this name is not a trace, or cannot be replaced.
+    """
     place = folder / "traces"
     path = place / f"{case.id}-{run}.parquet"
     with writing(path, "cannot be written", resumes=True):

@@ -215,7 +215,19 @@ def status(folder: Path) -> Status:
 def _case_statuses(
     folder: Path, manifest: Mapping[str, Any], is_finished: bool, damaged: list[str]
 ) -> tuple[CaseStatus, ...]:
-    """Return the progress of every case; damaged blocks are added to `damaged`."""
+    """Return the progress of every case.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    manifest : mapping
+        Manifest of the results.
+    is_finished : bool
+        Whether the campaign is finished.
+    damaged : list of str
+        List to which a message is added for each damaged block.
+    """
     finished = _finished_runs(folder) if is_finished else {}
     are_blocks_removed = is_finished and bool(manifest.get("blocks_removed"))
     statuses = []
@@ -236,6 +248,19 @@ def _case(
     """Count the runs in the blocks that a resumed campaign uses.
 
     Not counted are an incomplete last block of an earlier campaign with fewer runs, and runs beyond a decision.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    manifest : mapping
+        Manifest of the results.
+    case, label : str
+        Digest and label of the case.
+    required_runs : int
+        Runs that the campaign requires of the case.
+    damaged : list of str
+        List to which a message is added for each damaged block.
     """
     stored = failed = 0
     block, identity = manifest.get("asked_block", 1), identity_of(manifest, case)

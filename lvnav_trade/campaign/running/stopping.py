@@ -34,7 +34,17 @@ class Stopping:
             self._runs = {case.id: card.runs_of(case.axes) for case in cases(campaign)}
 
     def note(self, case: str, first_run: int, n_run: int, counts: Counts) -> None:
-        """Record the violating runs of a block; an incomplete block is ignored."""
+        """Record the violating runs of a block; an incomplete block is ignored.
+
+        Parameters
+        ----------
+        case : str
+            Digest of the case.
+        first_run, n_run : int
+            Number of the first run of the block, and number of its runs.
+        counts : Counts
+            Number of violating runs of the block for each requirement; None for a requirement without its metric.
+        """
         if self.is_early and n_run == self.block and case not in self._runs:
             self._counts.setdefault(case, {})[first_run] = counts
             runs = self._decided_runs(case)
@@ -67,7 +77,19 @@ class Stopping:
 
 
 def _decision_run(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
-    """Return the number of runs after which requirement `k` is decided; None if it is undecided or has no metric."""
+    """Return the number of runs after which requirement `k` is decided; None if it is undecided or has no metric.
+
+    Parameters
+    ----------
+    k : int
+        Index of the requirement.
+    requirement : Requirement
+        The requirement.
+    blocks : sequence of Counts
+        Violating runs of each complete block, in the order of the runs.
+    block : int
+        Runs per block.
+    """
     from lvnav_trade.results.requirements.requirements import decide
 
     violating = []
@@ -84,7 +106,26 @@ def _decision_run(k: int, requirement: Requirement, blocks: Sequence[Counts], bl
 def violating_runs(
     requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
 ) -> Counts:
-    """Return the number of runs of a block that violate each requirement, counted as the verdicts count them."""
+    """Return the number of runs of a block that violate each requirement, counted as the verdicts count them.
+
+    Parameters
+    ----------
+    requirements : sequence of mapping
+        Requirements, as in the campaign.
+    case : str
+        Digest of the case.
+    prepared : Prepared
+        The prepared case.
+    covariance : CovHistory
+        Its linear covariance.
+    summary : BlockSummary
+        Summary of the runs of the block.
+
+    Returns
+    -------
+    Counts
+        Number by requirement; None for a requirement without its metric.
+    """
     results = CaseArrays(prepared, covariance, summary)
     return tuple(_violation_count(results, requirement) for requirement in requirements)
 

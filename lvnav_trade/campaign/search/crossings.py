@@ -90,9 +90,21 @@ def _excess(ratios: Mapping[str, float]) -> float:
 def _intervals(
     first: float, last: float, crossings: Sequence[tuple[float, float]], is_first_permitted: bool
 ) -> tuple[list[tuple[float, float]], float]:
-    """Return the permitted intervals between the first and the last value, which begin and end at the crossings.
+    """Return the permitted intervals, which begin and end at the crossings.
 
-    Also returned is the grid value after the end of the last interval; NaN if this ends at the last value.
+    Parameters
+    ----------
+    first, last : float
+        First and last value of the search.
+    crossings : sequence of (float, float)
+        Grid value after each crossing, and the value of the crossing.
+    is_first_permitted : bool
+        Whether the first value is permitted.
+
+    Returns
+    -------
+    list of (float, float), float
+        Intervals; grid value after the end of the last interval, NaN if this ends at the last value.
     """
     intervals = []
     begin, is_permitted = first, is_first_permitted
@@ -111,7 +123,17 @@ def _intervals(
 
 
 def _crossing(excess: Callable[[float], float], low: float, high: float, log: bool) -> float:
-    """Return the value between two values at which `excess` changes its sign, by Brent's method."""
+    """Return the value at which a function changes its sign, by Brent's method.
+
+    Parameters
+    ----------
+    excess : callable
+        Function of the value.
+    low, high : float
+        Values between which its sign changes.
+    log : bool
+        Whether the search is on a logarithmic scale.
+    """
     if not log:
         tolerance = _CLOSE * max(abs(low), abs(high))
         return float(optimize.brentq(excess, low, high, xtol=0.3 * tolerance))

@@ -113,7 +113,27 @@ def indices(campaign: Campaign, settings: Indices, jobs: int = 1) -> ErrorIndice
 
 
 def _sampled_designs(n_source: int, samples: int, seed: int) -> Floats:
-    """Return Sobol points (samples, n_source) between -1 and 1; InputError if too few for the fit."""
+    """Return the sampled designs as Sobol points between -1 and 1.
+
+    Parameters
+    ----------
+    n_source : int
+        Number of error sources.
+    samples : int
+        Number of designs.
+    seed : int
+        Seed of the scrambling.
+
+    Returns
+    -------
+    (samples, n_source) array
+        Exponents u of the sources: each sigma is multiplied by ``factor**u``.
+
+    Raises
+    ------
+    InputError
+        The designs are too few for the fit of the polynomials.
+    """
     terms = len(basis(n_source))
     if samples < 2 * terms:
         raise InputError(f"indices.samples: {samples} are too few for {terms} polynomials; give {2 * terms}")
@@ -131,7 +151,17 @@ class _FittedIndices(NamedTuple):
 
 
 def _fitted_indices(u: Floats, mean_squares: Floats, seed: int) -> _FittedIndices:
-    """Return the indices of the re-tuned filter from the mean squares of all designs `u`."""
+    """Return the indices of the re-tuned filter, from polynomials fitted to the mean squares of the designs.
+
+    Parameters
+    ----------
+    u : (n_sample, n_source) array
+        Designs: exponents of the factor of each sigma, between -1 and 1.
+    mean_squares : (n_sample,) array
+        Mean square of the error of each design.
+    seed : int
+        Seed of the bootstrap resamples.
+    """
     n_sample, n_source = u.shape
     rng = np.random.default_rng(seed)
     resamples = rng.integers(0, n_sample, (RESAMPLED, n_sample))
@@ -145,7 +175,19 @@ def _fitted_indices(u: Floats, mean_squares: Floats, seed: int) -> _FittedIndice
 
 
 def _index_table(sources: list[str], variances: Floats, total: float, retuned: _FittedIndices) -> pd.DataFrame:
-    """Return the table of `COLUMNS`; `total`: mean square of the error, with the sources not in the table."""
+    """Return the table of `COLUMNS`.
+
+    Parameters
+    ----------
+    sources : list of str
+        Names of the error sources.
+    variances : (n_source,) array
+        Mean square of the error due to each source.
+    total : float
+        Mean square of the error, including the sources that are not in the table.
+    retuned : _FittedIndices
+        Indices of the re-tuned filter.
+    """
     share = variances / total
     frozen = variances**2 / np.sum(variances**2)
     columns = [
@@ -189,7 +231,22 @@ class _MeanSquares(NamedTuple):
 
 
 def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
-    """Return the mean square of a requirement's error, by source; InputError if linear covariance does not give it."""
+    """Return the mean square of a requirement's error, by source.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared case.
+    history : CovHistory
+        Its linear covariance.
+    requirement : Requirement
+        Requirement at an event.
+
+    Raises
+    ------
+    InputError
+        Linear covariance does not give the error at the event.
+    """
     metric = metric_of(requirement.metric)
     if isinstance(metric, InjectionError):
         return _injection_mean_squares(prepared, history, requirement)

@@ -100,7 +100,22 @@ def _row(
 
 
 def _ratio(campaign: Campaign, case: Case, problem: Solve) -> tuple[float, str, str]:
-    """Return the largest ratio of an error to its limit, the limiting requirement, and a remark."""
+    """Return the largest ratio of an error to its limit, the limiting requirement, and a remark.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements.
+    case : Case
+        The case.
+    problem : Solve
+        Settings of the search, with the names of the requirements.
+
+    Returns
+    -------
+    float, str, str
+        Ratio, NaN if a requirement cannot be evaluated; name of the requirement; remark.
+    """
     verdicts = look(campaign, case.scenario, problem.meet)
     reasons = "; ".join(f"{name}: {verdict.why}" for name, verdict in verdicts.items() if verdict.why)
     if reasons:

@@ -71,7 +71,22 @@ def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> d
 def covariance_verdicts(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
 ) -> tuple[dict[str, CovarianceVerdict], CovHistory, int]:
-    """As `look`; return also the linear covariance, and the number of estimated states (degrees of freedom of NEES)."""
+    """Evaluate requirements in a scenario by linear covariance, as `look`.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements.
+    scenario : Scenario
+        The scenario.
+    names : sequence of str
+        Names of the requirements; all if empty.
+
+    Returns
+    -------
+    dict of str to CovarianceVerdict, CovHistory, int
+        Verdicts by name; linear covariance; number of estimated states (degrees of freedom of the NEES).
+    """
     selected = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
     has_phase = any(requirement.during for requirement in selected)
     prepared = prepare(scenario, campaign.keep.history if has_phase else HISTORY)
@@ -125,7 +140,17 @@ def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
 
 
 def number_at(scenario: Scenario, path: str, unit: str) -> float:
-    """Return the number at a dotted path of a scenario, in a unit; NaN if the value is not a number."""
+    """Return the number at a dotted path of a scenario, in a unit; NaN if the value is not a number.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    path : str
+        Dotted path, with or without ``base.``.
+    unit : str
+        Unit of the number; empty for the unit of the stored value (SI).
+    """
     value = get(scenario.model_dump(mode="json"), path.removeprefix("base.").split("."))
     if value is None or isinstance(value, bool | dict | list):
         return float("nan")
@@ -163,7 +188,22 @@ class MonteCarloVerdict(NamedTuple):
 
 
 def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCarloVerdict]:
-    """Evaluate all requirements of a campaign in a scenario by a number of runs; return the results by name."""
+    """Evaluate all requirements of a campaign in a scenario by Monte Carlo runs.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements and the seed.
+    scenario : Scenario
+        The scenario.
+    runs : int
+        Number of runs.
+
+    Returns
+    -------
+    dict of str to MonteCarloVerdict
+        Verdicts by name of the requirement, with the share of runs expected by linear covariance.
+    """
     prepared = prepare(scenario, campaign.keep.history)
     history = covariance(prepared)
     requirements = [requirement.model_dump(mode="json") for requirement in campaign.requirements]

@@ -193,7 +193,21 @@ def _sides(answer: float, problem: Solve) -> tuple[float, ...]:
 
 
 def _scenario(problem: Solve, case: Case, tuning: str, second: Any, value: float) -> Scenario:
-    """Return the scenario of a case with values of the varied fields, and the filter of a tuning."""
+    """Return the scenario of a case with values of the varied fields, and the filter of a tuning.
+
+    Parameters
+    ----------
+    problem : Solve
+        Settings of the search.
+    case : Case
+        The case.
+    tuning : str
+        Re-tuned or frozen filter.
+    second : Any
+        Value of the second varied field as written in a campaign; None without such a field.
+    value : float
+        Value of the first varied field, in the unit of its limits.
+    """
     ends, _ = span(problem.vary[0])
     values = {problem.vary[0].path: ends.text(value)}
     if second is not None:
@@ -208,7 +222,26 @@ def _scenario(problem: Solve, case: Case, tuning: str, second: Any, value: float
 def _solve_case(
     campaign: Campaign, problem: Solve, case: Case, tuning: str, second: Any
 ) -> tuple[tuple[Any, ...], list[Any], list[Any]]:
-    """Return the rows of `ANSWERS`, `INTERVALS` and `SCANNED` for a case, a filter and a value of the second field."""
+    """Search the permitted values of a field for a case, a filter and a value of the second field.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements.
+    problem : Solve
+        Settings of the search.
+    case : Case
+        The case.
+    tuning : str
+        Re-tuned or frozen filter.
+    second : Any
+        Value of the second varied field as written in a campaign; None without such a field.
+
+    Returns
+    -------
+    tuple, list, list
+        Row of `ANSWERS`; rows of `INTERVALS`; rows of `SCANNED`.
+    """
     vary = problem.vary[0]
     ends, grid = span(vary)
     evaluated: dict[float, dict[str, CovarianceVerdict]] = {}

@@ -137,7 +137,23 @@ def _initial_simplex(x0: Sequence[float]) -> Floats:
 def _before_and_after(
     campaign: Campaign, settings: Tune, all_cases: Sequence[Case], name: str, tuned_values: Mapping[str, Any], jobs: int
 ) -> list[tuple[Any, ...]]:
-    """Return the rows of `CASES`: all cases with the original and with the tuned filter."""
+    """Return the rows of `CASES`: all cases with the original and with the tuned filter.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    settings : Tune
+        Settings of the tuning.
+    all_cases : sequence of Case
+        Cases of the tuning and held-out cases.
+    name : str
+        Name of the requirement.
+    tuned_values : mapping
+        Tuned values by dotted path.
+    jobs : int
+        Number of worker processes.
+    """
     items = [(campaign, case, name, values) for case in all_cases for values in ({}, tuned_values)]
     points = list(each(jobs, point, items, ordered=True))
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
@@ -160,7 +176,26 @@ def _before_and_after(
 
 
 def _confirm(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, name: str) -> tuple[int, int, str]:
-    """Return runs, runs beyond the limit and verdict of the tuned filter in a case; without runs, none of them."""
+    """Confirm the tuned filter in a case by Monte Carlo runs.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    case : Case
+        The case.
+    values : mapping
+        Tuned values by dotted path.
+    runs : int
+        Number of runs; 0 for none.
+    name : str
+        Name of the requirement.
+
+    Returns
+    -------
+    int, int, str
+        Number of runs, number of runs beyond the limit, verdict; 0, 0 and an empty text without runs.
+    """
     if not runs:
         return 0, 0, ""
     result = fly(campaign, changed(case.scenario, values), runs)[name]
@@ -193,7 +228,24 @@ def _position(start: float, ends: AxisEnds) -> float:
 
 
 def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) -> TuningPoint:
-    """Evaluate a case by linear covariance with other settings of its filter; `name`: the requirement."""
+    """Evaluate a case by linear covariance with other settings of its filter.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    case : Case
+        The case.
+    name : str
+        Name of the requirement.
+    values : mapping
+        Settings by dotted path.
+
+    Returns
+    -------
+    TuningPoint
+        Ratio of error to limit, and NEES per estimated state at the event of the requirement.
+    """
     scenario = changed(case.scenario, values)
     verdicts, history, degrees_of_freedom = covariance_verdicts(campaign, scenario, [name])
     (requirement,) = (requirement for requirement in campaign.requirements if requirement.name == name)
@@ -225,7 +277,23 @@ def _card(
     values: Mapping[str, str],
     evaluations: int,
 ) -> FilterCard:
-    """Return the card of the tuned filter; its source describes the tuning."""
+    """Return the card of the tuned filter; its source describes the tuning.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    settings : Tune
+        Settings of the tuning.
+    tuning_cases : sequence of Case
+        Cases of the tuning; the filter of the first is changed.
+    name : str
+        Name of the requirement.
+    values : mapping of str to str
+        Tuned values by dotted path.
+    evaluations : int
+        Number of evaluations by linear covariance.
+    """
     card = changed(tuning_cases[0].scenario, values).filter
     values_text = ", ".join(f"{path} = {value}" for path, value in values.items())
     cases_text = "; ".join(case.label for case in tuning_cases)

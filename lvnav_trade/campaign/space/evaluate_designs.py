@@ -105,7 +105,24 @@ def _other_levels(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
 def _columns(
     rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: CovariancePasses, seconds: float
 ) -> EvaluatedDesigns:
-    """Return the rows of a part as columns; a number that a row does not have is NaN."""
+    """Return the rows of a part as columns.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Texts and numbers of each design.
+    numbers : sequence of int
+        Number of each design.
+    passes : CovariancePasses
+        Count of the covariance passes of the part.
+    seconds : float
+        Computing time of the part (s).
+
+    Returns
+    -------
+    EvaluatedDesigns
+        A number that a row does not have is NaN.
+    """
     texts = {name: tuple(str(row.get(name, "")) for row in rows) for name in TEXTS}
     number_names: dict[str, None] = {}  # in the order in which they appear
     for row in rows:
@@ -177,7 +194,17 @@ def _total_columns(scenario: Scenario) -> dict[str, float]:
 
 
 def metrics_of(request: EvaluationRequest, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
-    """Return the numbers and texts of a row from the linear covariance of a case."""
+    """Return the numbers and texts of a row from the linear covariance of a case.
+
+    Parameters
+    ----------
+    request : EvaluationRequest
+        Data to evaluate.
+    prepared : Prepared
+        The prepared case.
+    history : CovHistory
+        Its linear covariance.
+    """
     results = CaseArrays(prepared, history)
     row = _navigation(prepared, results)
     outside = why_outside(

@@ -130,7 +130,28 @@ def _single_pass(
     history: float,
     passes: CovariancePasses,
 ) -> tuple[Prepared, CovHistory]:
-    """Return a prepared design with other sigmas, and its linear covariance; ValueError if it is impossible."""
+    """Return a prepared design with other sigmas, and its linear covariance.
+
+    Parameters
+    ----------
+    part : DesignBatch
+        Part of the design space with the design.
+    design : Design
+        The design.
+    axes : sequence of int
+        Indices of the axes to change.
+    sigmas : sequence of float
+        New value of each of these axes, in the unit of the axis.
+    history : float
+        Step of the history (s).
+    passes : CovariancePasses
+        Computes and counts the covariance passes.
+
+    Raises
+    ------
+    ValueError
+        The design is impossible with these values.
+    """
     values = list(design.values)
     for axis, sigma in zip(axes, sigmas, strict=True):
         number = number_of(values[axis])

@@ -153,7 +153,24 @@ def _part_file(job: work.Job, request: EvaluationRequest, number: int) -> tuple[
 
 
 def evaluate_part(job: work.Job, request: EvaluationRequest, number: int, part: DesignBatch) -> work.WorkOutcome:
-    """Evaluate a part and write it to disk; an existing part is not evaluated again."""
+    """Evaluate a part and write it to disk; an existing part is not evaluated again.
+
+    Parameters
+    ----------
+    job : work.Job
+        Data of the campaign for a worker.
+    request : EvaluationRequest
+        Data to evaluate.
+    number : int
+        Number of the part, from 0.
+    part : DesignBatch
+        Designs of the part.
+
+    Returns
+    -------
+    WorkOutcome
+        Number of designs, and the error message if the part failed.
+    """
     file, identity = _part_file(job, request, number)
     outcome = work.WorkOutcome(file.name, 0, len(part.numbers))
     try:

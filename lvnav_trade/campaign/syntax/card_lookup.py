@@ -49,9 +49,21 @@ class Shelf(NamedTuple):
         return sorted({name for folder in self.folders for name, _ in _cards(folder)})
 
     def read(self, node: tree.Node, path: str, words: Iterable[str] = ()) -> tree.Node:
-        """Return the tree of the card named by a scalar node; InputError with similar names if there is none.
+        """Return the tree of the card named by a scalar node.
 
-        `words` are literals that the field accepts in addition to cards; they are used for the suggestion only.
+        Parameters
+        ----------
+        node : tree.Node
+            Name of the card.
+        path : str
+            Dotted path of the field, for messages.
+        words : iterable of str
+            Literals that the field accepts in addition to cards; they are used for the suggestion only.
+
+        Raises
+        ------
+        InputError
+            There is no such card (the message suggests similar names), or the card cannot be read.
         """
         name = str(node.value)
         file = self.find(name, node.place.folder) if name.strip() else None

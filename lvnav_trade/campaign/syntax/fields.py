@@ -84,7 +84,17 @@ def is_path(model: type[BaseModel], key: str) -> bool:
 
 
 def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
-    """Return the annotation of a field, or None; `node` (the present value) selects among alternatives."""
+    """Return the annotation of a field; None if there is no such field.
+
+    Parameters
+    ----------
+    kind : Kind
+        Annotation of the settings.
+    key : str
+        Key, or index of a list.
+    node : Node, optional
+        Present value of the settings, which selects among alternatives.
+    """
     free_entries = entries(kind)
     if free_entries is not None:
         return free_entries

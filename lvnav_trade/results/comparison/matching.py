@@ -73,7 +73,20 @@ def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str
 
 
 def _find_pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pair]:
-    """Return the pairs of cases by the mapping, by equal levels, or the single case of each side."""
+    """Return the pairs of cases by the mapping, by equal levels, or the single case of each side.
+
+    Parameters
+    ----------
+    base, candidate : Tables
+        Results to compare.
+    mapping : dict of str to str
+        Case or level of the candidate, by case or level of the base.
+
+    Raises
+    ------
+    InputError
+        A name of the mapping is unknown, or there is no common case.
+    """
     _check_names(base, mapping)
     _check_names(candidate, mapping.values())
     partners = {}
@@ -96,7 +109,19 @@ def _find_pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> lis
 
 
 def _find_partner(base: Tables, case: str, candidate: Tables, mapping: dict[str, str]) -> str | None:
-    """Return the case of the candidate that belongs to a case of the base (digests); None if there is none."""
+    """Return the case of the candidate that belongs to a case of the base; None if there is none.
+
+    Parameters
+    ----------
+    base : Tables
+        Results of the base.
+    case : str
+        Digest of a case of the base.
+    candidate : Tables
+        Results of the candidate.
+    mapping : dict of str to str
+        Case or level of the candidate, by case or level of the base.
+    """
     label, levels = base.labels[case], base.levels[case]
     mapped_case = mapping.get(label) or mapping.get(case)
     mapped_levels = {axis: mapping.get(level, level) for axis, level in levels.items()}

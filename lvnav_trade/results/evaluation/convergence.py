@@ -102,7 +102,23 @@ def _first_times_below(is_below: NDArray[np.bool_], times: Floats) -> tuple[Floa
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
-    """Return the limit of the error (SI) at each event."""
+    """Return the limit of the error at each event, SI.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity : str
+        Navigation error, such as position.
+    events : pandas.DataFrame
+        Events, with the column t_s.
+    below : str
+        Limit with its unit, or a multiple of the sigma or RMS of another case.
+    other : str
+        Digest of this other case; empty for a limit with a unit.
+    """
     multiple = multiple_in(below)
     if multiple is None:
         unit = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0])
@@ -121,7 +137,19 @@ def _rms(row: Any) -> float:
 
 
 def convergence(tables: Tables, case: str, statement: Mapping[str, Any], other: str = "") -> ConvergenceTimes | None:
-    """Return the convergence times of a statement: metric (such as position_convergence_time), `during`, `below`."""
+    """Return the convergence times of a statement.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    statement : mapping
+        Statement: metric (such as position_convergence_time), `during`, `below`.
+    other : str
+        Digest of the case whose sigma or RMS gives the limit; empty for a limit with a unit.
+    """
     quantity = str(statement["metric"]).removesuffix("_convergence_time")
     during = phase(tables, case, str(statement["during"]))
     return converged(tables, case, quantity, during, str(statement["below"]), other)

@@ -42,6 +42,17 @@ def covered(tables: Tables, case: str, event: str, quantity: str) -> CoveragePro
     """Return the coverage of a quantity at an event by formal covariance, by linear covariance and by the runs.
 
     The first two use the formal sigmas of the nominal flight, the last the RMS over the runs of their formal sigmas.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    quantity : str
+        Navigation error, such as position.
     """
     formal = true = np.nan
     covariance = formal_covariance(tables, case, event, quantity)
@@ -55,7 +66,21 @@ def covered(tables: Tables, case: str, event: str, quantity: str) -> CoveragePro
 
 
 def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> CoverageProbability:
-    """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN."""
+    """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    quantity : str
+        Navigation error, such as position.
+    limit : str
+        Limit with its unit.
+    """
     outputs = pick(tables.outputs, case=case, quantity=quantity)
     errors = errors_by_axis(tables, case, event, quantity)
     if errors.empty or outputs.empty:
@@ -85,9 +110,23 @@ def coverage(tables: Tables) -> pd.DataFrame:
 
 
 def _within_sigmas(tables: Tables, case: str, event: str, quantity: str) -> Bools:
-    """Return whether each error of the runs at an event is within three formal sigmas, (n_run, 3); failed runs are not.
+    """Return whether each error of the runs at an event is within three formal sigmas.
 
-    The array is empty (0, 3) if the results do not have the errors.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    quantity : str
+        Navigation error, such as position.
+
+    Returns
+    -------
+    (n_run, 3) array of bool
+        By run and reporting axis; False for failed runs. Empty (0, 3) if the results do not have the errors.
     """
     runs = errors_by_axis(tables, case, event, quantity)
     axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]

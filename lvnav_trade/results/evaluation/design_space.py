@@ -177,7 +177,17 @@ def _bins(values: Floats, count: int) -> Any:
 
 
 def _first_order(bins: Any, value: Floats, is_sampled: bool) -> float:
-    """Return the share of the variance between bins; of a sample, without the share due to chance (omega squared)."""
+    """Return the share of the variance between bins (first-order effect).
+
+    Parameters
+    ----------
+    bins : (n,) array of int
+        Bin of each design, from 0.
+    value : (n,) array
+        Value of each design.
+    is_sampled : bool
+        Whether the designs are a sample; the share due to chance is then removed (omega squared).
+    """
     n, k = len(value), int(bins.max()) + 1
     total = float(np.sum((value - value.mean()) ** 2))
     if k < 2 or n <= k or total == 0.0:

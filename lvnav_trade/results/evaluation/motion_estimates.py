@@ -103,7 +103,22 @@ def _error_pairs(tables: Tables, case: str, quantity: str) -> list[_Pair]:
 
 
 def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) -> dict[str, Any]:
-    """Return the values of `COLUMNS` from the metric on, between two times (s), both excluded; empty without rows."""
+    """Return the values of `COLUMNS` from the metric on.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    pair : _Pair
+        Histories of the raw and of the estimated error of a quantity along an axis.
+    after, before : float
+        Times (s) between which the errors are compared, both excluded.
+
+    Returns
+    -------
+    dict of str to Any
+        Values by column; empty without rows between the times.
+    """
     raw_rows = pair.raw[(pair.raw.t_s > after) & (pair.raw.t_s < before)]
     estimate_rows = pair.estimate[(pair.estimate.t_s > after) & (pair.estimate.t_s < before)]
     if raw_rows.empty or estimate_rows.empty:

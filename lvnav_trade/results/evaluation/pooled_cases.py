@@ -40,11 +40,28 @@ def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
 
 
 def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
-    """Return the number of a case or pool that is compared with a published number, in `unit`.
+    """Return the number of a case or pool that is compared with a published number.
 
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case, or of a case of the pool.
+    statement : mapping
+        Statement: metric, event or phase, statistic and pooled axes.
+    unit : str
+        Unit of the number; "-" for the SI unit.
+
+    Returns
+    -------
+    SingleValue
+        `runs` are those of all cases.
+
+    Notes
+    -----
     A root mean square or sigma is averaged over the pool as a root mean square, a count by the median, a fraction or
-    signed error by the mean; a worst case is the median over all runs. `runs` are those of all cases. The arguments are
-    those of `results.evaluate.evaluate_single`.
+    signed error by the mean. A worst case is the median over all runs.
     """
     if not axes_of(statement):
         return single_case.evaluate_single(tables, case, statement, unit)
@@ -66,11 +83,29 @@ def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], uni
 
 
 def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
-    """Return the value of a case or pool by formal sigma, linear covariance and runs, in `unit` ("-": SI).
+    """Return the value of a case or pool by formal sigma, linear covariance and runs.
 
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case, or of a case of the pool.
+    statement : mapping
+        Statement: metric, event or phase, statistic and pooled axes.
+    unit : str
+        Unit of the value; "-" for the SI unit.
+
+    Returns
+    -------
+    MetricValue
+        `levels` (n_case,) is the mean over the runs of each case. It gives the part of the interval that is due to the
+        choice of cases.
+
+    Notes
+    -----
     Runs of the same number have the same random draws in all cases and are therefore not independent. They count as one
-    run, whose square is the mean over the cases. `levels` (n_case,) is the mean over the runs of each case. It gives
-    the part of the interval that is due to the choice of cases. The arguments are those of `results.evaluate.evaluate`.
+    run, whose square is the mean over the cases.
     """
     if not axes_of(statement):
         return single_case.evaluate(tables, case, statement, unit)

@@ -200,7 +200,24 @@ def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
 
 
 def _difference_sizes(tables: Tables, pair: tuple[str, str], event: str, quantity: str) -> dict[str, Any]:
-    """Return the root mean squares of two cases and of their difference at an event; empty if one is not stored."""
+    """Return the root mean squares of two cases and of their difference at an event.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    pair : (str, str)
+        Digests of the two cases.
+    event : str
+        Name of the event.
+    quantity : str
+        Quantity, such as velocity.
+
+    Returns
+    -------
+    dict of str to Any
+        Values by column, in the display unit; empty if the errors of a case are not stored.
+    """
     base, variant = (
         errors_by_axis(tables, case, event, quantity).sort_index().drop(columns="failure") for case in pair
     )
@@ -321,7 +338,23 @@ def control_variates(tables: Tables) -> pd.DataFrame:
 def _controlled_values(
     tables: Tables, case: str, event: str, quantity: str, error: Floats, draws: Floats
 ) -> dict[str, Any]:
-    """Return the values of `CONTROLLED` from the unit on, for errors (n_run, 3) and draws (n_run, m)."""
+    """Return the values of `CONTROLLED` from the unit on.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    quantity : str
+        Quantity, such as velocity.
+    error : (n_run, 3) array
+        Errors of the runs at the event, SI.
+    draws : (n_run, m) array
+        Standard normals of the same runs, used as control variates.
+    """
     unit, factor = tables.people[quantity, "3d"]
     history = history_of(tables, case, quantity, "3d")
     t = float(flight_events(tables, case).set_index("event").t_s[event])

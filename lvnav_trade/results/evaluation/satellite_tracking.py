@@ -217,13 +217,29 @@ def _worst_until_recovery(
 ) -> tuple[float, float, float]:
     """Return the worst error from the start of a fault until it has recovered, its time, and the time of recovery.
 
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    errors : pandas.DataFrame
+        Columns t_s, and error in SI, of the norm of a quantity.
+    fault : named tuple
+        Event of the fault, with t_s and t_end_s.
+    before : float
+        Error before the fault, SI.
+
+    Returns
+    -------
+    float, float, float
+        Worst error (SI), its time (s), time of recovery (s); NaN if not known.
+
+    Notes
+    -----
     An error has recovered when it is below 1.5 times its value before, every satellite that returns after the fault is
     tracked again, and 10 s have passed since its end: an error may grow long after a fault, until its satellites are
     tracked. Without a recovery the search ends with the next fault or with the history.
-
-    errors : t_s, and error in SI, of one norm
-    fault : event of that kind, with t_s and t_end_s
-    before : error in SI before the fault
     """
     satellites = _recovery_values(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
     t_all_tracked = fault.t_end_s + max(AFTER, np.nan_to_num(satellites["to_all_s"], nan=np.inf))

@@ -102,7 +102,19 @@ def _monte_carlo_value(text: str, terms: Mapping[str, MetricValue], runs: Floats
 def _extend_interval(
     text: str, terms: Mapping[str, MetricValue], centre: float, by_runs: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the interval by the runs, extended to the interval over the pooled cases if this reaches further."""
+    """Return the interval by the runs, extended to the interval over the pooled cases if this reaches further.
+
+    Parameters
+    ----------
+    text : str
+        Expression in the names of the terms.
+    terms : mapping of str to MetricValue
+        Values of the terms.
+    centre : float
+        Value of the expression.
+    by_runs : (float, float)
+        Interval by the runs.
+    """
     counts = {len(term.levels) for term in terms.values() if len(term.levels)}
     if len(counts) != 1:
         return by_runs

@@ -43,10 +43,16 @@ class SignalNumber(Metric):
         return MetricValue(true=self.reduce(rows, values, statistic) / scale)
 
     def reduce(self, rows: Any, value: Any, statistic: str) -> float:
-        """Return the requested statistic (SI).
+        """Return the requested statistic, SI.
 
-        rows : rows of `signals.values_of`
-        value : (n,), their values
+        Parameters
+        ----------
+        rows : pandas.DataFrame
+            Rows of `satellite_tracking.values_of`.
+        value : (n,) array
+            Their values.
+        statistic : str
+            worst, least or rms.
         """
         if statistic == "worst":
             return float(value.max())

@@ -82,7 +82,14 @@ class StateError(Metric):
     def of(cls, name: str, unit: str, meaning: str = "") -> StateError:
         """Return the metric of a name such as ``gyro_bias_error_x``.
 
-        unit : SI unit
+        Parameters
+        ----------
+        name : str
+            Name of the metric.
+        unit : str
+            SI unit; "1" for a number without unit.
+        meaning : str
+            Meaning, in one phrase.
         """
         return cls(name, "dimensionless" if unit == "1" else unit, meaning, *split_metric(name))
 
