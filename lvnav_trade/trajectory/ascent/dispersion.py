@@ -32,7 +32,21 @@ def fly_dispersed(
 ) -> tuple[VehicleAscent, TargetingUnknowns, SimulatedAscent]:
     """Return the dispersed vehicle, its aim and its ascent.
 
-    A stage cut off in orbit burns as long as the nominal one, or until it is empty.
+    A stage cut off in orbit burns as long as the nominal stage, or until it is empty.
+
+    Parameters
+    ----------
+    card : VehicleAscent
+        Card of the nominal vehicle.
+    aim : TargetingUnknowns
+        Solution of the targeting for the nominal vehicle.
+    dispersion : Dispersion
+        Factors on thrust, specific impulse and masses, and error of the pitch programme.
+
+    Raises
+    ------
+    InputError
+        The dispersed vehicle is impossible, is empty too early, or falls to the ground.
     """
     vehicle = dispersed(card, dispersion)
     require_possible(vehicle)
@@ -102,7 +116,26 @@ def pitched(aim: TargetingUnknowns, up: float) -> TargetingUnknowns:
 
 
 def _limit_burn(card: VehicleAscent, aim: TargetingUnknowns, span: float, number: int, burn: str) -> TargetingUnknowns:
-    """Return the aim with the burn of a stage limited by its propellant."""
+    """Return the aim with the burn of a stage limited by its propellant.
+
+    Parameters
+    ----------
+    card : VehicleAscent
+        Card of the dispersed vehicle.
+    aim : TargetingUnknowns
+        Aim with the nominal burn.
+    span : float
+        Time scale of the steering law (s), from `law_span` of the nominal vehicle.
+    number : int
+        Number of the stage, from 1.
+    burn : {"burn", "burn_2"}
+        Field of the aim with the duration of the burn.
+
+    Raises
+    ------
+    InputError
+        The stage is empty before its ignition.
+    """
     stage = card.vehicle.stages[number - 1]
     flow = stage.full_thrust / stage.exhaust_speed
     for _ in range(_DEPLETION):

@@ -55,7 +55,10 @@ class Drag(NamedTuple):
 
 @jit
 def height_above(x: float, y: float, z: float) -> float:
-    """Return the height in m over the ellipsoid along the radius, within 0.2 % of the geodetic height in a launch."""
+    """Return the height (m) above the ellipsoid along the radius, within 0.2 % of the geodetic height during a launch.
+
+    x, y, z : m. Position, frame i or e.
+    """
     p2 = x * x + y * y
     r2 = p2 + z * z
     return math.sqrt(r2) - SEMI_MAJOR * math.sqrt((1.0 - ECCENTRICITY_2) * r2 / (r2 - ECCENTRICITY_2 * p2))
@@ -63,10 +66,28 @@ def height_above(x: float, y: float, z: float) -> float:
 
 @jit
 def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 0.0) -> tuple[float, float]:
-    """Return thrust (N) and throttle of what can be throttled, at a mass (kg) and ambient pressure (Pa).
+    """Return thrust and throttle of the engine that can be throttled.
 
-    The limit, less the thrust `beside` (N) of other motors, is a smooth minimum over 2 % of it: the load bends within a
-    second or so and stays below the limit.
+    The limit, less the thrust of other motors, is a smooth minimum over 2 % of it: the load bends within a second or so
+    and stays below the limit.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the vehicle (kg).
+    pressure : float
+        Ambient pressure (Pa).
+    engine : Propulsion
+        The engine, with its limit of thrust over mass.
+    beside : float
+        Thrust of other motors (N).
+
+    Returns
+    -------
+    thrust : float
+        Thrust (N) at this pressure.
+    throttle : float
+        Thrust over full thrust.
     """
     if engine.thrust == 0.0:
         return 0.0, 0.0
@@ -84,7 +105,22 @@ def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 
 
 @jit
 def thrust_beside(t: float, pressure: float, motors: Unthrottled) -> tuple[float, float]:
-    """Return thrust (N) and mass flow (kg/s) of motors that cannot be throttled, at time t (s) and pressure (Pa)."""
+    """Return thrust and mass flow of motors that cannot be throttled.
+
+    Parameters
+    ----------
+    t : float
+        Time since lift-off (s).
+    pressure : float
+        Ambient pressure (Pa).
+    motors : Unthrottled
+        Total of the motors.
+
+    Returns
+    -------
+    thrust, mass_flow : float
+        N, kg/s. The thrust is never negative.
+    """
     if motors.thrust == 0.0:
         return 0.0, 0.0
     span = t - motors.since
@@ -109,7 +145,22 @@ def coefficient_at(mach: float, drag: Drag) -> float:
 
 @jit
 def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], drag: Drag) -> tuple[float, float]:
-    """Return the drag force per airspeed (N s/m) and the ambient pressure (Pa) at position r and airspeed vector w."""
+    """Return the drag force divided by airspeed, and the ambient pressure.
+
+    Parameters
+    ----------
+    r : (3,) m
+        Position, frame i.
+    w : (3,) m/s
+        Velocity relative to the air.
+    drag : Drag
+        Reference area and drag coefficients.
+
+    Returns
+    -------
+    drag_per_speed, pressure : float
+        N s/m, Pa.
+    """
     density, pressure, _, sound = atmosphere(height_above(r[0], r[1], r[2]))
     speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     coefficient = coefficient_at(speed / sound, drag)
@@ -118,7 +169,28 @@ def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], dr
 
 @jit
 def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Rates:
-    """Return the time derivative of the state y (7,): position (m) and velocity (m/s) in frame i, mass (kg)."""
+    """Return the time derivative of the state of a point mass.
+
+    Forces are gravitation to J4, thrust along the steering direction, and drag in air that rotates with the Earth.
+
+    Parameters
+    ----------
+    t : float
+        Time since lift-off (s).
+    y : (7,)
+        Position (m) and velocity (m/s) in frame i, mass (kg).
+    steering : Steering
+        Steering laws.
+    engine : Propulsion
+        Propulsion of the leg.
+    drag : Drag
+        Reference area and drag coefficients.
+
+    Returns
+    -------
+    tuple of 7 floats
+        m/s, m/s^2, kg/s.
+    """
     r = (y[0], y[1], y[2])
     v = (y[3], y[4], y[5])
     mass = y[6]
@@ -155,7 +227,22 @@ def _along(y: Floats, h: float, k: Rates) -> Floats:
 
 @making_arrays
 def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
-    """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
+    """Return the state after a classical Runge-Kutta step of fourth order.
+
+    Parameters
+    ----------
+    t, h : float
+        Time at the start of the step, and its length (s).
+    y : (7,)
+        State at the start, as in `rates`.
+    steering, engine, drag
+        As in `rates`.
+
+    Returns
+    -------
+    (7,)
+        State at t + h.
+    """
     half = 0.5 * h
     k1 = rates(t, y, steering, engine, drag)
     k2 = rates(t + half, _along(y, half, k1), steering, engine, drag)
@@ -172,7 +259,26 @@ def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, 
 def fly(
     t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Propulsion, drag: Drag
 ) -> tuple[Floats, Floats]:
-    """Return times (n_step + 1,) and states (n_step + 1, 7) over a leg that starts at t0 with state y0 (7,)."""
+    """Integrate a leg in equal steps.
+
+    Parameters
+    ----------
+    t0, duration : float
+        Time at the start (s since lift-off), and duration (s).
+    n_step : int
+        Number of steps.
+    y0 : (7,)
+        State at the start, as in `rates`.
+    steering, engine, drag
+        As in `rates`.
+
+    Returns
+    -------
+    t : (n_step + 1,) s
+        Times, both ends included.
+    y : (n_step + 1, 7)
+        States.
+    """
     t, y = np.empty(n_step + 1), np.empty((n_step + 1, 7))
     for k in range(n_step + 1):
         t[k] = t0 + duration * k / n_step
@@ -189,7 +295,21 @@ def fly(
 def time_to_mass(
     t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Propulsion, drag: Drag
 ) -> float:
-    """Return the burn time (s) from t0, state y0 (7,), to a remaining `mass` (kg), integrated with step h (s)."""
+    """Return the burn time (s) from a state to a remaining mass.
+
+    Parameters
+    ----------
+    t0 : float
+        Time at the start (s since lift-off).
+    mass : float
+        Remaining mass (kg), smaller than that of `y0`.
+    h : float
+        Step of the integration (s).
+    y0 : (7,)
+        State at the start, as in `rates`.
+    steering, engine, drag
+        As in `rates`.
+    """
     t, y = t0, y0
     while y[6] > mass:
         before = y
@@ -205,7 +325,22 @@ def time_to_mass(
 
 @making_arrays
 def accelerations(t: Floats, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
-    """Return the inertial acceleration (n, 3) at times t (n,) and states y (n, 7) of a leg."""
+    """Return the inertial acceleration at states of a leg.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times since lift-off.
+    y : (n, 7)
+        States, as in `rates`.
+    steering, engine, drag
+        As in `rates`.
+
+    Returns
+    -------
+    (n, 3) m/s^2
+        Acceleration including gravitation, frame i.
+    """
     out = np.empty((t.size, 3))
     for k in range(t.size):
         rate = rates(t[k], y[k], steering, engine, drag)

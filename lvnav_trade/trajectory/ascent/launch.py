@@ -44,7 +44,19 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
 def site_phase(
     site: Site, theta0: float, hold: float, attitude: BSpline, spin: PPoly | None = None
 ) -> tuple[Phase, ...]:
-    """Return the phase at rest on the pad, from `hold` s before lift-off, in a tuple; an empty tuple without a hold."""
+    """Return the phase at rest on the pad before lift-off, in a tuple; an empty tuple without a hold.
+
+    Parameters
+    ----------
+    site : Site
+        Launch site.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    hold : float
+        Duration of the phase (s).
+    attitude, spin
+        As in `Phase`.
+    """
     r_i, _ = pad_state(site, theta0)
     return pad_phase(frames.ecef_from_eci(r_i, theta0), theta0, 0.0, hold, attitude, spin)
 
@@ -59,7 +71,17 @@ def _accelerations(flight: SimulatedAscent, leg: AscentLeg, at: list[int] | slic
 
 
 def _attitude(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> BSpline:
-    """Return the attitude over pad and flight: x along the thrust, the rest by the roll programme."""
+    """Return the quaternion spline over pad and flight: x axis along the thrust, roll by the roll programme.
+
+    Parameters
+    ----------
+    card : VehicleAscent
+        Card with site, pad hold and roll programme.
+    aim : TargetingUnknowns
+        Solution of the targeting, for the launch azimuth.
+    flight : SimulatedAscent
+        The simulated ascent.
+    """
     up_e, _, right_e = site_axes(card.site, aim.azimuth)
     theta0 = flight.steering.theta0
     pad_t = pad_knots(card.pad_hold, float(flight.legs[0].t[1]))
@@ -100,7 +122,10 @@ def _dynamic_pressure(leg: AscentLeg, theta0: float) -> Floats:
 def _facts(
     card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent, max_q: float
 ) -> dict[str, float | str]:
-    """Return the facts of an ascent for the report, SI."""
+    """Return the facts of an ascent for the report, SI.
+
+    max_q : Pa. Greatest dynamic pressure.
+    """
     acceleration = np.concatenate([_accelerations(flight, leg) for leg in flight.legs])
     position = np.concatenate([leg.y[:, :3] for leg in flight.legs])
     load = np.linalg.norm(acceleration - gravity_along(position), axis=1)

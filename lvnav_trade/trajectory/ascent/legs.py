@@ -44,9 +44,11 @@ def cuts(vehicle: VehicleCard, number: int) -> list[BurnPoint]:
 
 
 def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Propulsion:
-    """Return the propulsion between begin and end (s since lift-off) with stage `number` ignited at `ignition` (s).
+    """Return the propulsion over an interval between two successive `cuts`, in which every thrust is linear in time.
 
-    Between two successive `cuts` every thrust is linear in time. The end is infinite for a stage without bends.
+    number : number of the burning stage, from 1
+    ignition : s since lift-off. Ignition of the stage.
+    begin, end : s since lift-off. The end is infinite for a stage without bends.
     """
     stage = vehicle.stages[number - 1]
     middle = 0.5 * (begin + end)
@@ -129,7 +131,11 @@ def _thrust_at(motor: Motor, after: float) -> float:
 
 
 def _total_thrust(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
-    """Return the total of motors over an interval in which the thrust of each is linear."""
+    """Return the total of motors over an interval in which the thrust of each is linear.
+
+    burning : motors, each with its number and its ignition (s since lift-off)
+    begin, end : s since lift-off
+    """
     total = np.zeros(5)
     for motor, number, ignition in burning:
         first = _thrust_at(motor, begin - ignition)
@@ -255,7 +261,12 @@ class Pilot:
         self.t, self.y = float(t[-1]), y[-1].copy()
 
     def begin_law(self, k: int, tangent: float, rate: float, yaw: float = 0.0) -> None:
-        """Start steering law k, in the present orbital plane or rotated from it to the right by yaw (rad)."""
+        """Start steering law k at the present time.
+
+        k : index of the law
+        tangent, rate : tangent of the elevation at the start, and its rate (1/s)
+        yaw : rad. Rotation of the plane of the law from the present orbital plane, positive to the right.
+        """
         steering = self.steering
         steering.law_start[k] = self.t
         steering.tangent[k] = tangent
@@ -265,7 +276,12 @@ class Pilot:
         steering.normal_i[k] = math.cos(yaw) * normal - math.sin(yaw) * along
 
     def burn(self, number: int, duration: float | None, again: bool = False) -> None:
-        """Burn for a duration (s), or until the propellant is depleted, from cut to cut; a second burn has no cuts."""
+        """Burn a stage, from cut to cut.
+
+        number : number of the stage, from 1
+        duration : s. None: until the propellant is depleted.
+        again : whether this is a second burn, which has no cuts
+        """
         vehicle = self.card.vehicle
         stage, mark = vehicle.stages[number - 1], "_2" if again else ""
         ignition, elapsed = self.t, 0.0

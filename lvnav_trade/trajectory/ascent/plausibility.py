@@ -96,9 +96,21 @@ def peaks(flight: Trajectory) -> tuple[Peak, ...]:
 def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
     """Return a trajectory with remarks on values beyond the default limits.
 
-    further : Peaks in addition to those of `peaks`.
+    Parameters
+    ----------
+    flight : Trajectory
+        The trajectory.
+    card : FileFlightCard
+        Card with the limits.
+    file : str
+        Name of the file, for messages.
+    further : tuple of Peak
+        Peaks in addition to those of `peaks`.
 
-    InputError with value, time and limit of every quantity beyond the limits of the card, each at its field.
+    Raises
+    ------
+    InputError
+        Quantities exceed the limits of the card. The message has value, time and limit of each, at its field.
     """
     largest = [*further, *peaks(flight)]
     causes = [remark.text for remark in flight.remarks if remark.kind == WARNING]

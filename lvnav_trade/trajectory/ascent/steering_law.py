@@ -74,7 +74,10 @@ def _blend(weight: float, a: Direction, b: Direction) -> Direction:
 
 @jit
 def _kick_direction(t: float, s: Steering) -> Direction:
-    """Return the Earth-fixed direction of rise and kick, in frame i."""
+    """Return the direction of vertical rise and kick, frame i. Apart from the kick it is fixed to the Earth.
+
+    t : s since lift-off
+    """
     angle = s.kick_angle * smoothstep((t - s.kick_start) / s.kick_duration)
     cosine = math.cos(angle)
     sine = math.sin(angle)
@@ -89,9 +92,13 @@ def _kick_direction(t: float, s: Steering) -> Direction:
 
 @jit
 def _linear_tangent(t: float, r: Direction, k: int, s: Steering) -> Direction:
-    """Return the direction of law k at position r, in frame i.
+    """Return the direction of a linear-tangent law, frame i.
 
     It is cos(elevation) along the horizontal normal x r, plus sin(elevation) along r.
+
+    t : s since lift-off
+    r : (3,) m, frame i. Position.
+    k : index of the law
     """
     normal = s.normal_i[k]
     horizontal_x = normal[1] * r[2] - normal[2] * r[1]
@@ -114,10 +121,19 @@ def _linear_tangent(t: float, r: Direction, k: int, s: Steering) -> Direction:
 
 @jit
 def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
-    """Return the unit vector of the thrust in frame i at time t, position r (m) and inertial velocity v (m/s).
+    """Return the unit vector of the thrust in frame i.
 
     Successive laws are blended with a quintic weight, so that the rate of the direction is continuous. This includes
     ignition and cut-off, because in a gravity turn thrust and drag do not rotate the velocity.
+
+    Parameters
+    ----------
+    t : float
+        Time since lift-off (s).
+    r, v : (3,) m, m/s
+        Position and inertial velocity, frame i.
+    s : Steering
+        Steering laws.
     """
     u = _kick_direction(t, s)
     weight = smoothstep((t - s.follow_start) / s.kick_duration)
@@ -137,7 +153,22 @@ def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
 
 @making_arrays
 def directions(t: Floats, y: Floats, s: Steering) -> Floats:
-    """Return `direction` (n, 3) at times t (n,) and states y (n, 6 or more) of position and velocity."""
+    """Return the unit vectors of the thrust along a path (see `direction`).
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times since lift-off.
+    y : (n, 6 or more) m, m/s
+        Position and inertial velocity, frame i, in the first six columns.
+    s : Steering
+        Steering laws.
+
+    Returns
+    -------
+    (n, 3)
+        Unit vectors, frame i.
+    """
     out = np.empty((t.size, 3))
     for k in range(t.size):
         r = (y[k, 0], y[k, 1], y[k, 2])
@@ -164,11 +195,22 @@ def smoothsteps(x: Floats) -> Floats:
 
 
 def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: Roll) -> BSpline:
-    """Return the quaternion spline of a body whose x axis is x (n, 3), frame i, at times t (n,).
+    """Return the quaternion spline of an ascent from its body x axis and the roll programme.
 
     All phases share this spline, so that attitude and body rate are continuous between them.
 
-    right_e : (3,), frame e. Right-hand side of the launch plane, to which zero roll refers.
+    Parameters
+    ----------
+    t : (n,) s
+        Times since lift-off.
+    x : (n, 3)
+        Unit vectors along the body x axis, frame i.
+    right_e : (3,)
+        Right-hand side of the launch plane, frame e, to which zero roll refers.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    roll : Roll
+        Roll programme.
     """
     right = eci_from_ecef(right_e, earth_angle(theta0, t))
     return attitude_spline(t, quaternions(body_axes(x, right, roll_angle(roll, t))))
@@ -204,9 +246,23 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
 
 
 def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
-    """Return the directions (n, 3) in a coast, from the thrust `before` (spline and end in s) to that `after` (start).
+    """Return the directions in a coast, between the thrust before it and the thrust after it.
 
     Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times.
+    before : tuple, optional
+        Spline of the direction of the previous thrust, and its end (s).
+    after : tuple, optional
+        Spline of the direction of the next thrust, and its start (s).
+
+    Returns
+    -------
+    (n, 3)
+        Unit vectors.
     """
     if after is None:
         assert before is not None
@@ -224,9 +280,12 @@ def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[
 
 
 def _decaying_rotation(t: Floats, thrust: Any, edge: float, sign: float) -> Floats:
-    """Return the directions (n, 3) of a body whose rate decays away from the edge (s) of a thrust.
+    """Return the directions (n, 3) of a body whose rate decays away from the edge of a thrust.
 
-    sign : 1 after the thrust, -1 before it.
+    t : (n,) s. Times.
+    thrust : spline of the direction of the thrust
+    edge : s. End or start of the thrust.
+    sign : 1 after the thrust, -1 before it
     """
     # Integral of the decaying rate exp(-|t - edge| / _DAMPING)
     effective_time = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)

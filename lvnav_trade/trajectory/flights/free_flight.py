@@ -35,10 +35,24 @@ class AttitudeLaw(NamedTuple):
 
 
 def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
-    """Return quaternions q_b_i (n, 4), of continuous sign, at rising times t (n,) s and states y (n, 6 or more).
+    """Return the attitude by successive laws.
 
     A turn is about the axis of the rotation from one law's attitude to that of the next, with the angle a quintic in
     time, and takes the shorter way. For half a turn, where both ways are equal, successive times use the same way.
+
+    Parameters
+    ----------
+    modes : sequence of AttitudeLaw
+        Laws in order of their start.
+    t : (n,) s
+        Increasing times since lift-off.
+    y : (n, 6 or more) m, m/s
+        Position and velocity, frame i, in the first six columns.
+
+    Returns
+    -------
+    (n, 4)
+        Quaternions q_b_i, scalar first, of continuous sign.
     """
     q = frames.quaternions(modes[0].axes(t, y))
     for mode in modes[1:]:
@@ -56,7 +70,11 @@ def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
 
 
 def _partial_rotation(q: Floats, next_q: Floats, progress: Floats) -> Floats:
-    """Return the rotation (n, 4) from q (n, 4) towards next_q (n, 4), by parts (n,) of its angle."""
+    """Return the rotation from one attitude towards another, by a part of its angle.
+
+    q, next_q : (n, 4). Quaternions, scalar first.
+    progress : (n,). Part of the angle, 0 to 1.
+    """
     inverse = q * [1.0, -1.0, -1.0, -1.0]
     rotation = product(inverse, next_q)
     rotation *= np.where(rotation[0, 0] < 0.0, -1.0, 1.0)  # the shorter way at the first time
@@ -68,7 +86,12 @@ def _partial_rotation(q: Floats, next_q: Floats, progress: Floats) -> Floats:
 
 
 def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
-    """Return the direction (3,) of the body x axis, frame i, at time t (s) and state y (6 or more)."""
+    """Return the direction of the body x axis, (3,), frame i, at a single time.
+
+    modes : laws in order of their start
+    t : s since lift-off
+    y : (6 or more,) m, m/s. Position and velocity, frame i.
+    """
     times, states = np.array([t]), y[None]
     begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
     latest = begun[-1]
@@ -83,7 +106,8 @@ def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
 def along_airspeed(right_e: Floats, theta0: float, at_rest: Floats | None = None) -> Axes:
     """Return the attitude law of a body with its x axis along the velocity through air that rotates with the Earth.
 
-    right_e : (3,), frame e. Direction of the y axis.
+    right_e : (3,), frame e. Direction of the y axis, before its component along x is removed.
+    theta0 : rad. Earth angle at lift-off.
     at_rest : (3,), frame e. Direction of the x axis of a body at rest on the Earth; None: the body moves.
     """
 
@@ -298,7 +322,10 @@ class FlightIntegration:
     def ahead(
         self, name: str, longest: float, step: float, thrust: Thrust | None = None, until: Condition | None = None
     ) -> IntegratedPhase:
-        """Return the phase from the present state, as `fly` does."""
+        """Return the phase from the present state; `name`, `longest`, `step` and `until` as in `fly`.
+
+        thrust : burning motor; None: coast
+        """
         return fly(name, self.t, self.y, newton(self.air, thrust, self.theta0), longest, step, until)
 
     def keep(self, stretch: IntegratedPhase) -> None:
@@ -307,5 +334,8 @@ class FlightIntegration:
         self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()
 
     def thrust(self, vacuum: float, flow: float, exit_area: float = 0.0) -> Thrust:
-        """Return a burning motor (N, kg/s, m^2) with thrust along the body x axis."""
+        """Return a burning motor with thrust along the body x axis.
+
+        vacuum, flow, exit_area : N, kg/s, m^2. Vacuum thrust, mass flow and exit area.
+        """
         return Thrust(vacuum, flow, exit_area, lambda t, y: nose(self.modes, t, y))

@@ -78,7 +78,21 @@ def inject(
 def _make_pilot(
     plan: GuidancePlan, vehicle: VehicleAscent, sigmas: Sigmas, navigation: NavigationErrors, draws: DrawKeys | None
 ) -> GuidedPilot:
-    """Return the pilot for the attitude response of a vehicle."""
+    """Return the pilot that simulates a run: with attitude control, or with an attitude that follows its command.
+
+    Parameters
+    ----------
+    plan : GuidancePlan
+        Guidance data stored before lift-off.
+    vehicle : VehicleAscent
+        Card of the vehicle of the run.
+    sigmas : Sigmas
+        Draws of the run, in sigmas, by source.
+    navigation : NavigationErrors
+        Navigation errors of the run.
+    draws : DrawKeys, optional
+        Keys of the random draws of the controlled attitude; by default all are zero.
+    """
     run_deviations = deviations(plan.card, sigmas)
     control = plan.card.control
     if control is None:

@@ -14,10 +14,21 @@ _GUST_1, _GUST_2 = math.sqrt(1.5), 0.5 * (1.0 - _ROOT_3)
 
 @jit
 def nozzle_step(angle, command, time_constant, rate_limit, h):
-    """Return the nozzle's angle after h seconds of a constant command: first order, exactly, at most at rate_limit.
+    """Return the nozzle angle after a constant command: first-order lag with a rate limit, exact.
 
-    A command far away is approached at the limit until the lag asks for less. The way there is monotone, so the
-    movement of a step is the difference of its ends.
+    A distant command is approached at the rate limit until the lag requires a smaller rate. The approach is monotone,
+    so the movement in a step is the difference of its ends.
+
+    Parameters
+    ----------
+    angle, command : float
+        Nozzle angle at the start, and commanded angle (rad).
+    time_constant : float
+        Time constant of the lag (s).
+    rate_limit : float
+        Rate limit (rad/s).
+    h : float
+        Length of the step (s).
     """
     distance = command - angle
     knee = rate_limit * time_constant  # distance at which the lag asks for the rate limit
@@ -31,7 +42,12 @@ def nozzle_step(angle, command, time_constant, rate_limit, h):
 
 @jit
 def command_step(value, slope, target, time_constant, h):
-    """Return a command and its slope after h seconds of a critically damped second-order lag towards a target."""
+    """Return a command and its slope after a critically damped second-order lag towards a constant target.
+
+    value, target : rad. Command at the start, and its target.
+    slope : rad/s. Slope of the command at the start.
+    time_constant, h : s. Time constant of the lag, and length of the step.
+    """
     x = value - target
     rise = slope + x / time_constant
     decay = math.exp(-h / time_constant)
@@ -42,17 +58,29 @@ def command_step(value, slope, target, time_constant, h):
 
 @jit
 def lag_step(value, drive, time_constant, h):
-    """Return the output of a first-order lag after h seconds of a constant drive."""
+    """Return the output of a first-order lag after a constant input.
+
+    value, drive : output at the start, and input
+    time_constant, h : s. Time constant of the lag, and length of the step.
+    """
     return drive + (value - drive) * math.exp(-h / time_constant)
 
 
 @jit
 def gust_step(first, second, x, n0, n1):
-    """Return the two states, of unit variance, of a Dryden gust across the path after a step.
+    """Return the two states of a Dryden gust across the path after a step.
 
-    x = h V / L is the step as a part of the time L / V in which the vehicle passes a length of scale; n0, n1 are
-    standard normals. The discretisation is exact and keeps unit variance however V / L varies from step to step. The
-    gust is `gust_of` times its sigma.
+    The discretisation is exact. The states have unit variance, however V / L varies from step to step. The gust is
+    `gust_of` times its sigma.
+
+    Parameters
+    ----------
+    first, second : float
+        States at the start.
+    x : float
+        h V / L: the step h divided by the time L / V in which the vehicle travels a scale length L at the airspeed V.
+    n0, n1 : float
+        Standard normal draws.
     """
     decay = math.exp(-x)
     square = decay * decay
@@ -79,14 +107,19 @@ def gust_of(first, second):
 
 @jit
 def body_step(angle, rate, drift, push, mid, end, coefficients, h):
-    """Return angle (rad), rate (rad/s) and lateral speed (m/s) after h seconds: one Runge-Kutta step of fourth order.
+    """Return angle, rate and lateral speed after one classical Runge-Kutta step of fourth order.
 
     Parameters
     ----------
-    angle, rate, drift : deviations from the nominal attitude and path at the start
-    push, mid, end : nozzle angle (rad), misalignment included, at the start, in the middle and at the end
-    coefficients : (effectiveness 1/s^2, thrust over mass m/s^2, moment and force per lateral airspeed rad/s/m and 1/s,
-        airspeed m/s, lateral wind less nominal lateral airspeed m/s, other angular acceleration rad/s^2)
+    angle, rate, drift : float
+        Deviations from the nominal attitude (rad), rate (rad/s) and lateral speed (m/s) at the start.
+    push, mid, end : float
+        Nozzle angle (rad), misalignment included, at the start, in the middle and at the end.
+    coefficients : tuple of 7 floats
+        Effectiveness (1/s^2), thrust over mass (m/s^2), moment and force per lateral airspeed (rad/s/m and 1/s),
+        airspeed (m/s), lateral wind less nominal lateral airspeed (m/s), other angular acceleration (rad/s^2).
+    h : float
+        Length of the step (s).
     """
     a1, b1 = _rates(angle, drift, push, coefficients)
     r2 = rate + 0.5 * h * a1
@@ -103,7 +136,10 @@ def body_step(angle, rate, drift, push, mid, end, coefficients, h):
 
 @jit
 def _rates(angle, drift, nozzle, coefficients):
-    """Return angular acceleration and the derivative of the lateral speed; arguments as of `body_step`."""
+    """Return the angular acceleration (rad/s^2) and the derivative of the lateral speed (m/s^2).
+
+    nozzle : rad. Nozzle angle, misalignment included. The other arguments are those of `body_step`.
+    """
     effectiveness, thrust_load, moment, force, airspeed, wind, acceleration = coefficients
     crosswind = airspeed * angle - drift + wind
     return (
@@ -114,17 +150,18 @@ def _rates(angle, drift, nozzle, coefficients):
 
 @jit
 def lateral_force(angle, drift, nozzle, coefficients):
-    """Return the lateral specific force (m/s^2) that the body feels; arguments as of `body_step`."""
+    """Return the lateral specific force (m/s^2) on the body; the arguments are those of `_rates`."""
     _, thrust_load, _, force, airspeed, wind, _ = coefficients
     return thrust_load * nozzle + force * (airspeed * angle - drift + wind)
 
 
 @jit
 def filter_gain(variance, driving, noise):
-    """Return variance after a measurement and gain of the filter of a scalar random walk.
+    """Return the variance after a measurement, and the gain, of the filter of a scalar random walk.
 
-    `variance` is that after the measurement before, `driving` the variance of a step of the walk, `noise` that of a
-    measurement.
+    variance : variance after the previous measurement
+    driving : variance of a step of the walk
+    noise : variance of the measurement noise
     """
     prior = variance + driving
     total = prior + noise
@@ -134,10 +171,14 @@ def filter_gain(variance, driving, noise):
 
 @jit
 def thruster_of(state, error, dead_band, release):
-    """Return the sense (-1, 0, 1) of a thruster pair that drives `error` into its dead band.
+    """Return the sense (-1, 0, 1) of a thruster pair that drives an error into its dead band.
 
-    A thruster opens outside the dead band and closes once the error is within the part `release` of it, or has changed
-    sign.
+    A thruster opens outside the dead band. It closes once the error is within the part `release` of the dead band, or
+    has changed sign.
+
+    state : present sense
+    error, dead_band : rad
+    release : fraction of the dead band
     """
     if error > dead_band:
         return -1.0

@@ -52,7 +52,10 @@ _ZERO = np.uint64(0)
 
 @inlined
 def draw_pair(control, source, number):
-    """Return two standard normals of a source, for pitch and yaw; `number`: the tick or stage that they belong to."""
+    """Return two standard normals of a source, for pitch and yaw.
+
+    number : tick or stage of the draws
+    """
     k0, k1, run = control.draws
     first, second, _, _ = normals(k0, k1, source, run, number, _ZERO)
     return first, second
@@ -89,7 +92,7 @@ def begin(control):
 
 @jit
 def profile_draws(draws):
-    """Return a run's two draws of the steady wind: along its profile, and across."""
+    """Return the two standard normals of a run that scale its steady wind: along its direction, and across."""
     along, across, _, _ = normals(draws.k0, draws.k1, _WIND_PROFILE, draws.run, _ZERO, _ZERO)
     return along, across
 
@@ -98,6 +101,7 @@ def profile_draws(draws):
 def ignite(control, motor, up, right):
     """Activate the nozzle of another stage, centred, with its own misalignment.
 
+    motor : number of the stage; 0: no motor burns
     up, right : rad. Additional misalignment.
     """
     memory, plant = control.memory, control.settings.plant

@@ -42,7 +42,16 @@ def flown_ascent(card: VehicleAscent) -> Trajectory:
 def fly_launch(ascent: SolvedAscent, launch: Launch, card: SteeredCard) -> Trajectory:
     """Return the trajectory of one launch, whose motors burn as long as on the nominal ascent.
 
-    The attitude is that of the controlled loop; roll is that of the ascent. Knots lie a tick apart.
+    The attitude is that of the controlled loop; roll is that of the ascent. Knots are one tick apart.
+
+    Parameters
+    ----------
+    ascent : SolvedAscent
+        The nominal ascent.
+    launch : Launch
+        Vehicle, controller and wind on the ticks of the IMU.
+    card : SteeredCard
+        Card with the feedback and the number of the realisation.
     """
     nominal = ascent.trajectory
     draws = autopilot.DrawKeys(*seed_words(_SEED), np.uint64(card.realisation))
@@ -88,7 +97,11 @@ def _phases(nominal: Trajectory, pilot: TurningPilot) -> Iterator[Phase]:
 
 
 def _turned_attitude(nominal: Trajectory, t: Floats, angles: Floats) -> BSpline:
-    """Return the attitude spline at times t (n,) of a body turned from its nominal attitude by angles (n, 2) rad."""
+    """Return the attitude spline of a body that is turned from its nominal attitude.
+
+    t : (n,) s since lift-off
+    angles : (n, 2) rad. Pitch up and yaw to the right.
+    """
     # rotation vectors: pitching up is about the y axis, yawing right about z
     turns = np.concatenate([np.zeros((t.size, 1)), angles], axis=1)
     nominal_q = motion(nominal, np.clip(t, 0.0, nominal.end)).q_b_i

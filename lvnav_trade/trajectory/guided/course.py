@@ -53,9 +53,23 @@ def changes(trajectory: Trajectory) -> Floats:
 def course_along(
     ascent: SolvedAscent, controller: ControllerCard, envelope: EnvelopeCard, rate: float
 ) -> CommandedAttitude:
-    """Return the commanded attitude along an ascent, on ticks at `rate` (Hz) from lift-off to the end.
+    """Return the commanded attitude along an ascent.
 
-    InputError if a turn starts at an unknown event.
+    Parameters
+    ----------
+    ascent : SolvedAscent
+        The nominal ascent.
+    controller : ControllerCard
+        Card with the turn manoeuvres.
+    envelope : EnvelopeCard
+        Envelope, which determines the intervals around changes of thrust.
+    rate : float
+        Rate of the ticks (Hz), from lift-off to the end.
+
+    Raises
+    ------
+    InputError
+        A turn starts at an unknown event.
     """
     trajectory = ascent.trajectory
     n_tick = int(np.floor(trajectory.end * rate + 1e-6))

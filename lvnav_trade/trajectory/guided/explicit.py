@@ -86,9 +86,14 @@ def schuler_coast(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
 
 @jit
 def integrals(acceleration: float, exhaust: float, span: float) -> ThrustIntegrals:
-    """Return the integrals L, J, H, S, Q, P over a span (s) of constant thrust that begins with an acceleration.
+    """Return the thrust integrals L, J, H, S, Q, P of a constant thrust and mass flow.
 
-    L, J, H are those of a, a t, a t^2; S, Q, P the double integrals of the same; exhaust speed in m/s.
+    L, J, H are the integrals of a, a t and a t^2 (m/s, m, m s). S, Q, P are the double integrals of the same (m, m s,
+    m s^2).
+
+    acceleration : m/s^2. Specific force at the start.
+    exhaust : m/s. Exhaust speed.
+    span : s. Duration.
     """
     tau = exhaust / acceleration
     half = 0.5 * exhaust * span * span
@@ -103,7 +108,11 @@ def integrals(acceleration: float, exhaust: float, span: float) -> ThrustIntegra
 
 @making_arrays
 def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
-    """Set the initial values of the first pass: the nominal place of cut-off, and the velocity there."""
+    """Set the initial values of the first pass: the nominal position at cut-off, and the velocity there.
+
+    law_state : (N_LAW_STATE,). Set.
+    r, v : (3,) m, m/s. Navigated position and velocity, frame i.
+    """
     law_state[:] = 0.0
     radial = target.place / np.linalg.norm(target.place)
     downrange = np.cross(target.normal, radial)
@@ -117,9 +126,15 @@ def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
 
 @making_arrays
 def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal: Floats) -> Floats:
-    """Return the position to go (3,) whose component downrange is that of the thrust.
+    """Return the position to go (3,) m whose component downrange is that of the thrust.
 
     The range at cut-off is free: the component of rgo downrange follows from S = rgo lambda_v.
+
+    lambda_v : (3,). Unit vector along the velocity to go.
+    S : m. Double integral of the specific force.
+    rgo : (3,) m. Position to go, with any component downrange.
+    rd : (3,) m. Desired position.
+    normal : (3,). Normal of the orbital plane. All vectors are in frame i.
     """
     iy = -normal  # against the angular momentum
     ix = rd / np.linalg.norm(rd)
@@ -131,9 +146,12 @@ def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal:
 
 @making_arrays
 def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegrals) -> tuple[Floats, Floats]:
-    """Return the velocity and the position (3,) gained by a thrust that turns from lambda_v at the rate lambda_dot.
+    """Return the velocity (m/s) and position (m), (3,) each, gained by a thrust that turns at a constant rate.
 
     They are of second order in the angle phi + phi_dot t between the thrust and lambda_v.
+
+    lambda_v : (3,). Unit vector of the thrust at the reference time.
+    lambda_dot : (3,) 1/s. Its rate.
     """
     L, J, H, S, Q, P = thrust
     start = lambda_v - lambda_dot * (J / L)
@@ -155,9 +173,14 @@ def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegral
 def _gravity_over_burn(
     r: Floats, v: Floats, tgo: float, vthrust: Floats, rthrust: Floats, schuler: bool
 ) -> tuple[Floats, Floats]:
-    """Return the change of velocity and position (3,) by gravity over the burn.
+    """Return the change of velocity (m/s) and position (m), (3,) each, by gravity over the burn.
 
     It is that of a free fall, whose initial state is shifted so that it stays close to the powered path.
+
+    r, v : (3,) m, m/s. Present position and velocity, frame i.
+    tgo : s. Time to go.
+    vthrust, rthrust : (3,) m/s, m. Velocity and position gained by thrust.
+    schuler : whether the free fall is that of `schuler_coast`; otherwise it is integrated
     """
     r1 = r - 0.1 * rthrust - tgo / 30.0 * vthrust
     v1 = v + 1.2 * rthrust / tgo - 0.1 * vthrust

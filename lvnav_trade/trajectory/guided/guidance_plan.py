@@ -92,7 +92,17 @@ def _cached_plan(key: str, card: VehicleAscent) -> GuidancePlan:
 
 
 def plan_along(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> GuidancePlan:
-    """Return the guidance data of a solved ascent."""
+    """Return the guidance data of a solved ascent: attitude programme, target and cut-off.
+
+    Parameters
+    ----------
+    card : VehicleAscent
+        Card of the ascent.
+    aim : TargetingUnknowns
+        Solution of the targeting.
+    flight : SimulatedAscent
+        The simulated ascent. Its last burn before injection defines the target.
+    """
     injection = flight.events["injection"]
     last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= injection + 1e-9)
     cutoff_state = last.y[-1]

@@ -105,9 +105,24 @@ def with_rate_gain(launch: Launch, factor: float) -> Launch:
 def fly_missions(
     launch: Launch, feedback: FeedbackCard, runs: int, seed: int = 1, every: int = 200, first_run: int = 0
 ) -> Missions:
-    """Return runs of a launch; draws depend on seed and run alone, so two ways of feeding have the same draws.
+    """Return runs of a launch.
 
-    `every` is the number of ticks from record to record.
+    Draws depend on seed and run alone, so that runs with different feedback have the same draws.
+
+    Parameters
+    ----------
+    launch : Launch
+        Vehicle, controller and wind on the ticks of the IMU.
+    feedback : FeedbackCard
+        Rate and attitude that the controller receives.
+    runs : int
+        Number of runs.
+    seed : int
+        Seed of the draws.
+    every : int
+        Number of ticks between records.
+    first_run : int
+        Number of the first run.
     """
     n_tick = launch.course.t.size - 1
     n_record = (n_tick - 1) // every + 1
@@ -126,7 +141,11 @@ def fly_missions(
 def fly_mission(
     launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int, path: bool = False
 ) -> TurningPilot:
-    """Return the pilot after one simulated run; path: whether its state at every tick is recorded."""
+    """Return the pilot after one simulated run.
+
+    every : number of ticks between records
+    path : whether the state at every tick is recorded
+    """
     ascent = launch.ascent
     turning = turning_of(launch, feedback, draws, every, path)
     nominal = deviations(ascent.plan.card, {})
@@ -190,7 +209,10 @@ def _stack_row(stack: Stack) -> tuple[float, float, float, float]:
 def control_of(
     launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int = _ONCE
 ) -> autopilot.ControlledAttitude:
-    """Return the controlled attitude of one run at lift-off."""
+    """Return the controlled attitude of one run at lift-off.
+
+    every : number of ticks between records
+    """
     n_record = (launch.course.t.size - 2) // every + 1
     envelope_fields = {name: getattr(launch.envelope, name) for name in autopilot.CommandedEnvelope._fields}
     settings = autopilot.AutopilotSettings(
@@ -226,9 +248,16 @@ def _gusts(card: WindCard) -> Gusts:
 
 
 def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> Wind:
-    """Return the steady wind of a run: that of its card, which is drawn along and across its direction, plus another.
+    """Return the steady wind of a run: that of its card, drawn along and across its direction, plus a further wind.
 
-    further : The other wind.
+    Parameters
+    ----------
+    launch : Launch
+        Launch with the wind card.
+    draws : DrawKeys
+        Keys of the random draws of the run.
+    further : Wind
+        Wind that is added; zero above its heights.
     """
     card = launch.wind
     draw_along, draw_across = axis_state.profile_draws(draws)

@@ -48,7 +48,11 @@ class Piece(NamedTuple):
 
 @making_arrays
 def guidance_pass(piece: Piece, y: Floats, law_state: Floats) -> Floats:
-    """Return the state of guidance (N_LAW_STATE,) after its pass at the begin of a piece, at a state y (n_motion,)."""
+    """Return the state of guidance (N_LAW_STATE,) after its pass at the begin of a piece.
+
+    y : (n_motion,). True state at the begin, see `Piece`.
+    law_state : (N_LAW_STATE,). State of guidance before the pass.
+    """
     law = piece.inputs.law
     law.state[:] = law_state
     if piece.steers:
@@ -58,8 +62,9 @@ def guidance_pass(piece: Piece, y: Floats, law_state: Floats) -> Floats:
 
 @making_arrays
 def final_state(piece: Piece, y: Floats, law_state: Floats) -> Floats:
-    """Return the state (n_motion,) at the end of a piece that begins at y (n_motion,).
+    """Return the state (n_motion,) at the end of a piece.
 
+    y : (n_motion,). True state at the begin, see `Piece`.
     law_state : (N_LAW_STATE,). State of guidance after its pass at the begin.
     """
     piece.inputs.law.state[:] = law_state

@@ -75,7 +75,7 @@ class GuidedPilot(Pilot):
             self.longest = min(STEP, _LAG_STEP * plan.lag)
 
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
-        """Fly a stretch without a jump for a duration (s)."""
+        """Simulate a stretch without a jump for a duration (s)."""
         if duration > 0.0:
             self.y = fly_piece(self.t, self.t + duration, self.longest, self.y, engine, self.inputs)
             self.t += duration
@@ -125,12 +125,16 @@ class GuidedPilot(Pilot):
         return DEPLETED
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
-        """Simulate a piece of the last burn to `end` (s) at the latest; return how it ends, as `fly_last` does."""
+        """Simulate a piece of the last burn; return how it ends, as `fly_last` does.
+
+        end : s since lift-off. Latest end.
+        push : propulsion of the piece
+        """
         self.t, self.y, reason = fly_last(self.t, end, self.longest, self.y, push, self.inputs, cutoff)
         return reason
 
     def fly(self) -> str:
-        """Fly from lift-off to the end of the last burn; return the outcome."""
+        """Simulate the ascent from lift-off to the end of the last burn; return the outcome."""
         for number in range(1, self.card.inserting):
             self.stage(number)
         return self.last_burn()
@@ -152,7 +156,7 @@ class PathSegment(NamedTuple):
 
 
 class TurningPilot(GuidedPilot):
-    """Flies a vehicle under attitude control, by a plan or with the burn times of the nominal flight.
+    """Simulation of a vehicle under attitude control, by a plan or with the burn times of the nominal ascent.
 
     turning : Attitude control, body and gusts.
     stretches : Stretches of the path so far, if the path is recorded.
@@ -209,11 +213,11 @@ class TurningPilot(GuidedPilot):
         super().burn(number, duration, again)
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
-        """Fly a piece of the last burn, tick by tick."""
+        """Simulate a piece of the last burn, tick by tick; see `GuidedPilot.burn_until`."""
         return self._turn(end, push, cutoff)
 
     def fly_nominal(self) -> None:
-        """Fly from lift-off to the end of the final coast, with the burn times of the nominal flight."""
+        """Simulate the ascent to the end of the final coast, with the burn times of the nominal ascent."""
         for number in range(1, self.card.inserting):
             self.stage(number)
         self.into_orbit()

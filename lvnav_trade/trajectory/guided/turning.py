@@ -233,10 +233,13 @@ def _set_targets(t, inputs, turning):
 
 @inlined
 def _advance(t, h, y, engine, inputs, turning, end):
-    """Turn the body and move it over h seconds from y (7,); end (7,) is set.
+    """Turn the body and move it over h seconds.
 
     The velocity changes by the mean of the accelerations at both ends (Heun). The second acceleration is evaluated at
     the state predicted with the first.
+
+    t, h : s. Time since lift-off, and length of the step.
+    y, end : (7,). State at the start, and at the end (set).
     """
     forces, before = forces_and_rates(t, y, engine, inputs, turning)
     move(turning.control, forces, h)
@@ -256,7 +259,10 @@ def _advance(t, h, y, engine, inputs, turning, end):
 
 @making_arrays
 def _distance_to_end(t, y, inputs, cutoff, end):
-    """Return the distance of a state to the end of the burn: mass, energy or time; negative after it."""
+    """Return the distance of a true state y (7,) to the end of the burn; negative after it.
+
+    end : EMPTY (distance in mass, kg) or CUT_OFF (distance in navigated energy, J/kg, or in time, s).
+    """
     if end == EMPTY:
         return y[6] - cutoff.empty
     if cutoff.by_energy:
