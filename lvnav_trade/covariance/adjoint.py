@@ -96,7 +96,16 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
 def _components_back(back, scratch, sums, true, units, seconds, window, time_bin):
     """Propagate the adjoint of the components backwards through a window, and add the contribution of their noise.
 
+    Parameters
+    ----------
+    back : BackwardPass, updated in place
+    scratch : BackwardScratch
+    sums : (18,) integrals of the strapdown over the window
+    true : Components
+    units : ImuArray; None for one IMU
+    seconds : s, length of the window
     window : index of its length, first tick, number of ticks
+    time_bin : bin of the contribution
     """
     length, first, n_tick = window
     decay = true.decay[length]
@@ -155,7 +164,18 @@ def _start_back(back, true):
 
 @jit
 def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_bin):
-    """Propagate the adjoint backwards through the update of a tick by IMU samples, and add contributions."""
+    """Propagate the adjoint backwards through the update of a tick by IMU samples, and add contributions.
+
+    Parameters
+    ----------
+    back : BackwardPass, updated in place
+    scratch : BackwardScratch, with the partial derivatives of the tick
+    sample_gain : (n_tick, 6, n) joint gains on the tape
+    true, vehicle : Components, VehicleModel
+    units : ImuArray; None for one IMU
+    tick : index
+    time_bin : bin of the contribution
+    """
     fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
     gain_adjoint = scratch.y
     n_axis = 1 if units is None else 3  # an axis of an array enters all combined axes
@@ -193,8 +213,13 @@ def _tick_back(back, scratch, flight, true, vehicle, units, tick):
 
 @jit
 def _ticks_back(back, scratch, tape, true, case, flight, vehicle, window):
-    """Propagate the adjoint backwards through the ticks of a window with IMU samples (VehicleModel, or None).
+    """Propagate the adjoint backwards through the ticks of a window with IMU samples.
 
+    Parameters
+    ----------
+    back, scratch : BackwardPass, BackwardScratch; updated in place
+    tape, true, case, flight : UpdateTape, Components, FilterCase, NominalFlight
+    vehicle : VehicleModel, or None
     window : first tick, number of ticks, bin of time
     """
     if vehicle is not None:
@@ -207,7 +232,15 @@ def _ticks_back(back, scratch, tape, true, case, flight, vehicle, window):
 
 @jit
 def _window_back(back, scratch, tape, true, case, w, time_bin):
-    """Propagate the adjoint backwards over window w, and add the contributions of process noise and components."""
+    """Propagate the adjoint backwards over a window, and add the contributions of process noise and components.
+
+    Parameters
+    ----------
+    back, scratch : BackwardPass, BackwardScratch; updated in place
+    tape, true, case : UpdateTape, Components, FilterCase
+    w : index of the window
+    time_bin : bin of the contribution
+    """
     schedule, model = case.schedule, case.model
     length = schedule.length[w]
     seconds = model.seconds[length]

@@ -158,7 +158,15 @@ def _renewal_noise(prepared: Prepared, block: str, satellite: str) -> tuple[str,
 
 @jit
 def measure_further(nominal, further, signals, epoch):
-    """Set the further observables (phases, differences) of the nominal flight at an epoch; further : or None."""
+    """Set the further observables (phases, differences) of the nominal flight at an epoch.
+
+    Parameters
+    ----------
+    nominal : Nominal, of which `ranges` is updated in place
+    further : FurtherObservables, or None
+    signals : Signals
+    epoch : index
+    """
     if further is not None:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
@@ -180,7 +188,15 @@ def _clear_state(P, state):
 
 @inlined
 def _renew_joint(joint, successive, true, model, epoch):
-    """Reset the error of extra states that are renewed at an epoch, in every source and in the mean."""
+    """Reset the error of extra states that are renewed at an epoch, in every source and in the mean.
+
+    Parameters
+    ----------
+    joint : JointCovariance, updated in place
+    successive : SuccessiveErrors, or None
+    true, model : Components, FilterModel
+    epoch : index
+    """
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
@@ -209,7 +225,16 @@ def begin_successive(joint, successive, model, epoch):
 
 @inlined
 def renew_back(back, successive, model, epoch, time_bin):
-    """Propagate the adjoint backwards through the reset of states, and add the contribution of their new variance."""
+    """Propagate the adjoint backwards through the reset of states, and add the contribution of their new variance.
+
+    Parameters
+    ----------
+    back : BackwardPass, updated in place
+    successive : SuccessiveErrors, or None
+    model : FilterModel
+    epoch : index
+    time_bin : bin of the contribution
+    """
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
@@ -223,7 +248,16 @@ def renew_back(back, successive, model, epoch, time_bin):
 
 @jit
 def _origin(true, late, delayed, epoch, c):
-    """Return the joint state that a clone of the filter copies; with a late receiver that of the time of validity."""
+    """Return the joint state that a clone of the filter copies; with a late receiver that of the time of validity.
+
+    Parameters
+    ----------
+    true : Components
+    late : DelayProcessing, or None
+    delayed : DifferenceProcessing
+    epoch : index
+    c : index of the clone
+    """
     state = delayed.cloned[c]
     if late is not None and late.receiver >= 0 and state < 9:
         return true.clone + N_CLONE * place_of(late, late.receiver, epoch) + state

@@ -138,7 +138,14 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
 def write_samples(out, hist, state, true, units, samples, tick, dt):
     """Write the error variance of IMU samples without their noise by source: raw, and corrected by the estimated bias.
 
-    units : ImuArray, or None; samples : ReportedSamples; tick, dt : last tick, s
+    Parameters
+    ----------
+    out : PassResults, updated in place
+    hist : history time
+    state, true : JointCovariance, Components
+    units : ImuArray, or None
+    samples : ReportedSamples
+    tick, dt : last tick; s, of a tick
     """
     _write_biases(out, hist, state, true, samples)
     if units is None:
@@ -202,7 +209,16 @@ def _record_window(tape, w, work):
 
 @jit
 def _measure_receiver(work, further, signals, tight, epoch):
-    """Set the receiver's measurements on the nominal flight at an epoch."""
+    """Set the receiver's measurements on the nominal flight at an epoch.
+
+    Parameters
+    ----------
+    work : Nominal, updated in place
+    further : FurtherObservables, or None
+    signals : Signals
+    tight : whether ranges of satellites are processed; otherwise the receiver's solution
+    epoch : index
+    """
     if tight:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]

@@ -86,10 +86,15 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
 
 @jit
 def inform_nominal(formal, units, model, first, n_tick, seconds):
-    """Inflate the formal covariance for IMUs that are excluded on the nominal flight, as in a run, over a window.
+    """Inflate the formal covariance over a window for IMUs that are excluded on the nominal flight, as in a run.
 
-    formal : (n, n) covariance of the filter, updated in place; units : ImuArray, or None; first, n_tick, seconds :
-        window
+    Parameters
+    ----------
+    formal : (n, n) covariance of the filter, updated in place
+    units : ImuArray, or None
+    model : FilterModel
+    first, n_tick : first tick, number of ticks
+    seconds : s, length of the window
     """
     if units is not None:
         _inflate_exclusions(formal, units, units.redundant, model, first, n_tick, seconds)
@@ -110,8 +115,16 @@ def _inflate_exclusions(formal, units, redundant, model, first, n_tick, seconds)
 
 @jit
 def samples_of_units(out, hist, state, true, units, samples, tick, dt):
-    """Write the error variance of the combined samples without their noise by source: raw, and corrected by the
-    estimated bias.
+    """Write the error variance of the combined samples without their noise by source: raw, and corrected by the bias.
+
+    Parameters
+    ----------
+    out : PassResults, updated in place
+    hist : history time
+    state, true : JointCovariance, Components
+    units : ImuArray
+    samples : ReportedSamples
+    tick, dt : last tick; s, of a tick
     """
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.driver[j] < 0:
@@ -135,9 +148,17 @@ def samples_of_units(out, hist, state, true, units, samples, tick, dt):
 
 @jit
 def _add_component(out, hist, state, true, weights, component):
-    """Add a component to the covariances of the states that model it: weights (n_state,) of the component in them.
+    """Add a component to the covariances of the states that model it.
 
     P <- P + w y' + y w' + variance w w', with the covariance y of states and component.
+
+    Parameters
+    ----------
+    out : PassResults, updated in place
+    hist : history time
+    state, true : JointCovariance, Components
+    weights : (n_state,) weights w of the component in the states
+    component : index of the component
     """
     source, k = true.source[component], true.slot[component]
     g, lane = true.group[source], true.lane[source]
@@ -156,7 +177,16 @@ def _add_component(out, hist, state, true, weights, component):
 
 @jit
 def add_sums(out, hist, state, true, units, tick):
-    """Add the sums of components that filter states model to the results at a history time (ImuArray, or None)."""
+    """Add the sums of components that filter states model to the results at a history time.
+
+    Parameters
+    ----------
+    out : PassResults, updated in place
+    hist : history time
+    state, true : JointCovariance, Components
+    units : ImuArray, or None
+    tick : last tick, which determines the combination of the IMUs
+    """
     if units is not None:
         for j in range(true.sensor.shape[0]):
             for c in range(3):
@@ -203,9 +233,16 @@ def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: In
 
 
 def _modelled_share(frame: Floats, c: int, driver: int, block_driver: int) -> Floats:
-    """Return the share of a parameter of sensing axis c that each axis (3,) of a block of states models.
+    """Return the share (3,) of a parameter of a sensing axis that each axis of a block of states models.
 
-    frame : (3, 3) directions of the axis, body axes; driver, block_driver : driver of the parameter, and of the block
+    Parameters
+    ----------
+    frame
+        (3, 3). Direction and misalignment directions of the sensing axis, body axes.
+    c
+        Sensing axis.
+    driver, block_driver
+        Driver of the parameter, and of the block.
     """
     own_inputs = range(OWN_0, OWN_2 + 1)
     other_inputs = range(OTHER_0, OTHER_2 + 1)

@@ -84,6 +84,15 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
 
     Without a reported solution the history is returned unchanged. Covariances with other outputs are not computed and
     are zero.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        History to extend.
+    out
+        Results of the forward pass.
     """
     report, chain = prepared.options.report, prepared.chain
     if report is None or chain is None:

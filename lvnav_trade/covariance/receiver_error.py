@@ -20,7 +20,15 @@ N_SOLUTION_ENTRY = 12
 
 @jit
 def _multiply_states(y, work, A, first):
-    """Replace the states y[first:first + m] by A (m, m) times them."""
+    """Replace m states of a vector by A times them.
+
+    Parameters
+    ----------
+    y : (n,) joint vector, updated in place
+    work : (m,) scratch
+    A : (m, m)
+    first : first of the states
+    """
     m = A.shape[0]
     for i in range(m):
         total = like(y[0], 0.0)
@@ -33,7 +41,15 @@ def _multiply_states(y, work, A, first):
 
 @jit
 def _multiply_covariance(P, work, A, first):
-    """Replace the covariance P by that of states multiplied by A (m, m) from `first` on: rows, then columns."""
+    """Replace a covariance by that of states of which m are multiplied by A: rows, then columns.
+
+    Parameters
+    ----------
+    P : (n, n) joint covariance, updated in place
+    work : (m,) scratch
+    A : (m, m)
+    first : first of the m states
+    """
     n = P.shape[0]
     m = A.shape[0]
     for j in range(n):
@@ -90,7 +106,17 @@ def advance_solution(joint, scratch, chain, true, epoch):
 
 @jit
 def solution_back(back, work, chain, true, epoch, time_bin):
-    """Propagate the adjoint backwards through `advance_solution`, and add the contribution of its noise."""
+    """Propagate the adjoint backwards through `advance_solution`, and add the contribution of its noise.
+
+    Parameters
+    ----------
+    back : BackwardPass, updated in place
+    work : scratch
+    chain : SolutionErrorModel of a solution, or SuccessiveErrors
+    true : Components
+    epoch : index
+    time_bin : bin of the contribution
+    """
     A = chain.move[epoch]
     first = true.solution
     m = chain.move.shape[1]
@@ -125,7 +151,15 @@ def _copy_covariance(P, clone, first, n):
 
 @jit
 def clone_states(joint, true, clone, first, n):
-    """Copy n states of the joint vector from `first` to `clone`, in every source and in the mean."""
+    """Copy states of the joint vector, in every source and in the mean.
+
+    Parameters
+    ----------
+    joint : JointCovariance, updated in place
+    true : Components
+    clone : first state that is set
+    first, n : first state that is copied, number of states
+    """
     for g in range(true.n_slot.shape[0]):
         _copy_covariance(group(joint.sources, g), clone, first, n)
         for k in range(true.n_slot[g]):
@@ -139,6 +173,13 @@ def clone_error(joint, true, late, window):
     """Clone the navigation error at the end of a window, as `filter.policies.delay.keep` stores the state.
 
     The error by motion within a tick is neglected; it is below a millimetre.
+
+    Parameters
+    ----------
+    joint : JointCovariance, updated in place
+    true : Components
+    late : DelayProcessing, or None
+    window : index
     """
     if late is not None:
         for line in range(late.n_ring.shape[0]):
@@ -152,7 +193,15 @@ def clone_error(joint, true, late, window):
 
 @jit
 def _line_back(y, true, late, line, window):
-    """Add the adjoint of the clones of a line to that of the states that they copy, and reset it."""
+    """Add the adjoint of the clones of a line to that of the states that they copy, and reset it.
+
+    Parameters
+    ----------
+    y : (n,) adjoint of a metric, updated in place
+    true, late : Components, DelayProcessing
+    line : delay line, of the receiver or of a sensor
+    window : index
+    """
     for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
         clone = true.clone + N_CLONE * place_of(late, line, epoch)
         for i in range(N_NAV):
@@ -180,6 +229,12 @@ def complete_rows(H, late, epoch):
 
     The innovation depends on the error of the solution with -1. An extrapolation over the delay d with the acceleration
     from two velocities, b apart, depends on them with -d in position, and -d / b and d / b in velocity.
+
+    Parameters
+    ----------
+    H : (n, n_entry) Jacobian rows of the epoch; the last entries of the first six rows are set
+    late : DelayProcessing, or None
+    epoch : index
     """
     solution = H.shape[1] - N_SOLUTION_ENTRY
     velocity = solution + 6

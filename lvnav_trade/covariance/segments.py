@@ -154,8 +154,21 @@ def _predicted_stop(prepared: Prepared, segment: Segment) -> int | None:
 
 
 def with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: PassOutcome) -> PassOutcome:
-    """Return the results of a pass with those of the segments after restarts, and with the errors of the outputs while
-    the filter does not correct them.
+    """Return the results of a pass, completed for the mode logic of an open loop.
+
+    Results after a restart are those of its segment. While the filter does not correct the outputs, their errors are
+    those of the inertial system or of the predicted correction.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    true
+        Its error components.
+    tape
+        Tape for the additional passes.
+    passed
+        Outcome of the pass over the flight; its results are updated in place.
     """
     if not has_uncorrected_outputs(prepared):
         return passed
@@ -185,7 +198,17 @@ def _copy_times(out: PassResults, source: PassResults, times: Bools) -> None:
 
 
 def case_at(prepared: Prepared, true: Components, hist: int) -> Prepared:
-    """Return the case whose pass describes the outputs of an open loop with a mode logic at a history time."""
+    """Return the case whose pass describes the outputs of an open loop with a mode logic at a history time.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    true
+        Its error components.
+    hist
+        Index of the history time.
+    """
     no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
     segments = segments_of(prepared, true, run_pass(prepared, true, no_tape))
     for case, times in uncorrected_outputs(prepared, segments):

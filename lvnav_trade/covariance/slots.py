@@ -50,21 +50,45 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
 
 
 def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
-    """Return values by source (n_source, ...) as groups of lanes, (n_group, ..., n_lane)."""
+    """Return values by source as groups of lanes, (n_group, ..., n_lane).
+
+    Parameters
+    ----------
+    values
+        (n_source, ...).
+    group, lane
+        (n_source,). As from `places_of`.
+    """
     grouped = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
     grouped[group, ..., lane] = values
     return grouped
 
 
 def by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
-    """Return values by source and window length (n_source, n_length, ...) as (n_length, n_group, ..., n_lane), aligned
-    to a cache line.
+    """Return values by source and window length as (n_length, n_group, ..., n_lane), aligned to a cache line.
+
+    Parameters
+    ----------
+    values
+        (n_source, n_length, ...).
+    group, lane
+        (n_source,). As from `places_of`.
     """
     return aligned(np.swapaxes(as_lanes(values, group, lane), 0, 1))
 
 
 def slot_tables(components: list[Component], n_source: int, n_length: int) -> dict[str, Any]:
-    """Return places, flags, decay and noise of all components, by name of the field of `Components`."""
+    """Return places, flags, decay and noise of all components, by name of the field of `Components`.
+
+    Parameters
+    ----------
+    components
+        Components of all sources.
+    n_source
+        Number of sources.
+    n_length
+        Number of window lengths.
+    """
     count = [0] * n_source
     slots = []
     states: list[int] = []

@@ -55,7 +55,7 @@ def _initial_error(start, block, k0, k1, run):
 
     Parameters
     ----------
-    start : keys `sources` of the draws, and matrix roots `roots` (3, 3, 3) of the covariance of each block
+    start : InitialState, with the square roots of the covariance and the keys of the draws
     block : 0 attitude, 1 velocity, 2 position
     k0, k1, run : key words of the seed; run, one or eight lanes
     """
@@ -74,8 +74,7 @@ def _begin_estimate(work, start, model, k0, k1, run):
     Parameters
     ----------
     work : Work, updated in place
-    start : initial state, its draws and the initial covariance of the filter
-    model : FilterModel
+    start, model : InitialState, FilterModel
     k0, k1, run : key words of the seed; run, one or eight lanes
     """
     q0, q1, q2, q3 = from_errors(work, start, k0, k1, run)
@@ -114,7 +113,7 @@ def from_errors(work, start, k0, k1, run):
     Parameters
     ----------
     work : Work, of which `nav` is updated in place
-    start : initial state with its draws
+    start : InitialState
     k0, k1, run : key words of the seed; run, one or eight lanes
     """
     true = start.nav

@@ -52,7 +52,21 @@ class Curve(NamedTuple):
 
 @jit
 def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
-    """Set out (n, 6) to the means of the IMU's output over `count` ticks each, rad/s and m/s^2."""
+    """Set the means of the IMU's output.
+
+    Parameters
+    ----------
+    out
+        (n, 6) rad/s and m/s^2. Set here.
+    work
+        Arrays of the run, `_Work`.
+    unit
+        ImuTruth of the IMU at rest.
+    count
+        Ticks of each mean.
+    key
+        (2,). Key words of the seed.
+    """
     for k in range(out.shape[0]):
         sense(work, None, unit, None, k * count, count, key)
         for i in range(6):
@@ -63,7 +77,19 @@ def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
 
 
 def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuTruth:
-    """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion."""
+    """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    triad
+        Number of the triad.
+    card
+        Card of its IMU.
+    n_tick
+        Number of ticks.
+    """
     unit = prepared.unit
     no_motion = np.zeros((n_tick, 3))
     blocks = unit.sensors // 2 == triad
@@ -84,7 +110,21 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuT
 
 
 def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
-    """Return the output of an IMU of a case at rest, as means over its process steps, (n_mean, 6) rad/s and m/s^2."""
+    """Return the output of an IMU of a case at rest, as means over its process steps, (n_mean, 6) rad/s and m/s^2.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    triad
+        Number of the triad.
+    card
+        Card of its IMU.
+    n_mean
+        Number of process steps.
+    seed
+        Seed of the draws.
+    """
     unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
     n_block = max(1, len(unit.sigma))
     work = _Work(
@@ -126,7 +166,14 @@ def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Fl
 def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:
     """Return the Allan deviations of gyros and accelerometers of every IMU of a case, from a simulated stream.
 
-    seconds : length of the stream; empty if it is too short for one averaging time
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seconds
+        s. Length of the stream; without curves if it is too short for one averaging time.
+    seed
+        Seed of the draws.
     """
     dt = prepared.unit.dt * prepared.unit.process_ticks
     n_mean = math.floor(seconds / dt)

@@ -121,12 +121,21 @@ def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tupl
 
 
 def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float) -> Nonlinearity:
-    """Return the nonlinearity of an open loop at the history time nearest to `time` (s), accumulated since the start.
+    """Return the nonlinearity of an open loop, accumulated since the start.
 
     The filter is linearised at the uncorrected INS, whose distance from the truth grows. The directions are those of
     the initial errors. The second-order part is the error of the INS beyond the filter's transition; measurements do
     not correct it here, so `motion` is an upper bound. The curvature of a measurement is the same at successive epochs
     and does not average out, so `rows` is in sigmas of the prediction, without noise.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    time
+        s since lift-off. The nearest history time is used.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     time = float(prepared.t_hist[hist])
@@ -224,9 +233,20 @@ def _pieces(prepared: Prepared, begin: float, end: float) -> Windows:
 
 
 def _strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
-    """Return the navigation errors (n, 9) at the end of the windows for initial errors (n, n_state), by the strapdown.
+    """Return the navigation errors (n, 9) SI at the end of the windows, by the strapdown.
 
     The error-free flight and the drivers of IMU parameters are computed once.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    start
+        Tick at which the windows start.
+    errors
+        (n, n_state) SI. Initial errors.
+    windows
+        First tick, number of ticks and decay factors (n_state,) of each window.
     """
     sums = np.zeros(N_SUM)
     algorithm = full_rate(prepared.model.strapdown.gravity)
@@ -254,8 +274,18 @@ def _strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: W
 
 
 def _linear_errors(prepared: Prepared, start: int, directions: Floats, windows: Windows) -> Floats:
-    """Return the errors (n, n_state) at the end of the windows for initial errors (n, n_state), by the filter's
-    transition.
+    """Return the errors (n, n_state) SI at the end of the windows, by the filter's transition.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    start
+        Tick at which the windows start.
+    directions
+        (n, n_state) SI. Initial errors.
+    windows
+        First tick, number of ticks and decay factors (n_state,) of each window.
     """
     model, dt = prepared.model, prepared.unit.dt
     no_error = np.zeros(directions.shape[1])
@@ -278,7 +308,20 @@ def _linear_errors(prepared: Prepared, start: int, directions: Floats, windows: 
 def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
     """Return the largest second-order part of a measurement at the nearest epoch, in sigmas of its innovation.
 
-    noise : factor on the noise variance; 0: in sigmas of the prediction
+    It is NaN if the filter processes no measurement of the receiver at that epoch.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    time
+        s since lift-off.
+    directions
+        (n, n_state) SI. Errors of the estimate.
+    formal
+        (n_state, n_state) SI squared. Formal covariance.
+    noise
+        Factor on the noise variance; 0: in sigmas of the prediction.
     """
     model = prepared.model
     if not model.n_receiver or not prepared.t_epoch.size:
@@ -300,7 +343,19 @@ def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, forma
 
 
 def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
-    """Return minus the predicted measurements of an epoch, by an estimate in error by d, up to a constant."""
+    """Return minus the predicted measurements of an epoch, up to a constant, SI.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run, set here.
+    epoch
+        Index of the epoch.
+    d
+        (n_state,) SI. Error of the estimate, truth minus estimate.
+    """
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     previous_epoch = place_previous_epoch(prepared, work, epoch, d)
     place(prepared, work, epoch, d)

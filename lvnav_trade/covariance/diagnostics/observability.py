@@ -99,7 +99,14 @@ class _Folding(NamedTuple):
 
 @jit
 def _fold_samples(folding, samples, first, n_tick):
-    """Add the rows of the IMU samples of a window, and propagate the transition; return the number of rows."""
+    """Add the rows of the IMU samples of a window, and propagate the transition; return the number of rows.
+
+    Parameters
+    ----------
+    folding : _Folding, updated in place
+    samples : _Samples
+    first, n_tick : first tick, number of ticks
+    """
     vehicle = samples.vehicle
     phi, h, row = folding.phi, folding.h, folding.row
     n = phi.shape[0]
@@ -243,7 +250,17 @@ def _begin_epoch(phi, delayed, extra_offset, epoch):
 
 
 def _triangular_factor(prepared: Prepared, rows: _ObservabilityArrays, first: int, last: int) -> tuple[int, Floats]:
-    """Return the number of rows of the windows from first to last, and their triangular factor (n, n)."""
+    """Return the number of scalar measurements of some windows, and the triangular factor (n, n) of their rows.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    rows
+        Arrays of the forward pass.
+    first, last
+        Windows, both included.
+    """
     n = prepared.layout.n_state
     vehicle = prepared.options.vehicle
     delayed = prepared.options.delayed
@@ -347,7 +364,17 @@ def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = N
 
 
 def in_words(direction: Floats, names: tuple[str, ...], threshold: float = 0.3) -> str:
-    """Return a direction of the state space in words: its entries above a threshold, largest first."""
+    """Return a direction of the state space in words: its largest entries with the names of the states.
+
+    Parameters
+    ----------
+    direction
+        (n,). Direction, in initial sigmas.
+    names
+        Names of the states.
+    threshold
+        Smallest magnitude of an entry that is included.
+    """
     order = np.argsort(-np.abs(direction))
     entries = [f"{direction[i]:+.2f} {names[i]}" for i in order if abs(direction[i]) >= threshold]
     return ", ".join(entries)

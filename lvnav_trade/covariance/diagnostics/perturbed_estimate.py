@@ -20,16 +20,31 @@ _driver = getattr(transition.driver, "py_func", transition.driver)  # the formul
 
 
 def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) with error d (n_state,).
+    """Return the estimated navigation state (10,) with a given error, frame i.
 
-    q, v, r : (4,), (3,) m/s, (3,) m. True attitude, velocity and position, frame i.
+    Parameters
+    ----------
+    q, v, r
+        (4,), (3,) m/s, (3,) m. True attitude (body to i), velocity and position, frame i.
+    d
+        (n_state,) SI. Error, truth minus estimate.
     """
     turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
     return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
 
 
 def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) with error d at a tick."""
+    """Return the estimated navigation state (10,) with a given error at a tick, frame i.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    tick
+        Index of the tick.
+    d
+        (n_state,) SI. Error, truth minus estimate.
+    """
     reference = prepared.reference
     return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
 
@@ -49,7 +64,15 @@ class Inputs(NamedTuple):
 
 
 def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
-    """Return the inputs of some ticks; they do not depend on the error of the estimate."""
+    """Return the inputs of some ticks; they do not depend on the error of the estimate.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    first, n_tick
+        First tick, number of ticks.
+    """
     ticks = slice(first, first + n_tick)
     dt = prepared.unit.dt
     true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
@@ -80,7 +103,17 @@ def compensated(inputs: Inputs, d: Floats) -> Floats:
 
 
 def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
-    """Return increments (n_tick, 6) of some ticks, compensated with parameters in error by d."""
+    """Return increments (n_tick, 6) rad and m/s, body axes, compensated with parameters in error.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    first, n_tick
+        First tick, number of ticks.
+    d
+        (n_state,) SI. Error, truth minus estimate.
+    """
     return compensated(inputs(prepared, first, n_tick), d)
 
 
@@ -116,9 +149,25 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
 
 
 def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
-    """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
+    """Return the stored estimate of the previous epoch, with the error of the clones.
 
-    None without differences of two epochs. The navigation state of `work` is changed.
+    The navigation state of `work` is changed.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run.
+    epoch
+        Index of the epoch.
+    d
+        (n_state,) SI. Error, of which the clones are used.
+
+    Returns
+    -------
+    PreviousEpoch or None
+        None without differences of two epochs.
     """
     delayed, model = prepared.options.delayed, prepared.model
     previous_epoch = new_nominal_previous_epoch(prepared)

@@ -83,10 +83,17 @@ def jacobians(prepared: Prepared) -> list[CheckResult]:
 
 
 def _deviations(rows: Floats, differences: Floats, groups: Bools) -> tuple[Floats, Ints]:
-    """Return the largest relative deviation of differences from rows (n_row, n_state), (n_row,), and its state.
+    """Return the largest relative deviation of differences from rows, (n_row,), and its state, (n_row,).
 
-    groups (n_state, n_state): whether two states belong to the same quantity. A component of a vector may be near zero
-    although the vector is not, so deviations are relative to the largest entry of the quantity.
+    A component of a vector may be near zero although the vector is not, so deviations are relative to the largest entry
+    of the quantity.
+
+    Parameters
+    ----------
+    rows, differences
+        (n_row, n_state). Jacobian rows, and differences of measurements.
+    groups
+        (n_state, n_state). Whether two states belong to the same quantity.
     """
     magnitude = np.maximum(np.abs(rows), np.abs(differences))
     largest_of_quantity = np.max(np.where(groups, magnitude[:, None, :], 0.0), axis=2)
@@ -116,10 +123,23 @@ def _spread(epochs: Ints) -> list[int]:
 
 
 def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
-    """Set the estimate to the truth minus the error d.
+    """Set the estimate to the truth minus an error.
 
     The body rate, which moves the antenna, depends on the gyro bias or on the rate state only: Jacobian rows neglect
-    other gyro parameters, so they are removed from d for the rate.
+    other gyro parameters, so they are removed from the error for the rate.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run, set here.
+    epoch
+        Index of the epoch.
+    d
+        (n_state,) SI. Error, truth minus estimate.
+    time
+        s since lift-off. Time of the truth; None: that of the epoch.
     """
     error = d.copy()
     motion = prepared.layout.motion
@@ -148,7 +168,21 @@ def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> 
 
 
 def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
-    """Return the rows of sensor k, which measures the truth at the time of validity in the filter."""
+    """Return the measurements of a sensor, which measures the truth at the time of validity in the filter.
+
+    Parameters
+    ----------
+    k
+        Index of the sensor.
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run, set here.
+    epoch
+        Index of the epoch.
+    d
+        (n_state,) SI. Error of the estimate, truth minus estimate.
+    """
     model, sensors = prepared.model, prepared.sensors
     assert sensors is not None  # the case has this one
     first_row = row_of(model, work, sensors.channel[k])

@@ -66,7 +66,19 @@ def _tick(prepared: Prepared, hist: int) -> int:
 
 
 def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int, d: Floats) -> None:
-    """Set the estimate of a run without true parameters, clock and correlated errors to the truth minus the error d."""
+    """Set the estimate of a run to the truth minus an error; true parameters, clock and correlated errors are zero.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work, parts
+        Arrays of the run, set here.
+    hist
+        Index of the history time.
+    d
+        (n_state,) SI. Error, truth minus estimate, frame i.
+    """
     model, truth, vehicle = prepared.model, prepared.record, prepared.options.vehicle
     work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
     work.P[:] = np.eye(model.n_state)
@@ -108,6 +120,15 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
 
     Directions are one-sigma errors of the filter's covariance at the beginning of the gap, propagated with both signs
     by the strapdown and by the filter's transition. Figures are in formal sigmas at the end.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    events
+        s since lift-off. Times of the events by name.
     """
     if prepared.options.vehicle is not None:
         reason = "samples of the IMU are measurements: there is no window without one"

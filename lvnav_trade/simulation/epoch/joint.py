@@ -66,10 +66,20 @@ def _record(tape, gain, h, epoch, channel):
 
 @jit
 def _enter_component(state, scratch, true, c, a):
-    """Add the effect of error component c on an update, after the update of the states.
+    """Add the effect of an error component c on an update, after the update of the states.
 
-    The innovation depends on the component with the partial derivative a, so x changes by -k a c, k the gain. Returns
-    the contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
+    The innovation depends on the component with the partial derivative a, so x changes by -k a c, k the gain.
+
+    Parameters
+    ----------
+    state, scratch, true : JointCovariance, Scratch, Components; the first two are updated in place
+    c : index of the component
+    a : partial derivative of the innovation
+
+    Returns
+    -------
+    float
+        Contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
     """
     source = true.source[c]
     slot = true.slot[c]
@@ -87,11 +97,24 @@ def _enter_component(state, scratch, true, c, a):
 
 @jit
 def component_partial(h, signals, true, family, epoch, channel, whitened):
-    """Return the component of an error family that enters a channel (-1 none), and its partial derivative.
+    """Return the component of an error family that enters a channel, and its partial derivative.
 
     The derivative is that of the innovation beyond the dependence on filter states: the true derivative minus that of
-    the state which models the error. For a decorrelated solution (`whitened`) `family` is the number of the component:
-    the error itself is part of the error of the solution, so only the correction by the estimated state enters.
+    the state which models the error.
+
+    Parameters
+    ----------
+    h : Jacobian row of the measurement
+    signals, true : Signals, Components
+    family : error family. For a decorrelated solution the number of the component: the error itself is part of the
+        error of the solution, so only the correction by the estimated state enters
+    epoch, channel : indices
+    whitened : whether the measurement is from a decorrelated solution
+
+    Returns
+    -------
+    int, float
+        Component, -1 none, and partial derivative, SI.
     """
     shared = signals.shared
     if true.noise_source[channel] < 0 and not whitened:  # a difference: its errors are states
@@ -147,7 +170,17 @@ def _update_imus(state, scratch, true, epoch, channel):
 def _update_sources(state, scratch, true, h, entries, columns, source, noise):
     """Update the covariance of every source, and the cross covariances with its components, by `scratch.gain`.
 
-    noise : variance of the white measurement noise, which belongs to `source`. Returns the true innovation variance.
+    Parameters
+    ----------
+    state, scratch, true : JointCovariance, Scratch, Components; the first two are updated in place
+    h : Jacobian row
+    entries, columns : (n_entry,) entries of the row that are not zero, and their states
+    source, noise : source of the white measurement noise, and its variance
+
+    Returns
+    -------
+    float
+        True innovation variance by the states and the white noise.
     """
     total = noise
     gain = scratch.gain
@@ -263,7 +296,10 @@ def _clear(x):
 def follow_clock(joint, work, case, weight, epoch, row, kind):
     """Update every source and the mean as the filter does when a reference satellite determines the clock.
 
-    kind : observable of the satellite; the others as in `follow_update`
+    Parameters
+    ----------
+    joint, work, case, weight, epoch, row : as in `follow_update`
+    kind : index of the observable of the satellite
     """
     if joint is not None and weight > 0.0:
         model = case.model
@@ -279,10 +315,17 @@ def follow_clock(joint, work, case, weight, epoch, row, kind):
 
 @jit
 def start_joint(joint, work, case, mode_state, rules, epoch):
-    """Start the filter in the joint covariance (Joint, or None).
+    """Start the filter in the joint covariance.
 
     A filter that starts from the receiver's sample takes over its error: an update with gain 1 of position and velocity
     in every source and in the mean. The error state stays zero.
+
+    Parameters
+    ----------
+    joint : Joint, or None
+    work, case : Nominal, FilterCase
+    mode_state, rules : state and rules of the mode logic
+    epoch : index
     """
     if joint is not None:
         _clear(work.x)
@@ -299,10 +342,16 @@ def start_joint(joint, work, case, mode_state, rules, epoch):
 
 @jit
 def innovation_of(joint, work, late, epoch, row, channel):
-    """Return the innovation of a row for tests, before its prediction by the error state is subtracted.
+    """Return the innovation of a scalar measurement for tests, before its prediction by the error state is subtracted.
 
-    In a run it is `work.z`. In the joint covariance (Joint, or None) it is the mean, the innovation of a run without
-    noise.
+    In a run it is `work.z`. In the joint covariance it is the mean, the innovation of a run without noise.
+
+    Parameters
+    ----------
+    joint : Joint; None in a run
+    work : Work or Nominal
+    late : DelayProcessing, or None
+    epoch, row, channel : indices
     """
     if joint is None:
         return work.z[row]

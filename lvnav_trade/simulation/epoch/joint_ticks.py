@@ -63,14 +63,32 @@ def _fill_array_partials(a, true, units, tick, dt):
 
 @jit
 def lasting_share(units, tick, triad, sensor, i, c):
-    """Return the weight by which a lasting error of sensing axis c enters axis i of the combined triad at a tick."""
+    """Return the weight by which a lasting error of a sensing axis enters an axis of the combined triad at a tick.
+
+    Parameters
+    ----------
+    units : ImuArray
+    tick : index
+    triad, sensor : triad; GYRO or ACCEL
+    i, c : axis of the combined triad, sensing axis of the triad
+    """
     stage = units.stage[tick]
     return units.solved[stage, triad, sensor, i, c] * units.noisy[stage, sensor, 0, i]
 
 
 @jit
 def tick_input(units, triad, sensor, c, driver, tick, dt):
-    """Return the driver of an error parameter of sensing axis c in the sample of a tick."""
+    """Return the driver of an error parameter of a sensing axis in the sample of a tick.
+
+    Parameters
+    ----------
+    units : ImuArray
+    triad, sensor : triad; GYRO or ACCEL
+    c : sensing axis
+    driver : as in `kernels.transition`
+    tick : index
+    dt : s, of a tick
+    """
     a = units.dtheta[triad, tick]
     f = units.dvel[triad, tick]
     angle = (a[0] / dt, a[1] / dt, a[2] / dt)
@@ -82,7 +100,15 @@ def tick_input(units, triad, sensor, c, driver, tick, dt):
 
 @jit
 def _add_array_profiles(z, true, unit, units, tick, t):
-    """Add the deterministic errors (profiles) of all IMUs of an array to the deviation (6,) of a sample."""
+    """Add the deterministic errors (profiles) of all IMUs of an array to the deviation of a sample.
+
+    Parameters
+    ----------
+    z : (6,) rad/s and m/s^2, updated in place
+    true, unit, units : Components, ImuTruth, ImuArray
+    tick : index
+    t : s since lift-off, at the middle of the tick
+    """
     stage = units.stage[tick]
     for j in range(true.sensor.shape[0]):
         profile = true.profile[j]
@@ -133,7 +159,16 @@ def _fill_partials(a, true, vehicle, tick):
 
 @jit
 def _add_profiles(z, true, unit, reference, tick, t):
-    """Add the deterministic errors (profiles) of one IMU to the deviation (6,) of a sample."""
+    """Add the deterministic errors (profiles) of one IMU to the deviation of a sample.
+
+    Parameters
+    ----------
+    z : (6,) rad/s and m/s^2, updated in place
+    true, unit : Components, ImuTruth
+    reference : Reference, true motion
+    tick : index
+    t : s since lift-off, at the middle of the tick
+    """
     for j in range(true.sensor.shape[0]):
         profile = true.profile[j]
         if profile >= 0 and true.sampled[j]:
@@ -168,7 +203,15 @@ def deviations(z, true, unit, units, reference, tick):
 
 @jit
 def nominal_tick(sums, reference, tick, dt):
-    """Set the integrals over a tick of the nominal flight: C_b_i (9) by the trapezoidal rule, velocity gained (3)."""
+    """Set the integrals over a tick of the nominal flight.
+
+    Parameters
+    ----------
+    sums : (12,) or longer; set to C_b_i (9, s) by the trapezoidal rule and velocity gained (3, m/s, frame i)
+    reference : Reference, true motion
+    tick : index
+    dt : s, of a tick
+    """
     q = reference.q_b_i[tick]
     q_end = reference.q_b_i[tick + 1]
     a = reference.dtheta[tick]
@@ -298,7 +341,15 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
 
 @jit
 def advance_joint(joint, flight, sums, dt, first):
-    """Propagate every source and the mean (Joint, or None) over a tick. first : first motion state."""
+    """Propagate every source and the mean over a tick.
+
+    Parameters
+    ----------
+    joint, flight : Joint, updated in place, or None; NominalFlight
+    sums : (18,) integrals of the strapdown over the tick
+    dt : s, of the tick
+    first : first motion state
+    """
     if joint is not None:
         state, true = joint.state, joint.true
         for g in range(true.n_slot.shape[0]):
