@@ -69,7 +69,7 @@ class SingleValue(NamedTuple):
 
     value : In the requested unit; NaN if not available.
     remark : Remark for the reader of the report; empty for none.
-    runs : (n_run,), ascending. The number of each run by itself; empty if not known.
+    runs : (n_run,), ascending. Value of each single run; empty if not known.
     """
 
     value: float
@@ -189,11 +189,27 @@ class Metric:
         return SingleValue(number, value.remark, np.sort(runs))
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
-        """Return the quantity bounded by a requirement in each run, infinite in a failed run; None if not available."""
+        """Return the quantity bounded by a requirement in each run, infinite in a failed run; None if not available.
+
+        Parameters
+        ----------
+        case : CaseResults
+            Results of a case.
+        requirement : mapping
+            The requirement: metric, event or phase.
+        """
         return None
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return the distribution of the bounded quantity by linear covariance, or the reason why there is none."""
+        """Return the distribution of the bounded quantity by linear covariance, or the reason why there is none.
+
+        Parameters
+        ----------
+        case : CaseResults
+            Results of a case.
+        requirement : mapping
+            The requirement: metric, event or phase.
+        """
         return NO_LAW
 
     # --- text ----------------------------------------------------------------------------------------------------
@@ -221,7 +237,15 @@ def where(stated: Mapping[str, Any]) -> str:
 
 
 def scale_of(unit: str, si: str) -> float | None:
-    """Return the factor from a unit to an SI unit; None if their dimensions differ."""
+    """Return the factor from a unit to an SI unit; None if their dimensions differ.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of the value; `SI` for the SI unit.
+    si : str
+        SI unit of the metric.
+    """
     if unit == SI:
         return 1.0
     try:

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 
 
 class RuleBreach(NamedTuple):
-    """A rule that a scenario breaks: path of the field to change, and the reason."""
+    """A rule that a scenario breaks.
+
+    path : Path of the field to change.
+    reason : Reason of the breach.
+    """
 
     path: str
     reason: str

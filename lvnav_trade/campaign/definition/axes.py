@@ -265,7 +265,7 @@ def probes(campaign: Campaign) -> list[Case]:
     """Return the cases in which input errors are looked for.
 
     These are all cases of a campaign. For a design space they are the base and the two ends of each axis alone, without
-    those that break a rule between settings.
+    those with contradictory settings.
     """
     checked = cases(campaign.probe)
     if not campaign.is_space:
@@ -307,7 +307,7 @@ class Scenarios:
     varied : sequence of str
         For each axis, the section of the scenario that it varies.
     base : Scenario, optional
-        The scenario that the axes change; None if it is not valid by itself.
+        The scenario that the axes change; None if it is not valid without them.
     plain : callable
         Converts a section as written in a file into dictionaries, lists and scalars.
     """

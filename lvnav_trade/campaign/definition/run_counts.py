@@ -8,7 +8,7 @@ from pydantic import Field, field_validator
 from lvnav_trade.quantities import input_limits, units
 from lvnav_trade.quantities.errors import quoted
 
-_OTHER_RUNS = 40  # runs of a case that is not selected
+_OTHER_RUNS = 40  # runs of an unselected case
 _CHOSEN = 10  # designs of a design space that are simulated
 
 

@@ -114,7 +114,7 @@ class Requirement(units.Card):
     @classmethod
     def _quantity(cls, value: Any, info: ValidationInfo) -> float:
         if "metric" not in info.data:
-            return 0.0  # the metric's own mistake is reported; its unit is unknown here
+            return 0.0  # the input error of the metric is reported already; its unit is unknown here
         unit = unit_of(info.data["metric"])
         if not isinstance(value, str):
             raise ValueError(f"{quoted(value)} has no unit; write it with a unit, such as '0.3 {unit}'")

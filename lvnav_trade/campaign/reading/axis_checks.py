@@ -25,7 +25,7 @@ _LONGEST_LABEL = 200  # characters of a label
 class WrittenAxis(NamedTuple):
     """An axis as written in the campaign file."""
 
-    axis: Axis
+    axis: Axis  # the axis after validation
     node: Node  # its YAML tree
 
     @property

@@ -65,11 +65,11 @@ def _is_meant(item: Any, word_fields: Container[Any]) -> bool:
 class _Location(NamedTuple):
     """Value to which an error of pydantic refers."""
 
-    node: tree.Node
+    node: tree.Node  # the value
     kind: fields.Kind  # its annotation
-    path: str
+    path: str  # its dotted path
     key: str  # last step of the path
-    key_place: tree.Place
+    key_place: tree.Place  # place of the key in the file
     parent: tuple[fields.Kind, tree.Node]  # annotation and node of the settings that contain it
 
 

@@ -48,7 +48,7 @@ class SettingsEntry(NamedTuple):
     """Description of one kind of settings."""
 
     kind: str  # value of `kind`; empty if there is only one kind
-    title: str  # what the settings describe
+    title: str  # subject of the settings
     rows: tuple[FieldEntry, ...]  # one per field
 
 

@@ -24,9 +24,9 @@ _LEVELS = ("cards", "values")
 class AxisEnds(NamedTuple):
     """Ends of an axis."""
 
-    first: float
-    last: float
-    unit: str  # of both; empty for numbers without unit
+    first: float  # first value, in `unit`
+    last: float  # last value, in `unit`
+    unit: str  # unit of both; empty for numbers without unit
     whole: bool  # whether both are whole numbers
 
     def text(self, value: float) -> Any:
@@ -62,7 +62,20 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
 
 
 def written(axis: Node, index: int) -> Node:
-    """Return an axis with linspace, logspace or range replaced by a list of values; InputError if it is not valid."""
+    """Return an axis with linspace, logspace or range replaced by a list of values.
+
+    Parameters
+    ----------
+    axis : Node
+        Axis as written.
+    index : int
+        Index of the axis in the campaign, for messages.
+
+    Raises
+    ------
+    InputError
+        The rule is not valid, or `between` is given without a sampled design.
+    """
     if not axis.is_map:
         return axis
     has_levels = any(key in axis.value and axis.value[key].value is not None for key in _LEVELS)

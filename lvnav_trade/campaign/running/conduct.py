@@ -89,7 +89,22 @@ class Finished(NamedTuple):
 def answer_or_ahead(
     job: work.Job, case: Case, ahead: Callable[[work.Job, Case], Any] | None
 ) -> work.CovarianceResult | None:
-    """Return the result of a case, or None after `ahead`, such as compiling; the case's own stage reports failures."""
+    """Compute the linear covariance of a case, or work in advance, such as compiling.
+
+    Parameters
+    ----------
+    job : work.Job
+        Data of the campaign for a worker.
+    case : Case
+        The case.
+    ahead : callable, optional
+        Work in advance. A failure is ignored, since the case's own stage reports it.
+
+    Returns
+    -------
+    CovarianceResult or None
+        Result of the case; None after work in advance.
+    """
     if ahead is None:
         return work.answer(job, case)
     try:

@@ -381,7 +381,7 @@ class _Run:
             self.stopping.note(outcome.case, outcome.first_run, outcome.n_run, outcome.beyond)
 
     def _needed_blocks(self, remaining: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
-        """Yield the blocks that are still needed when a worker is free: their case may be decided by then."""
+        """Yield the blocks that are still needed when a worker becomes free; their case may have been decided."""
         for block in remaining:
             if self.stopping.wants(block.case.id, block.first_run):
                 yield self.job, block

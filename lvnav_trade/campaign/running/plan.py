@@ -32,7 +32,7 @@ _BASE_BYTES, _TICK_BYTES, _HISTORY_BYTES = 3e8, 600.0, 1.6e3
 class Block(NamedTuple):
     """A block of runs of one case: the unit of computing, storing and resuming."""
 
-    case: Case
+    case: Case  # the case
     first_run: int  # number of its first run, from 0
     n_run: int  # number of runs
 
@@ -207,6 +207,14 @@ def _run_seconds(case: Case, duration: float) -> float:
 
 
 def covariance_seconds(case: Case, duration: float) -> float:
-    """Return the computing time (s) of the linear covariance of a case, for a flight of a duration (s)."""
+    """Return the computing time (s) of the linear covariance of a case.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    duration : float
+        Duration of its flight (s).
+    """
     step = _COVARIANCE_S * _states(case) ** _COVARIANCE_POWER
     return float(duration * step * case.scenario.filter.covariance_rate)

@@ -55,7 +55,7 @@ _LONGEST_END = 20.0  # s, longest wait for workers to end
 _UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
 # Warning of loky when it replaces a worker whose memory has grown by 300 MB, which compiled code and tables may need
 _REPLACED = "A worker stopped while some jobs were given to the executor"
-# Warning of joblib where a mistake in one case ends a stage: the mistake is reported, the other cases are not needed
+# Warning of joblib where an error in one case ends a stage: the error is reported, the other cases are not needed
 _CANCELLED = r"\d+ tasks which were still being processed by the workers have been cancelled"
 _on_cluster: list[type[Exception]] = []  # not empty while a cluster is in use: its exception for workers that die
 
@@ -98,7 +98,7 @@ def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...
         return _in_this_process(function, units)
     for message in (_REPLACED, _CANCELLED):
         warnings.filterwarnings("ignore", message, UserWarning)
-    # Arrays are sent directly: joblib would write large ones to files, of which some remain when a worker is killed
+    # Arrays are sent directly: joblib would write large arrays to files, of which some remain when a worker is killed
     options: dict[str, Any] = {} if _on_cluster else {"initializer": work.begin_worker, "max_nbytes": None}
     results = Parallel(n_jobs=jobs, **options, **({} if ordered else _UNORDERED))(
         delayed(_call)(function, *item) for item in units

@@ -12,11 +12,11 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.quantities.errors import without_credentials
 
-# Environment variable: with a value, the manifest keeps the name of the machine and absolute paths
+# Environment variable: if it has a value, the manifest contains the name of the machine and absolute paths
 RECORD_HOST = "LVNAV_TRADE_RECORD_HOST"
 _PATH = re.compile(
     r"[\w+.-]+://[^\s'\"]*|(?<![^\s='\"(\[{,:])(?:/|~[\w.-]*/|[A-Za-z]:\\)[^\s'\",;:)\]}]*"
-)  # an address, which is kept as it is, or an absolute path
+)  # an address, which is not changed, or an absolute path
 
 
 def manifest(campaign: Campaign, requested_cases: Sequence[Case]) -> dict[str, Any]:

@@ -34,7 +34,13 @@ class RunReplay(NamedTuple):
 
 
 def find(cases: Sequence[Case], wanted: str) -> Case:
-    """Return the case with a label, a digest or the first digits of a digest; InputError unless exactly one fits."""
+    """Return the case with a label, a digest or the first digits of a digest.
+
+    Raises
+    ------
+    InputError
+        No case, or more than one case, fits.
+    """
     fitting = [case for case in cases if case.label == wanted or case.id.startswith(wanted)]
     if len(fitting) == 1:
         return fitting[0]
@@ -47,7 +53,22 @@ def find(cases: Sequence[Case], wanted: str) -> Case:
 
 
 def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
-    """Repeat run number `run` (from 0) of a case; InputError if the number is negative."""
+    """Repeat a run of a case.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the seed.
+    case : Case
+        One of its cases.
+    run : int
+        Number of the run, from 0.
+
+    Raises
+    ------
+    InputError
+        The number is negative.
+    """
     from lvnav_trade.simulation import montecarlo
     from lvnav_trade.simulation.preparation.prepare import prepare
 

@@ -113,7 +113,7 @@ class CaseStatus(NamedTuple):
     """Progress of one case."""
 
     id: str  # digest
-    label: str
+    label: str  # label of the case
     asked: int  # runs required; the largest number if the case stops early
     stored: int  # runs stored in undamaged blocks
     failed: int  # stored runs that failed

@@ -142,7 +142,13 @@ def _sampled_designs(n_source: int, samples: int, seed: int) -> Floats:
 
 
 class _FittedIndices(NamedTuple):
-    """Indices of the fit to all designs, (n_source,) each, and half-widths of their 95 % bootstrap intervals."""
+    """Indices of the fit to all designs, with their 95 % bootstrap intervals.
+
+    first : (n_source,). First-order index.
+    first_half_width : (n_source,). Half-width of its interval.
+    total : (n_source,). Total index.
+    total_half_width : (n_source,). Half-width of its interval.
+    """
 
     first: Floats
     first_half_width: Floats

@@ -124,7 +124,20 @@ def not_described(reasons: Iterable[str]) -> str:
 
 
 def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return a scenario with other values at dotted paths, written as in a campaign; InputError if it is not valid."""
+    """Return a scenario with other values at dotted paths.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    values : mapping
+        New values, written as in a campaign, by dotted path.
+
+    Raises
+    ------
+    InputError
+        A path does not exist, or the changed scenario is not valid.
+    """
     data = scenario.model_dump(mode="json")
     settings_text = ", ".join(f"{path}={value}" for path, value in values.items())
     try:
@@ -261,7 +274,7 @@ def confirm(
 
 
 def check_names(campaign: Campaign, names: Sequence[str]) -> None:
-    """Raise an InputError if a campaign has no requirement, or none with one of the names."""
+    """Raise an InputError if a campaign has no requirement, or lacks a requirement with one of the names."""
     requirement_names = [requirement.name for requirement in campaign.requirements]
     for name in names:
         if name not in requirement_names:

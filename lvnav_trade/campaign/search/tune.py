@@ -1,4 +1,4 @@
-"""Filter tuning by linear covariance over several cases at once, validated in other cases.
+"""Filter tuning by linear covariance over several cases together, validated in other cases.
 
 The Nelder-Mead simplex searches the logarithms of the variables within their bounds. It starts from the present
 settings of the filter, or from the middle of the bounds if a setting is not a number. The goal is the logarithm of
@@ -256,7 +256,20 @@ def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) 
 
 
 def score(points: Sequence[TuningPoint], settings: Tune) -> float:
-    """Return the goal of a tuning from the evaluated cases; see `tune`."""
+    """Return the goal of a tuning, which is minimised; see `tune`.
+
+    Parameters
+    ----------
+    points : sequence of TuningPoint
+        Evaluated cases.
+    settings : Tune
+        Settings of the tuning.
+
+    Returns
+    -------
+    float
+        Logarithm of the error ratio, plus a penalty for an NEES outside its limits; 1e6 if a ratio is not finite.
+    """
     ratios = np.array([point.ratio for point in points])
     if not np.isfinite(ratios).all():
         return 1e6

@@ -67,7 +67,15 @@ def _best(table: pa.Table, possible: Ints, ratio: Floats) -> Ints:
 
 
 def nearest(possible: Ints, ratio: Floats) -> Ints:
-    """Return the rows sorted by the distance of the largest error from its limit, as |log(error / limit)|."""
+    """Return the rows sorted by the distance of the largest error from its limit, as |log(error / limit)|.
+
+    Parameters
+    ----------
+    possible : (m,) array of int
+        Rows of the possible designs.
+    ratio : (n,) array
+        Largest ratio of error to limit, by row.
+    """
     evaluated = possible[np.isfinite(ratio[possible]) & (ratio[possible] > 0.0)]
     distance = np.abs(np.log(ratio[evaluated]))
     return evaluated[np.argsort(distance, kind="stable")]

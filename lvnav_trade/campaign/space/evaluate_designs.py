@@ -80,6 +80,13 @@ def evaluate(request: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
 
     Designs that differ only in the axes `shared` are evaluated from common covariance passes if there are enough of
     them. The row of an impossible design has a reason and no numbers.
+
+    Parameters
+    ----------
+    request : EvaluationRequest
+        Data to evaluate.
+    part : DesignBatch
+        Designs of the part.
     """
     begun = time.process_time()
     passes = CovariancePasses()

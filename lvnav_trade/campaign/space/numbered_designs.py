@@ -17,7 +17,7 @@ from lvnav_trade.scenario.rules import breaches_of_case
 from lvnav_trade.scenario.scenario import Scenario
 
 _LABEL = "design "
-_BATCH = 200  # designs that are made at once when all cases are listed
+_BATCH = 200  # designs that are made together when all cases are listed
 _CACHED = 400  # largest number of sections whose digests are cached
 _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 

@@ -171,6 +171,13 @@ def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
 
     These are axes whose smallest and largest value give the same filter, the same mean error and different true errors.
     Whether designs can share passes is tested again for each group (`group_passes`).
+
+    Parameters
+    ----------
+    designs : DesignSpace
+        The design space.
+    history : float
+        Step of the history (s).
     """
     count = min(len(designs), _INSPECTED)
     part = designs.part(range(count))

@@ -219,7 +219,7 @@ class _Conversion:
         if _short_tag(raw) not in _TAGS:
             self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
         hidden_character = HIDDEN.search(_text(raw))
-        if hidden_character:  # it would change what a terminal or a report shows
+        if hidden_character:  # it would change the text in a terminal or a report
             code = f"U+{ord(hidden_character[0]):04X}"
             message = f"{quoted(_text(raw))} has the hidden character {code}; remove it"
             self.mistakes.append(mistake(place, path, message))

@@ -21,7 +21,7 @@ class Pair(NamedTuple):
 
     base: str  # digest in the base
     candidate: str  # digest in the candidate
-    label: str
+    label: str  # label of the case; of both cases if their labels differ
 
 
 def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = None) -> list[Pair]:

@@ -17,9 +17,11 @@ _CHUNK = 2**22
 class Change(NamedTuple):
     """Change of a statistic of the error from base to candidate.
 
-    base, candidate : Statistic of each.
+    base : Statistic of the base.
+    candidate : Statistic of the candidate.
     change : candidate / base - 1 if relative, otherwise candidate - base.
-    low, high : One-sided bounds on the change, each at its own confidence; NaN if the runs give none.
+    low : Lower one-sided bound on the change, at its own confidence; NaN if the runs give none.
+    high : Upper one-sided bound, likewise.
     effective_runs : Unpaired runs per case that would give the same variance; infinite if the paired errors are equal.
     """
 
@@ -196,7 +198,15 @@ def quantile_change(
 
 
 def supports(runs: int, probability: float) -> bool:
-    """Return whether a number of runs gives a bound on a quantile without an assumed distribution."""
+    """Return whether a number of runs gives a bound on a quantile without an assumed distribution.
+
+    Parameters
+    ----------
+    runs : int
+        Number of runs.
+    probability : float
+        Probability of the quantile.
+    """
     return min(runs * probability, runs * (1.0 - probability)) >= FEWEST_BEYOND - 1e-9
 
 

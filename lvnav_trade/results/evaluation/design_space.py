@@ -249,7 +249,13 @@ def _axis_regions(frame: pd.DataFrame, is_met: Bools, axis: str) -> Iterator[dic
 
 
 def interval(good: int, count: int) -> tuple[float, float]:
-    """Return the exact two-sided 95 % binomial interval of a share."""
+    """Return the exact two-sided 95 % binomial interval of a share.
+
+    Parameters
+    ----------
+    good, count : int
+        Number of designs that meet a condition, and number of all designs.
+    """
     low, high = success_bounds(count, count - good, 0.5 + 0.5 * CONFIDENCE)
     return float(low), float(high)
 
@@ -293,8 +299,16 @@ def _rounded(number: float) -> float:
 
 
 def people_of(tables: Tables, column: str) -> tuple[str, float]:
-    """Return a unit for people and its factor per SI unit, for a column of designs: that in which the campaign states
-    an axis, mrad of an attitude, else the SI unit.
+    """Return the display unit of a column of designs, and its factor from SI.
+
+    The unit of an axis is that of the campaign, and that of an attitude error is mrad. All other columns are in SI.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    column : str
+        Name of the column, with its SI unit at the end.
     """
     _, si = unit_at_end(column)
     if column.startswith(AXIS):

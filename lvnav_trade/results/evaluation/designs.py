@@ -234,8 +234,12 @@ def _requirement_results(tables: Tables) -> list[pd.DataFrame]:
 def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
     """Return `error_ratio`, `limiting_requirement` and `verdict` of designs.
 
-    ratios : error over limit, one row per design, one column per requirement; NaN if not known
-    verdicts : verdicts, with the same rows and columns
+    Parameters
+    ----------
+    ratios : pandas.DataFrame
+        Error over limit, one row per design, one column per requirement; NaN if not known.
+    verdicts : pandas.DataFrame
+        Verdicts, with the same rows and columns.
     """
     is_complete = ratios.notna().all(axis=1)
     comparable = ratios.fillna(-np.inf)  # idxmax refuses a row without numbers

@@ -71,6 +71,13 @@ def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
 
     Isolated: all faults and no others are named, and all affected satellites and no others are excluded. Wrong
     isolation: another fault is named, or a healthy satellite excluded. Isolated in part: neither.
+
+    Parameters
+    ----------
+    decisions : pandas.DataFrame
+        Rows of the table `integrity` of some runs.
+    faults : AppliedFaults
+        Faults of the case.
     """
     return decisions.groupby("run_number").apply(_outcome, faults, include_groups=False)
 
@@ -87,7 +94,18 @@ def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
 
 
 def share(count: int, runs: int) -> tuple[float, float, float]:
-    """Return a fraction of runs and its 95 % interval (Clopper and Pearson)."""
+    """Return a fraction of runs and its 95 % interval (Clopper and Pearson).
+
+    Parameters
+    ----------
+    count, runs : int
+        Number of runs with an outcome, and number of all runs.
+
+    Returns
+    -------
+    float, float, float
+        Fraction, lower and upper bound.
+    """
     low, high = success_bounds(runs, runs - count, CONFIDENCE)
     return count / runs, low, high
 
@@ -173,8 +191,8 @@ def integrity(tables: Tables) -> pd.DataFrame:
 class _OutcomeCount(NamedTuple):
     """Number of runs with an outcome; times in s after the start of the fault."""
 
-    name: str
-    runs: int
+    name: str  # outcome
+    runs: int  # number of runs
     median: float  # median time of the outcome
     lincov: float  # its time by linear covariance
 

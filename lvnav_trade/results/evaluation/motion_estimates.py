@@ -84,7 +84,7 @@ class _Pair(NamedTuple):
     """Errors of a raw sample and of its estimate along an axis."""
 
     quantity: str  # rate or acceleration
-    axis: str
+    axis: str  # body axis
     raw: pd.DataFrame  # rows of the history of the sample's error
     estimate: pd.DataFrame  # rows of the history of the estimate's error
 

@@ -43,7 +43,7 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
     -------
     pandas.DataFrame
         One row per number and case. ours: the result in the unit of the publication, by default the RMS error of the
-        runs (of linear covariance without runs). A number that the results do not have keeps its row, with a remark.
+        runs (of linear covariance without runs). A number that the results do not have is a row with a remark.
         formal, true, monte_carlo: by formal sigma, by the true error of linear covariance, and by the runs; low, high:
         95 % interval of the runs. in_band: whether ours / published lies in the band. verdict: whether the number with
         its interval does. percentile: percentage of the runs below a published single run. repeats: input that
@@ -174,7 +174,7 @@ def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dict[str, Any]:
-    """Return band and verdict of a row of a published number, by the band that is stated of it now."""
+    """Return band and verdict of a row of a published number, by its present band."""
     low, high = band_of(published)
     value = ExpressionValue(
         formal=float(row["formal"]),
@@ -299,7 +299,7 @@ def _percentile(published: Mapping[str, Any], value: SingleValue) -> float:
 
 
 EDGES = (1.0, 99.0)
-"""Percentiles of the runs beyond which a published single flight is unlikely to be one of them."""
+"""Percentiles of the runs beyond which a published single flight is unlikely to belong to their distribution."""
 
 
 def evidence(rows: pd.DataFrame) -> pd.Series:

@@ -162,7 +162,15 @@ def _largest_error_ratios(tables: Tables) -> pd.DataFrame:
 
 
 def dominating(values: Floats, k: int) -> int:
-    """Return the first row that is no worse than row k in any column and better in one; -1 if there is none."""
+    """Return the first row that is no worse than row k in any column and better in at least one; -1 if there is none.
+
+    Parameters
+    ----------
+    values : (n, m) array
+        Criteria of each row; smaller is better.
+    k : int
+        Index of the row.
+    """
     better = np.all(values <= values[k], axis=1) & np.any(values < values[k], axis=1)
     return int(np.argmax(better)) if better.any() else -1
 

@@ -243,9 +243,9 @@ def _difference_sizes(tables: Tables, pair: tuple[str, str], event: str, quantit
 class ControlledRms(NamedTuple):
     """Root mean square by control variates, with its interval."""
 
-    rms: float
-    low: float
-    high: float
+    rms: float  # root mean square, in the unit of the errors
+    low: float  # lower end of its 95 % interval
+    high: float  # upper end
     effective_runs: float  # number of plain runs with an interval of the same width
     known: float  # fraction of the mean square that the draws explain
 

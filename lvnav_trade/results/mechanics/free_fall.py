@@ -24,7 +24,8 @@ class Impact(NamedTuple):
     """Impact points; all fields are NaN for a state without an impact point.
 
     r_e : (..., 3), m. Point on the ellipsoid, frame e.
-    latitude, longitude : (...,), rad. Geodetic coordinates.
+    latitude : (...,), rad. Geodetic latitude.
+    longitude : (...,), rad. Longitude.
     fall : (...,), s. Time from the state to impact.
     heading : (...,), rad from north. Heading of the ground velocity at impact.
     """

@@ -34,7 +34,15 @@ def share_depleted(law: InjectionLaw) -> float:
 
 
 def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
-    """Return the reason why linear covariance does not describe quantities of an injection; empty if it does."""
+    """Return the reason why linear covariance does not describe quantities of an injection; empty if it does.
+
+    Parameters
+    ----------
+    law : InjectionLaw
+        Distribution of the injection by linear covariance.
+    quantities : sequence of str
+        Names of the quantities, from `INJECTION`.
+    """
     if law.why:
         return law.why
     empty = share_depleted(law)
@@ -53,6 +61,15 @@ def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
 def is_curved(law: InjectionLaw, quantity: str) -> bool:
     """Return whether perigee or apogee is too nonlinear in semi-major axis and eccentricity vector for the first order.
 
+    Parameters
+    ----------
+    law : InjectionLaw
+        Distribution of the injection by linear covariance.
+    quantity : str
+        Name of the perigee or apogee.
+
+    Notes
+    -----
     An error of the eccentricity vector across its direction changes its length to second order only. This matters if
     the orbit is nearly circular, and if the first order nearly vanishes, such as that of the perigee of an injection at
     perigee. The second order is compared with the first by their sigmas: a sigma_across^2 / (sqrt(2) e).

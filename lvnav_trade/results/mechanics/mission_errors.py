@@ -75,9 +75,20 @@ def _mean_orbit(r_i: bytes, v_i: bytes) -> orbits.OrbitVectors:
 
 
 def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
-    """Return the errors of the mean orbit (SI) by metric, for state errors (n, 6) of velocity and position, frame i.
+    """Return the errors of the mean orbit by metric.
 
-    Each is (n, 1). The error of the eccentricity vector is (n, 2): along the true ascending node, and 90 degrees ahead.
+    Parameters
+    ----------
+    state : State
+        True state.
+    error : (n, 6) array
+        Errors of velocity (m/s) and position (m), frame i.
+
+    Returns
+    -------
+    dict of str to (n, 1) array
+        True minus estimated elements, SI. The error of the eccentricity vector is (n, 2): along the true ascending
+        node, and 90 degrees ahead.
     """
     estimated = orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
     return _element_differences(mean_orbit(state), estimated)
@@ -115,7 +126,7 @@ def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[
 
 
 def _element_differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVectors) -> dict[str, Floats]:
-    """Return the elements of an orbit less those of n other orbits, as `orbit_errors`."""
+    """Return the elements of an orbit minus those of n other orbits, as `orbit_errors`."""
     differences: dict[str, Floats] = {}
     for metric in _ORBIT_METRICS[:-1]:
         element = metric.removesuffix("_error")
@@ -130,7 +141,20 @@ def _element_differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVecto
 
 
 def impact_errors(state: State, error: Floats) -> Floats:
-    """Return the true impact point less the estimated one, down-range and cross-range, (n, 2), m."""
+    """Return the true impact point minus the estimated impact point.
+
+    Parameters
+    ----------
+    state : State
+        True state.
+    error : (n, 6) array
+        Errors of velocity (m/s) and position (m), frame i.
+
+    Returns
+    -------
+    (n, 2) array
+        Down-range and cross-range errors (m); NaN if the true state has no impact point.
+    """
     return impacts_errors([state], [error])[0]
 
 
@@ -280,6 +304,13 @@ def near_circular(state: State, covariance: Floats) -> str:
 
     Their derivative does not exist at a circular orbit. Within three sigma of a circular orbit the errors are not
     Gaussian.
+
+    Parameters
+    ----------
+    state : State
+        True state.
+    covariance : (6, 6) array
+        Covariance of the errors of velocity (m/s) and position (m), frame i.
     """
     e = float(mean_orbit(state).eccentricity)
     slope = jacobian(state, "eccentricity_vector_error")

@@ -72,7 +72,18 @@ class OrbitVectors(NamedTuple):
 
 
 def osculating(r_i: ArrayLike, v_i: ArrayLike) -> OrbitVectors:
-    """Return the orbits that states r_i (m), v_i (m/s), each (..., 3), would follow about a point mass."""
+    """Return the orbits that states would follow about a point mass.
+
+    Parameters
+    ----------
+    r_i, v_i : (..., 3) array
+        Position (m) and velocity (m/s), frame i.
+
+    Returns
+    -------
+    OrbitVectors
+        Specific energy, specific angular momentum and eccentricity vector, frame i.
+    """
     r_i = np.asarray(r_i, dtype=float)
     v_i = np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i, axis=-1)
@@ -173,7 +184,8 @@ class _Revolution(NamedTuple):
     """Points of orbits over one revolution from a position, which are the nodes of a quadrature.
 
     eccentricity : (..., 1)
-    r_i, v_i : (..., n, 3), m and m/s. Position and velocity on the unperturbed orbit, frame i.
+    r_i : (..., n, 3), m. Position on the unperturbed orbit, frame i.
+    v_i : (..., n, 3), m/s. Velocity on the unperturbed orbit, frame i.
     weight : (..., n), s. Weights of the integral of (1/2 - t/T) dt, with time t from the position and period T.
     """
 
@@ -256,7 +268,20 @@ def _revolution(h_i: Floats, e_i: Floats, r_i: Floats, quadrature: tuple[Floats,
 
 
 def mean_anomaly(true: Floats, e: Floats) -> Floats:
-    """Return the mean anomaly (rad) for a true anomaly (rad, also beyond one turn) on ellipses of eccentricity e."""
+    """Return the mean anomaly for a true anomaly on ellipses.
+
+    Parameters
+    ----------
+    true : (...,) array
+        True anomaly (rad), also beyond one turn.
+    e : (...,) array
+        Eccentricity, below 1.
+
+    Returns
+    -------
+    (...,) array
+        Mean anomaly (rad), continuous with the true anomaly.
+    """
     beta = e / (1.0 + np.sqrt(1.0 - e * e))
     eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
     return np.asarray(eccentric - e * np.sin(eccentric))

@@ -15,7 +15,7 @@ from lvnav_trade.results.tables.read import Tables
 
 
 class Corridor(NamedTuple):
-    """Corridor on the ground that the impact point must not leave.
+    """Corridor on the ground within which the impact point must remain.
 
     corners : (m, 2), rad. Latitude and longitude, longitudes unwrapped.
     probability : Required probability.
@@ -42,7 +42,15 @@ def corridor_of(tables: Tables) -> Corridor | None:
 
 
 def unwrapped_longitude(longitude: ArrayLike, corners: Floats) -> Floats:
-    """Return longitudes (...,) in rad, shifted by full turns to the range of the corridor."""
+    """Return longitudes (...,) in rad, shifted by full turns to the range of the corridor.
+
+    Parameters
+    ----------
+    longitude : (...,) array
+        Longitude (rad).
+    corners : (m, 2) array
+        Corners of the corridor, latitude and unwrapped longitude (rad).
+    """
     middle = 0.5 * (corners[:, 1].min() + corners[:, 1].max())
     turns = np.round((middle - np.asarray(longitude)) / (2.0 * np.pi))
     return np.asarray(longitude + 2.0 * np.pi * turns)
@@ -117,7 +125,20 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
 
 
 def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
-    """Return which points (n, 2) lie in a polygon (m, 2): a ray from such a point crosses an odd number of edges."""
+    """Return which points lie in a polygon: a ray from such a point crosses an odd number of edges.
+
+    Parameters
+    ----------
+    polygon : (m, 2) array
+        Corners.
+    points : (n, 2) array
+        Points, in the unit of the corners.
+
+    Returns
+    -------
+    (n,) array of bool
+        Whether each point is inside.
+    """
     start = np.asarray(polygon, dtype=float)
     end = np.roll(start, -1, axis=0)
     points = np.asarray(points, dtype=float)

@@ -290,9 +290,12 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
 
 @once
 def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
-    """Return the true impact point less the estimated one of the runs that did not fail, by event.
+    """Return the true impact point minus the estimated impact point, for the runs that did not fail.
 
-    Down-range and cross-range, (n, 2), m; NaN if the true state has no impact point.
+    Returns
+    -------
+    dict of str to (n, 2) array
+        Down-range and cross-range errors (m) by event; NaN if the true state has no impact point.
     """
     states = [state for state in stored_states.states(tables, case) if state.event]
     if not states:

@@ -69,7 +69,8 @@ LEAST = 1e-7
 def orbit(tables: Tables) -> pd.DataFrame:
     """Return the orbit of each case, with its errors, at the final event and at earlier events if it clears the ground.
 
-    Heights are above the equatorial radius. An error is true less estimated, of averaged elements. Columns:
+    Heights are above the equatorial radius. An error is the true minus the estimated value of an averaged element.
+    Columns:
 
     averaged : average over one revolution, without the short-periodic variation of J2 (see `results.mechanics.orbits`)
     lowest height, highest height : extremes of the first revolution, with the short-periodic variation
@@ -255,9 +256,9 @@ def normality(tables: Tables) -> pd.DataFrame:
 class _NormalityTest(NamedTuple):
     """Shape of a sample and the p-value of a test whether it is Gaussian."""
 
-    skewness: float
-    excess_kurtosis: float
-    p: float
+    skewness: float  # 0 for a Gaussian
+    excess_kurtosis: float  # 0 for a Gaussian
+    p: float  # p-value of the test
 
 
 def _normality_tests(state: State, run_errors: Floats) -> dict[str, _NormalityTest]:

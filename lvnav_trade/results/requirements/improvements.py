@@ -69,6 +69,15 @@ class RequirementCase(NamedTuple):
     def kept(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
         """Return the probability of keeping the bound, with the sigmas of sources scaled by a factor and gains frozen.
 
+        Parameters
+        ----------
+        sources : tuple of str
+            Names of the error sources to scale.
+        factor : float
+            Factor of their sigmas.
+
+        Notes
+        -----
         The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
         """
         sample, redraw = self.distribution.drawn, self.distribution.redraw
@@ -102,12 +111,35 @@ class RequirementCase(NamedTuple):
 
 
 def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> RequirementCase | str:
-    """Return a requirement in a case (digest) by linear covariance, or the reason why it cannot be evaluated."""
+    """Evaluate a requirement in a case by linear covariance.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    requirement : mapping
+        The requirement, as in the campaign.
+    case : str
+        Digest of the case.
+
+    Returns
+    -------
+    RequirementCase or str
+        Distribution, bound (SI) and required probability, or the reason why linear covariance does not give them.
+    """
     return asked_of(CaseTables(tables, case), requirement)
 
 
 def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> RequirementCase | str:
-    """As `asked`, for results of a case that need not be stored."""
+    """Evaluate a requirement by linear covariance, as `asked`, for results of a case that need not be stored.
+
+    Parameters
+    ----------
+    case : CaseResults
+        Results of the case.
+    requirement : mapping
+        The requirement, as in the campaign.
+    """
     law = metric_in(requirement).law(case, requirement)
     if isinstance(law, str):
         return law

@@ -1,4 +1,4 @@
-"""What all metrics use: selection from the tables, values of a case, intervals and probabilities.
+"""Common functions of the metrics: selection from the tables, values of a case, intervals and probabilities.
 
 Read `select.py` first.
 """

@@ -178,7 +178,15 @@ class CaseResults(Protocol):
 
 
 def number_in(value: Any, unit: str) -> float:
-    """Return a number in a unit, from text with a unit, or from a number that has this unit already."""
+    """Return a number in a unit, from text with a unit, or from a number that has this unit already.
+
+    Parameters
+    ----------
+    value : str or float
+        Text such as ``5 km``, or a number.
+    unit : str
+        Unit of the result.
+    """
     return parse(value, unit) if isinstance(value, str) else float(value)
 
 

@@ -1,4 +1,4 @@
-"""What metrics read of one case from the tables of results: errors, and the injection under guidance."""
+"""Results of one case as read by metrics from the tables: errors, and the injection under guidance."""
 
 import numpy as np
 

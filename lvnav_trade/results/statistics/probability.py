@@ -1,4 +1,4 @@
-"""Intervals of mean squares and fractions, many tests at once, Gaussian probabilities, Sobol's indices of a fit."""
+"""Intervals of mean squares and fractions, multiple tests, Gaussian probabilities, Sobol's indices of a fit."""
 
 from bisect import bisect_left
 from itertools import combinations

@@ -30,7 +30,15 @@ def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFr
 
 
 def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
-    """Return the results with other display units (unit by quantity)."""
+    """Return the results with other display units (unit by quantity).
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    units : mapping of str to str
+        Display unit by quantity.
+    """
     if not units:
         return tables
     outputs = tables.outputs.copy()
@@ -42,7 +50,15 @@ def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
 
 
 def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
-    """Return the digests of the cases whose axes have the levels wanted."""
+    """Return the digests of the cases whose axes have the wanted levels.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    wanted : mapping of str to str
+        Label of the level by axis.
+    """
     cases = []
     for case, levels in tables.levels.items():
         if all(levels.get(axis) == str(level) for axis, level in wanted.items()):
@@ -247,6 +263,14 @@ def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s"
 
 
 def time_mean(t: np.ndarray, value: np.ndarray) -> float:
-    """Return the mean over time by the trapezoidal rule, so that additional times of events add no weight."""
+    """Return the mean over time by the trapezoidal rule, so that additional times of events add no weight.
+
+    Parameters
+    ----------
+    t : (n,) array
+        Times (s), ascending.
+    value : (n,) array
+        Values at these times.
+    """
     duration = t[-1] - t[0]
     return float(np.trapezoid(value, t) / duration) if duration > 0.0 else float(value[0])

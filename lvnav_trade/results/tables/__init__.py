@@ -4,5 +4,5 @@ While a campaign runs: ``results = write.open_results(folder, name, resolved_yam
 calls ``results.write_part(case_id, summary)`` (or ``parts.write`` where the object is not at hand); at the end, in the
 order of the plan, ``results.write_case(case, prepared, cov, results.parts(case_id))`` and ``results.finish({...})``.
 Afterwards: ``tables = read.load(folder)``; ``tables.history`` is a pandas frame. Modules that only write do not import
-`read`: a worker need not hold pandas in memory.
+`read`, so that a worker does not load pandas into memory.
 """

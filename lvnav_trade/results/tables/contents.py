@@ -77,9 +77,13 @@ class OwnedFolder:
     def claim(self, group: str, names: Iterable[str], cases: Iterable[str] = ()) -> None:
         """List names and cases that are about to be written, and create the folder if it is missing.
 
-        An InputError is raised, before anything is changed, if a file with such a name exists and is not listed, or if
-        a part of its path is a link. In a folder of results of an earlier version, which has no list, existing files of
-        the report are assumed to be of the tool.
+        In a folder of results of an earlier version, which has no list, existing files of the report are assumed to be
+        files of the tool.
+
+        Raises
+        ------
+        InputError
+            A file with such a name exists and is not listed, or a part of its path is a link. Nothing has been changed.
         """
         claimed = sorted(set(names))
         listed = self.names

@@ -46,7 +46,17 @@ def _axis_groups(prepared: Prepared) -> list[list[int]]:
 
 
 def _covariance_rows(prepared: Prepared, group: list[int], true: Floats, formal: Floats) -> Rows:
-    """Return the rows of the upper triangle of a covariance (3, 3) of three outputs."""
+    """Return the rows of the upper triangle of a covariance.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared case, with its outputs.
+    group : list of int
+        Indices of three outputs.
+    true, formal : (3, 3) array
+        Covariance of the true error, and covariance assumed by the filter, SI.
+    """
     outputs = [prepared.outputs[k] for k in group]
     return [
         {

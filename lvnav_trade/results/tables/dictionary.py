@@ -11,7 +11,7 @@ from lvnav_trade.quantities.units import EXAMPLES
 
 _FILE = resources.files("lvnav_trade.results.tables") / "tables.toml"
 _STATED = tomllib.loads(_FILE.read_text(encoding="utf-8"))
-# The last part of the name of every column of numbers is one of these
+# Possible last parts of the name of a column of numbers
 SUFFIXES: dict[str, str] = _STATED["units"]
 # Meaning of every column by table, in order, after the column `case` that all of them begin with
 TABLES: dict[str, dict[str, str]] = {

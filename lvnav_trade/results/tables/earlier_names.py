@@ -18,8 +18,8 @@ from lvnav_trade.results.tables.versions import RESULTS_VERSION, results_version
 class StoredNames(NamedTuple):
     """Names in a folder of results by the present names; a name that is missing is the same in both."""
 
-    tables: Mapping[str, str]
-    columns: Mapping[str, Mapping[str, str]]
+    tables: Mapping[str, str]  # stored name by present name of a table
+    columns: Mapping[str, Mapping[str, str]]  # stored name by present name of a column, for each table
 
     def table(self, name: str) -> str:
         """Return the stored name of a table, which is that of its file."""

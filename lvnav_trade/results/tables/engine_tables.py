@@ -38,7 +38,7 @@ class CaseInfo(NamedTuple):
     """Identification of a case."""
 
     id: str  # digest of scenario and seed, 12 hexadecimal digits
-    label: str
+    label: str  # label of the case
     axes: dict[str, str]  # label of the level by name of the axis
 
 
@@ -95,7 +95,19 @@ def case_tables(
 def row_tables(
     case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, pa.Table]:
-    """Return the tables with rows for every run, for some runs of a case; empty tables for None."""
+    """Return the tables with rows for every run, for some runs of a case; empty tables for None.
+
+    Parameters
+    ----------
+    case_id : str
+        Digest of the case.
+    outputs : tuple of Output
+        Reported errors of the case.
+    part : BlockSummary or None
+        Statistics of some runs; None for empty tables.
+    channels : tuple of str
+        Names of the filter's measurement channels.
+    """
     contents = run_columns(outputs, part, channels)
     return {name: _arrow_table(name, case_id, content) for name, content in contents.items()}
 
@@ -113,7 +125,16 @@ def traces_table(case_id: str, outputs: tuple[Output, ...], blocks: Iterable[Run
 def _arrow_table(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any]]) -> pa.Table:
     """Return a table from columns or from rows.
 
-    A single text or number applies to every row. Columns that are not in the schema are real numbers and come last.
+    Columns that are not in the schema are real numbers and come last.
+
+    Parameters
+    ----------
+    name : str
+        Name of the table.
+    case_id : str
+        Digest of the case.
+    content : dict or list of dict
+        Columns by name, or rows. A single text or number applies to every row.
     """
     if isinstance(content, list):
         content = _transpose_rows(content)
@@ -299,7 +320,11 @@ def _whiteness(prepared: Prepared, summary: BlockSummary) -> dict[str, Any]:
 
 
 class _Variances(NamedTuple):
-    """Variance of the error by source, and its share of the sum; each (n_time, n_source, n_column)."""
+    """Error variance by source.
+
+    variance : (n_time, n_source, n_column), SI squared. Variance due to each source.
+    share : (n_time, n_source, n_column). Share of the sum over the sources.
+    """
 
     variance: Floats
     share: Floats
@@ -332,7 +357,20 @@ def _budget_block(
 ) -> dict[str, Any]:
     """Return the budget of chosen columns at an event or at times of the history.
 
-    times : (n,). Indices in the history.
+    Parameters
+    ----------
+    event : str
+        Name of the event; empty for times of the history.
+    times : (n,) array of int
+        Indices in the history.
+    chosen : list of int
+        Indices of the stored columns.
+    stored_columns : tuple of Output
+        Stored columns of the case: axes and norms.
+    cov : CovHistory
+        Linear covariance.
+    variances : _Variances
+        Variance by source.
     """
     source, k, i = np.indices((len(cov.sources), len(chosen), len(times))).reshape(3, -1)
     time = times[i]

@@ -182,7 +182,20 @@ def _stored_times(prepared: Prepared, cov: CovHistory) -> _StoredTimes:
 
 
 def _state_components(r_i: Floats, v_i: Floats, axes: Floats) -> dict[str, Any]:
-    """Return the columns of position, velocity and the quaternion of the reporting axes of true states."""
+    """Return the columns of true states.
+
+    Parameters
+    ----------
+    r_i, v_i : (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+    axes : (n, 3, 3) array
+        Reporting axes of each state as rows, frame i.
+
+    Returns
+    -------
+    dict of str to (n,) array
+        Components of position and velocity, and the quaternion of the rotation from the reporting axes to frame i.
+    """
     turn = frames.quaternions(np.swapaxes(axes, 1, 2), continuous=False)  # the rows are not in order of time
     content = {f"position_{axis}_m": r_i[:, k] for k, axis in enumerate("xyz")}
     content |= {f"velocity_{axis}_m_per_s": v_i[:, k] for k, axis in enumerate("xyz")}
@@ -195,7 +208,18 @@ def _joint_covariances(
 ) -> dict[str, Any]:
     """Return mean and upper triangle of the covariances (6, 6), rotated from reporting axes to frame i.
 
-    errors : (6,). Outputs of the errors of velocity and position.
+    Parameters
+    ----------
+    times : _StoredTimes
+        The n stored times: indices in the history, and events.
+    t : (n,) array
+        Times (s).
+    cov : CovHistory
+        Linear covariance.
+    errors : list of int
+        Indices of the six outputs of the errors of velocity and position.
+    axes : (n, 3, 3) array
+        Reporting axes at each time as rows, frame i.
     """
     n = len(times.places)
     turn = np.zeros((n, 6, 6))

@@ -87,7 +87,7 @@ def read(path: Path, identity: str | None = None) -> BlockSummary:
 
 
 def drop_damaged(folder: Path, identity: str | None = None) -> None:
-    """Delete the parts of a case that `read` refuses, with a warning; their runs will be computed again.
+    """Delete the invalid parts of a case with a warning; their runs will be computed again.
 
     If two parts have the same first run, the longer is kept. This happens when a process is killed after writing a part
     and before deleting the shorter one.

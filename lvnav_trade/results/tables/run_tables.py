@@ -42,11 +42,16 @@ def run_columns(
 ) -> dict[str, dict[str, Any]]:
     """Return the columns of the tables of single runs, by table.
 
-    outputs : reported errors of the case
-    summary : statistics of some runs; None for empty columns
-    channels : names of the filter's measurement channels
-
     `interval_errors` has one row per run and interval between events.
+
+    Parameters
+    ----------
+    outputs : tuple of Output
+        Reported errors of the case.
+    summary : BlockSummary or None
+        Statistics of some runs; None for empty columns.
+    channels : tuple of str
+        Names of the filter's measurement channels.
     """
     stored_columns = columns(outputs)
     errors = [error_column(output.quantity, output.axis, output.unit) for output in stored_columns]

@@ -94,7 +94,17 @@ def read(file: Path, root: type, identity: str) -> Any:
 
 
 def is_sound(file: Path, root: type, identity: str) -> bool:
-    """Whether `read` would succeed; an existing file that it refuses is reported in the log."""
+    """Whether `read` would succeed; an existing file that it refuses is reported in the log.
+
+    Parameters
+    ----------
+    file : Path
+        The scratch file.
+    root : type
+        Record that it should contain.
+    identity : str
+        Origin that it should have.
+    """
     if not file.exists():
         return False
     try:

@@ -85,7 +85,7 @@ class ResultsWriter:
     def parts(self, case_id: str, n_run: int | None = None) -> Iterator[BlockSummary]:
         """Return the parts of a case (of its first `n_run` runs) in order, with one part in memory at a time.
 
-        A ValueError is raised if one of these runs is missing or a part is damaged.
+        A ValueError is raised if such a run is missing or a part is damaged.
         """
         return part_files.stream(self.case_folder(case_id), self.identity_of_case(case_id), n_run)
 
