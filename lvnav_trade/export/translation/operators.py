@@ -127,7 +127,15 @@ def unary(kind: ast.unaryop, a: Value) -> Value:
 
 
 def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
-    """Return the result of a comparison; `is` is evaluated at once, because None is always known."""
+    """Return the result of a comparison.
+
+    `is` and `is not` are evaluated during the translation, because it is always known whether a value is None.
+
+    Raises
+    ------
+    TranslationError
+        The second operand of `is` is not None, or that of `in` is not a tuple of known numbers.
+    """
     if isinstance(kind, ast.Is | ast.IsNot):
         if b != Constant(None):
             raise TranslationError("is: with None only")
@@ -174,7 +182,7 @@ def _chain(parts: list[Scalar], any_of: bool) -> Scalar:
 
 
 def chosen(condition: Value, a: Value, b: Value) -> Value:
-    """Return the first or the second of two numbers, by a condition."""
+    """Return the first of two numbers if a condition is true, otherwise the second."""
     if isinstance(condition, Constant):
         return a if condition.value else b
     first = as_scalar(a)

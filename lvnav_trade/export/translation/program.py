@@ -110,7 +110,24 @@ class Program:
     def call(
         self, body: Body | Any, node: ast.Call, function: Any, arguments: list[Value], named: Mapping[str, Value]
     ) -> Value:
-        """Return the result of a kernel called from the body of another."""
+        """Return the result of a kernel called from the body of another.
+
+        Parameters
+        ----------
+        body : Body
+            Body of the calling kernel, to which statements are added.
+        node : ast.Call
+            The call.
+        function : callable
+            The kernel.
+        arguments, named
+            Positional and keyword arguments.
+
+        Returns
+        -------
+        Value
+            Constant if the result is known, otherwise a C expression or the numbers of a returned struct.
+        """
         bound_arguments = bound(function, arguments, named)
         kernel = self.translated(function, bound_arguments)
         if kernel.constant is not None:
@@ -133,7 +150,19 @@ class Program:
     def translated(self, function: Any, given: dict[str, Value], name: str | None = None) -> TranslatedKernel:
         """Return a kernel for named arguments; it is translated at the first call with arguments of these types.
 
-        name : name of an entry function
+        Parameters
+        ----------
+        function : callable
+            The kernel, compiled or not.
+        given : dict
+            Arguments by name.
+        name : str, optional
+            C name of an entry function; by default a new name is derived from that of the kernel.
+
+        Raises
+        ------
+        TranslationError
+            The function is not a kernel, or has an expression without translation.
         """
         python = getattr(function, "py_func", function)
         if not callable(python) or not hasattr(python, "__code__"):
@@ -294,7 +323,10 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the arguments of a call by name, including defaults."""
+    """Return the arguments of a call by parameter name, including defaults.
+
+    arguments, named : positional and keyword arguments
+    """
     python = getattr(function, "py_func", function)
     binding = inspect.signature(python).bind(*arguments, **named)
     binding.apply_defaults()

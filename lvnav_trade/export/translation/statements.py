@@ -158,7 +158,11 @@ class Body(Expressions):
         return False
 
     def _count(self, node: ast.For, name: str, first: Value, last: Value, step: Value) -> None:
-        """Translate a loop over a range; without passes or with a single pass there is no loop in C."""
+        """Translate a loop over a range; without passes or with a single pass there is no loop in C.
+
+        name : name of the loop variable
+        first, last, step : arguments of the range; `last` is excluded and the step is known
+        """
         if not isinstance(step, Constant):
             raise self.fail(node, "a step that is not known")
         if isinstance(first, Constant) and isinstance(last, Constant):

@@ -15,7 +15,10 @@ from lvnav_trade.simulation.preparation.prepare import Prepared
 
 
 def _receiver_scalars(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
-    """Yield the scalar measurements of the receiver at an epoch."""
+    """Yield the scalar measurements of the receiver at an epoch, in the order of processing.
+
+    Measurements that are absent, and those of the reference satellite, are omitted.
+    """
     model, signals, tape = prepared.model, prepared.signals, recorded.tape
     units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
     for row in range(_python(n_measured)(model, signals, epoch)):

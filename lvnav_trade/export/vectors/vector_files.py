@@ -111,7 +111,12 @@ def _table_content(frame: pd.DataFrame, kind: str) -> bytes | str:
 
 
 def _readme(title: str, tables: Mapping[str, VectorTable], kind: str, prepared: Prepared) -> str:
-    """Return the README with the description and use of the tables."""
+    """Return the README with the description and use of the tables.
+
+    title : title of the README
+    tables : tables by name
+    kind : file name extension of the tables, "csv" or "parquet"
+    """
     rows = [f"| `{name}.{kind}` | {table.about} | {len(table.frame)} |" for name, table in tables.items()]
     filter_card = prepared.scenario.filter
     notes = [_OPEN if filter_card.feedback == "open" else _CLOSED]

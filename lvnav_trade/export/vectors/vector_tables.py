@@ -77,17 +77,25 @@ def vectors_of(prepared: Prepared, seed: int, run: int) -> dict[str, VectorTable
 
 
 def _table(about: str, columns: Mapping[str, tuple[str, str]], values: Iterable[Any]) -> VectorTable:
-    """Return a table from arrays, one per column."""
+    """Return a table from arrays, one per column.
+
+    about : description of the table
+    columns : unit and meaning by name of the column
+    values : (n,) arrays, in the order of the columns
+    """
     return VectorTable(about, pd.DataFrame(dict(zip(columns, values, strict=True))), dict(columns))
 
 
 def _row_table(about: str, columns: Mapping[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> VectorTable:
-    """Return a table from rows."""
+    """Return a table from rows; `about` and `columns` as in `_table`."""
     return VectorTable(about, pd.DataFrame(list(rows), columns=list(columns)), dict(columns))
 
 
 def _axes(stem: str, unit: str, meaning: str) -> dict[str, tuple[str, str]]:
-    """Return the columns of the components of a vector."""
+    """Return the columns of the components of a vector: unit and meaning by name.
+
+    stem : first part of the names, before axis and unit
+    """
     return {f"{stem}_{axis}_{unit_suffix(unit)}": (unit, f"{meaning}, axis {axis}") for axis in _XYZ}
 
 
@@ -315,7 +323,11 @@ def _is_open(prepared: Prepared) -> bool:
 
 
 def _estimate_row(prepared: Prepared, estimates: Estimates, index: int) -> list[float]:
-    """Return the estimates at an index of a record, in the order of the columns."""
+    """Return the estimates at an index of a record, in the order of the columns.
+
+    estimates : record of estimates, by epoch
+    index : index of the record
+    """
     n_parameter = len(prepared.layout.parameters)
     row = [*estimates.nav[index], *estimates.par[index, :n_parameter].ravel()]
     if prepared.layout.clock >= 0:

@@ -36,7 +36,11 @@ def curves(tables: Tables, axis: str) -> Figure:
 
 
 def _draw_curves(ax: Panel, rows: pd.DataFrame, crossings: pd.DataFrame) -> None:
-    """Draw the curves of one requirement, one for each combination of the other axes, with limit and crossings."""
+    """Draw the curves of one requirement, one for each combination of the other axes, with limit and crossings.
+
+    rows : rows of the curves of this requirement
+    crossings : rows with the values at which the curves reach the limit
+    """
     groups = list(rows.groupby("others", sort=False))
     for number, (other_levels, curve) in enumerate(groups[:_MOST]):
         style = line_of(number)

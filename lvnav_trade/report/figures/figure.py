@@ -52,7 +52,11 @@ class Events(NamedTuple):
     faults: tuple[tuple[str, float, float], ...]  # faults: name, start and end (s)
 
     def groups(self, low: float, high: float, columns: int = 1) -> list[tuple[float, str]]:
-        """Return time (s) and number of the events between two times; close events have a common label, as "3-5"."""
+        """Return time (s) and number of the events between two times; close events have a common label, as "3-5".
+
+        low, high : s. The two times.
+        columns : number of panels side by side, each with a fraction of the width
+        """
         least_distance = _ROOM * columns * (high - low)
         groups: list[tuple[float, list[int]]] = []  # time of the first event, numbers of all events
         for number, (_, t) in enumerate(self.points, start=1):

@@ -39,7 +39,17 @@ class Limit(NamedTuple):
 
 
 def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> list[Limit]:
-    """Return the limits of all requirements on one error of a case."""
+    """Return the limits of all requirements on one error of a case, in display units.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity, axis : str
+        Quantity and axis of the error, such as "velocity" and "3d".
+    """
     limits = []
     for requirement in tables.campaign.get("requirements") or ():
         error = CaseTables(tables, case).output(quantity, axis)
@@ -59,7 +69,13 @@ def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> lis
 
 
 def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[float]:
-    """Draw the limits of a 3-D error over time, each with a marker at its event; return their values."""
+    """Draw the limits of a 3-D error over time, each with a marker at its event.
+
+    Returns
+    -------
+    list of float
+        The limits, in display units.
+    """
     limits = limits_of(tables, case, quantity)
     for limit in limits:
         style: dict[str, Any] = {"color": "black", "group": limit.label}
@@ -73,7 +89,21 @@ def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[flo
 def mark_quantiles(ax: Panel, tables: Tables, frame: pd.DataFrame, quantity: str) -> list[float]:
     """Draw the limits of requirements across the bars of a ranking, and on each bar the quantile that the limit bounds.
 
-    Return all values drawn.
+    Parameters
+    ----------
+    ax : Panel
+        Panel with the bars.
+    tables : Tables
+        Tables of the results.
+    frame : pandas.DataFrame
+        Rows of the ranking, one per bar, with the columns case and event.
+    quantity : str
+        Quantity of the error.
+
+    Returns
+    -------
+    list of float
+        All drawn values, in display units.
     """
     digests = {label: case for case, label in tables.labels.items()}
     case = digests.get(frame.case.iloc[0])

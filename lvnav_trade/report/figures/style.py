@@ -55,7 +55,10 @@ def over_time(
     margin: float = 0.01,
     label: str = "time since lift-off (s)",
 ) -> None:
-    """Mark the events of a case in a column of panels, and label the time axis of the last."""
+    """Mark the events of a case in a column of panels, and label the time axis of the last.
+
+    margin : margin of the panels, see `Panel.set`
+    """
     events = events_of(pick(tables.events, case=case))
     for ax in panels:
         ax.events = events
@@ -64,7 +67,7 @@ def over_time(
 
 
 def message(text: str, xlabel: str, ylabel: str) -> Figure:
-    """Return a figure with a message in place of data."""
+    """Return a figure with a message in place of data, with labelled axes."""
     figure, ax = panel(1.6)
     ax.text(0.5, 0.5, text, x_part=True, y_part=True, ha="center", color=GREY)
     ax.set(xlabel=xlabel, ylabel=ylabel, xlim=(0.0, 1.0), ylim=(0.0, 1.0))
@@ -85,7 +88,12 @@ def with_gaps(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def scale_up(ax: Panel, side: str, values: Iterable[float], from_zero: bool = True) -> None:
-    """Make an axis ("x" or "y") logarithmic if its values span a factor of 30, otherwise begin it at zero."""
+    """Make an axis logarithmic if its values span a factor of 30, otherwise begin it at zero.
+
+    side : "x" or "y"
+    values : all drawn values, in display units
+    from_zero : whether a linear axis begins at zero
+    """
     positive = [float(value) for value in values if 0.0 < value < np.inf]
     is_logarithmic = False
     if positive:

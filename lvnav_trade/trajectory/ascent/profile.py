@@ -113,7 +113,12 @@ class RebuiltPhase(NamedTuple):
 
 
 def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0: float) -> Course:
-    """Return the flight over the great circle of normals that leaves the site by the azimuth (rad), to injection."""
+    """Return the flight to injection above a great circle on the sphere of ellipsoid normals.
+
+    azimuth : rad. Azimuth at the site, on the ellipsoid.
+    breaks : s since lift-off. Times at which acceleration jumps.
+    theta0 : rad. Earth angle at lift-off.
+    """
     stretches: Course = []
     range_angle = 0.0
     for begin, end in pairwise([0.0, *breaks, float(climb.altitude.t[-1])]):
@@ -162,10 +167,14 @@ def _circle_azimuth(site: Site, azimuth: float) -> float:
 
 
 def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:
-    """Return the angle (n,) rad along the circle at times t (n,) s; `first` is the angle at the start.
+    """Return the angle along the circle from the site, (n,) rad.
 
     The rate is horizontal speed over the radius of curvature, which hardly depends on the angle: four iterations of the
     quadrature are accurate to 1e-11 rad.
+
+    t : (n,) s. Times.
+    inside : (n,) s. The same times, moved off the breaks, at which the climb is evaluated.
+    first : rad. Angle at the first time.
     """
     level = climb.level(inside)
     height = site.height + climb.altitude(inside)
@@ -178,7 +187,10 @@ def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Fl
 
 
 def _circle_motion(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Floats) -> tuple[Floats, Floats]:
-    """Return position (m) and Earth-relative velocity (m/s), each (n, 3) in frame e."""
+    """Return position (m) and Earth-relative velocity (m/s), each (n, 3) in frame e, at times t (n,) s.
+
+    psi : (n,) rad. Angles along the circle from the site.
+    """
     height = site.height + climb.altitude(t)
     latitude, longitude, derivatives = _on_circle(site, azimuth, psi, height)
     horizontal = climb.level(t)[:, None] * unit(derivatives)
@@ -349,7 +361,7 @@ def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[Ascent
 
 
 def _slice_record(record: AscentRecord, first: int, end: int) -> AscentRecord:
-    """Return the rows of a record from `first` to before `end`."""
+    """Return the rows of a record from `first` (included) to `end` (excluded)."""
     return AscentRecord(*(column[first:end] for column in record))
 
 

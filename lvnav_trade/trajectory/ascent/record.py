@@ -100,7 +100,11 @@ def differences(recorded: FlightRecords, flight: Trajectory, site: Site) -> dict
 
 
 def residual_facts(of: str, record: AscentRecord, speed: Floats, altitude: Floats) -> dict[str, float]:
-    """Return RMS and largest difference of speed (n,) m/s and altitude (n,) m from a record, and its time (s)."""
+    """Return RMS and largest difference of speed and altitude from a record, with the time of the largest difference.
+
+    of : prefix of the names of the facts
+    speed, altitude : (n,) m/s, m. Values that are compared, at the times of the record.
+    """
     facts: dict[str, float] = {}
     residuals = (("speed", "m_s", speed - record.speed), ("altitude", "m", altitude - record.altitude))
     for name, unit, residual in residuals:
@@ -272,7 +276,7 @@ def _damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
 
 
 def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
-    """Return the least-squares solution of rows @ x = values with rough @ x small."""
+    """Return the least-squares solution x of rows @ x = values, regularised by the squared norm of rough @ x."""
     return _damped(rows.T @ rows + rough.T @ rough, rows.T @ values, 1e-9)
 
 
@@ -336,7 +340,11 @@ def _knots(t: Floats, breaks: list[float], degree: int) -> Floats:
 
 
 def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> csc_array:
-    """Return derivative `order` of every basis spline at t, without the first `fixed`, whose coefficients are zero."""
+    """Return the sparse design matrix (n, n_basis - fixed) of derivative `order` of the basis splines.
+
+    t : (n,) s. Times.
+    fixed : number of first basis splines to omit, whose coefficients are zero
+    """
     count = len(knots) - degree - 1
     return csc_array(BSpline(knots, np.eye(count), degree)(t, order)[:, fixed:])
 

@@ -72,9 +72,23 @@ def limit(residual: Residual, imu: ImuCard) -> float:
 
 
 def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str, missing: str = "") -> None:
-    """Raise InputError if a residual exceeds its limit for this IMU, with time and size of the worst.
+    """Require that the residuals of a file are within their limits for an IMU.
 
-    missing : Warning about events that the card does not declare, for the end of the message.
+    Parameters
+    ----------
+    residuals : sequence of Residual
+        Residuals of position, velocity and attitude.
+    imu : ImuCard
+        IMU, whose error growth determines the limits (see `limit`).
+    file : str
+        Name of the file, for the message.
+    missing : str
+        Warning about events that the card does not declare, for the end of the message.
+
+    Raises
+    ------
+    InputError
+        A residual exceeds its limit. The message has time and size of the worst residual.
     """
     excessive = [residual for residual in residuals if residual.size > limit(residual, imu)]
     if not excessive:

@@ -107,9 +107,16 @@ def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarray) -> list[AttitudeInterpretation]:
     """Return the interpretations of a card's attitude, that of the card first; an empty list without attitude.
 
-    r_i : (n, 3) m, frame i. Positions of the rows.
-    force : (n, 3) m/s^2, frame i. Specific forces at the rows.
-    strong : (n,). Rows with a force large enough to define the direction of thrust.
+    Parameters
+    ----------
+    card : TableTrajectory
+        Card with the columns of attitude.
+    r_i : (n, 3) m
+        Positions of the rows, frame i.
+    force : (n, 3) m/s^2
+        Specific forces at the rows, frame i.
+    strong : (n,) bool
+        Rows with a force large enough to define the direction of thrust.
     """
     if card.attitude is None or not np.any(strong):
         return []

@@ -18,14 +18,34 @@ LONGEST_HOLE = 1.0  # s; longest gap that a spline bridges, as long as the row i
 
 
 def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[RowGap], list[str]]:
-    """Return the number of usable rows at times t (n,) s, the gaps between them, and remarks on both.
+    """Return the usable rows of a file.
 
-    The flight ends at a gap that is too long to be bridged, if that is after the last event.
+    The trajectory ends at a gap that is too long to be bridged, if that is after the last event.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times of the rows.
+    events : mapping
+        Times of the events (s) by name.
+    path : str
+        Name of the file, for messages.
+    places : list of str
+        Line of each row, for messages.
+
+    Returns
+    -------
+    n_row : int
+        Number of usable rows.
+    gaps : list of RowGap
+        Gaps between them, which a spline bridges.
+    remarks : list of str
+        Remarks on the gaps and on the end.
 
     Raises
     ------
     InputError
-        Times repeat or decrease, or such a gap is before the last event.
+        Times repeat or decrease, or a gap that is too long is before the last event.
     """
     refuse_unordered(t, path, places)
     last_event = max(events.values(), default=math.inf)
@@ -52,9 +72,25 @@ def doubled(t: Floats, events: Mapping[str, float]) -> NDArray[np.bool_]:
 def refuse_repeated(
     t: Floats, before: NDArray[np.bool_], card: TableTrajectory, places: list[str], apart: float
 ) -> None:
-    """Raise InputError if two rows have the same time t (n,) and the first is not `before` (n,) an event.
+    """Require that rows with equal times are the two rows of an event.
 
-    apart : Spacing of times of single precision, in the unit of the column; zero for times with all digits.
+    Parameters
+    ----------
+    t : (n,) s
+        Times of the rows.
+    before : (n,) bool
+        Which rows are the first of two rows at an event (see `doubled`).
+    card : TableTrajectory
+        Card of the file, for the message.
+    places : list of str
+        Line of each row, for the message.
+    apart : float
+        Spacing of times of single precision, in the unit of the column; zero for times with all digits.
+
+    Raises
+    ------
+    InputError
+        A time is repeated without an event.
     """
     repeated = np.flatnonzero((np.diff(t) == 0.0) & ~before[:-1])
     if not repeated.size:

@@ -133,7 +133,11 @@ def _event_names(marks: Mapping[str, float], begin: float, end: float) -> str:
 def _fit_velocities(
     card: TableTrajectory, rows: TrajectoryRows, edges: list[float], marks: Mapping[str, float]
 ) -> RowFit:
-    """Return the fit whose velocity is a spline through the velocity rows, and whose position is its integral."""
+    """Return the fit whose velocity is a spline through the velocity rows, and whose position is its integral.
+
+    edges : s. Ends of the parts between events.
+    marks : s. Times of the events by name.
+    """
     v_i = np.asarray(rows.v_i)
     velocity = fit(rows.t, v_i, edges[1:-1], 4, rows.noise[1]).spline
     position = velocity.antiderivative()
@@ -165,7 +169,11 @@ def _fit_velocities(
 def _fit_positions(
     card: TableTrajectory, rows: TrajectoryRows, edges: list[float], marks: Mapping[str, float]
 ) -> RowFit:
-    """Return the fit of a spline through the position rows, after removal of large steps at events."""
+    """Return the fit of a spline through the position rows, after removal of large steps at events.
+
+    edges : s. Ends of the parts between events.
+    marks : s. Times of the events by name.
+    """
     breaks, noise = edges[1:-1], rows.noise[0]
     with_all_steps = fit(rows.t, rows.r_i, breaks, 5, noise, breaks)
     sizes = np.linalg.norm(with_all_steps.steps, axis=1)
@@ -193,7 +201,19 @@ def _fit_positions(
 def _worst_residuals(
     what: str, rows: TrajectoryRows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
 ) -> tuple[Residual, ...]:
-    """Return the worst residual of each part with two rows or more; `size` returns the residuals at given rows."""
+    """Return the worst residual of each part with two rows or more.
+
+    Parameters
+    ----------
+    what : {"position", "velocity", "attitude"}
+        Quantity of the residuals.
+    rows : TrajectoryRows
+        Rows of the file, with their noise.
+    edges : list of float
+        Ends of the parts (s).
+    size : callable
+        Function of row numbers (m,) that returns the residuals (m,), SI.
+    """
     noise = rows.noise[("position", "velocity", "attitude").index(what)]
     residuals = []
     for begin, end in pairwise(edges):
@@ -227,7 +247,13 @@ def angles_between(p: Floats, q: Floats) -> Floats:
 def _remove_movements(
     card: TableTrajectory, rows: TrajectoryRows, change: Floats, marks: Mapping[str, float]
 ) -> list[ReferencePointChange]:
-    """Remove the declared movements of the reference point from the `change` from row to row (n - 1, 3)."""
+    """Remove the declared movements of the reference point, in place, and return them.
+
+    change : (n - 1, 3) m. Change of the difference of position from row to row; zeroed within the movements.
+    marks : s. Times of the events by name.
+
+    InputError if a movement does not begin before its end.
+    """
     jumps = []
     for first, last in card.moving_reference:
         begin, end = marks.get(first), marks.get(last)
@@ -245,7 +271,11 @@ def _remove_movements(
 def _remove_steps(
     card: TableTrajectory, rows: TrajectoryRows, change: Floats, marks: Mapping[str, float]
 ) -> list[ReferencePointChange]:
-    """Remove the steps at events from the `change` from row to row (n - 1, 3); InputError for a step without event."""
+    """Remove the steps of position at events, in place, and return them; InputError for a step without event.
+
+    change : (n - 1, 3) m. Change of the difference of position from row to row; zeroed at the steps.
+    marks : s. Times of the events by name.
+    """
     size = np.linalg.norm(change, axis=1)
     jumps = []
     for k in np.flatnonzero(size > card.smallest_jump + 10.0 * rows.noise[0]):
@@ -300,5 +330,10 @@ def _midpoints(values: Floats) -> Floats:
 
 
 def attitude_fit(rows: TrajectoryRows, t: Floats, q_b_i: Floats) -> BSpline:
-    """Return the quaternion spline through rows of attitude q_b_i (n, 4) at t (n,), with the noise of the file."""
+    """Return the quaternion spline through rows of attitude, smoothed by the noise of the file.
+
+    rows : rows of the file, for their noise
+    t : (n,) s. Times.
+    q_b_i : (n, 4). Quaternions from body to frame i, scalar first, of continuous sign.
+    """
     return fit(t, q_b_i, [], 5, rows.noise[2] * _COMPONENTS).spline

@@ -116,7 +116,11 @@ def fit(
 
 
 def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
-    """Return knots at the rows, at least `_CLOSEST` apart, and four at each break."""
+    """Return knots at the rows, at least `_CLOSEST` apart, and four at each break.
+
+    t : (n,) s. Times of the rows.
+    spans : s. Start, breaks and end.
+    """
     inner: list[float] = []
     for number, (begin, end) in enumerate(pairwise(spans)):
         if number > 0:
@@ -133,7 +137,13 @@ def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
 
 
 def _fit_problem(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _FitProblem:
-    """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows."""
+    """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows.
+
+    t : (n,) s. Times of the rows.
+    y : (n, m). Values of the rows.
+    knots : s. Knots of the spline, of this degree.
+    steps : s. Times at which the values may have a step.
+    """
     values = csr_array(BSpline.design_matrix(t, knots, degree))
     interval = float(np.median(np.diff(t)))
     nodes, cell = _quadrature(knots)

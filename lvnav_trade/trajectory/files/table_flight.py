@@ -149,7 +149,11 @@ def _flight_events(marks: Mapping[str, float], events: Mapping[str, float]) -> d
 
 
 def _attitude(card: TableTrajectory, path: RowFit, hold: float) -> BSpline:
-    """Return the quaternion spline through the rows of attitude, or else along the path."""
+    """Return the quaternion spline through the rows of attitude, or else along the path.
+
+    path : fit of the rows
+    hold : s. Duration at rest on the pad before the first row.
+    """
     rows = path.rows
     if rows.q_b_i is None:
         return along_path(path.position, path.edges, rows.theta0, card.pointing, card.roll, hold)
@@ -202,9 +206,27 @@ def _facts(card: TableTrajectory, path: RowFit, flight: Trajectory) -> dict[str,
 def _attitude_facts(
     card: TableTrajectory, path: RowFit, flight: Trajectory, t: Floats, force: Floats
 ) -> dict[str, float]:
-    """Return the interpolation error of the attitude rows, and the angle of the forces (n, 3) at t from the roll axis.
+    """Return the interpolation error of the attitude rows, and the median angle of the forces from the roll axis.
 
-    InputError if that angle exceeds the limit of the card. Without rows of attitude there are no facts.
+    Without rows of attitude there are no facts.
+
+    Parameters
+    ----------
+    card : TableTrajectory
+        Card with the limit of the angle.
+    path : RowFit
+        Fit of the rows.
+    flight : Trajectory
+        Trajectory of the file.
+    t : (n,) s
+        Times at which the force defines the direction of thrust.
+    force : (n, 3) m/s^2
+        Specific forces at these times, frame i.
+
+    Raises
+    ------
+    InputError
+        The median angle exceeds the limit of the card.
     """
     rows = path.rows
     if rows.q_b_i is None:

@@ -193,7 +193,9 @@ def _dispersed_sources(plan: GuidancePlan) -> list[str]:
 def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _CutoffDerivatives:
     """Return the derivatives at the cut-off, which is late by as much as the navigated energy is short.
 
-    y : (n_motion,). State at the cut-off; that of the pilot is then the state after the thrust has decayed.
+    pilot : pilot at the cut-off; its state is then the state after the thrust has decayed
+    y : (n_motion,). True state at the cut-off.
+    target : (n_orbit,). Target orbit, SI.
     """
     last, plan = pilot.pieces[-1], pilot.plan
     slope = rates(pilot.t, y, last.engine, last.inputs)
@@ -299,7 +301,18 @@ def _entry_index(t: Floats, time: float) -> int:
 
 
 def _spread_over_times(t: Floats, time: float, by_error: Floats) -> Floats:
-    """Return a derivative (n, 9) by the navigation error at a time as a derivative (n_t, n, 9) by those at times t."""
+    """Return a derivative by the navigation error at one time as a derivative by the errors at given times.
+
+    t : (n_t,) s. Given times.
+    time : s. Time of the error.
+    by_error : (n, 9). Derivative by attitude (rad), velocity (m/s) and position (m) error at `time`.
+
+    Returns
+    -------
+    (n_t, n, 9)
+        Zero except at the last given time that is not after `time`. The velocity error there also contributes by the
+        position error into which it grows.
+    """
     derivative = np.zeros((t.size, *by_error.shape))
     k = _entry_index(t, time)
     derivative[k] = by_error
@@ -309,9 +322,23 @@ def _spread_over_times(t: Floats, time: float, by_error: Floats) -> Floats:
 
 
 def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[list[Injection], list[Injection]] | str:
-    """Return whole flights with one sigma more, and one less, of each draw of a source; or why there are none.
+    """Return injections with one sigma more, and one sigma less, of each draw of a source.
 
-    Whole flights include the effect on staging.
+    The whole ascent is simulated, so that the effect on staging is included.
+
+    Parameters
+    ----------
+    plan : GuidancePlan
+        Guidance data stored before lift-off.
+    fixed : Sigmas
+        Draws that are equal in all runs.
+    name : str
+        Name of the source.
+
+    Returns
+    -------
+    (list of Injection, list of Injection) or str
+        Injections by draw on either side, or the reason why there are none.
     """
     n_draw = numbers(plan.card)[name]
     ends: tuple[list[Injection], list[Injection]] = [], []
