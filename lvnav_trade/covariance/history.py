@@ -78,6 +78,15 @@ def _append_backup(prepared: Prepared, history: CovHistory, unaided: PassResults
     """Append the outputs of the backup strapdown to a history.
 
     The backup strapdown does not depend on measurements, so its covariance is that of a pass without them.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        History to extend.
+    unaided
+        Results of the pass without measurements.
     """
     motion = slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
@@ -100,7 +109,12 @@ def _refuse_unbounded(prepared: Prepared, formal: Floats) -> None:
 def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
     """Return the tape of a forward pass, for a backward pass or an observability analysis.
 
-    aided : whether measurements are processed
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    aided
+        Whether measurements are processed.
     """
     tape = _whole_tape(prepared)
     run_pass(prepared, components(prepared), tape, aided)
@@ -224,7 +238,17 @@ def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None 
 
 
 def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
-    """Return the true covariances (n_source, 3, 3, 3) of attitude, velocity and position by source at a time."""
+    """Return the true covariances of attitude, velocity and position by source at a time, (n_source, 3, 3, 3) SI.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    time
+        s since lift-off. The nearest history time is used.
+    tape
+        Tape of the forward pass; None: computed here.
+    """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     errors = turns(prepared)[hist, :N_MOTION]
     pairs = []

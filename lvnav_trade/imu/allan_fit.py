@@ -80,7 +80,7 @@ def ladder(n: int, dt: float, shortest: float = 0.0, longest: float = math.inf) 
     list of int
         Rising; empty if the stream is too short.
     """
-    # 1e-9: an averaging time that is a multiple of dt stays one after rounding
+    # 1e-9: an averaging time that is a multiple of dt remains a multiple after rounding
     first = max(1, math.ceil(shortest / dt - 1e-9))
     last = min(n // _LEAST, math.floor(min(longest, n * dt) / dt + 1e-9))
     if last < first:

@@ -7,10 +7,16 @@ from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, VEL
 
 @jit
 def inform(P, work, units, model, seconds):
-    """Inflate the covariance of the filter for excluded IMUs over a window (ImuArrayWork and ImuArray, or None).
+    """Inflate the covariance of the filter for excluded IMUs over a window.
 
-    The mean of the remaining IMUs has more noise than that of all, which the filter model assumes. seconds : s, of the
-    window
+    The mean of the remaining IMUs has more noise than that of all IMUs, which the filter model assumes.
+
+    Parameters
+    ----------
+    P : (n, n) covariance, updated in place
+    work, units : ImuArrayWork and ImuArray; None for one IMU
+    model : FilterModel
+    seconds : s, length of the window
     """
     if units is not None:
         _inform(P, work.redundant, units, units.redundant, model, seconds)
@@ -71,12 +77,22 @@ def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
 
 @jit
 def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first):
-    """Renew the filter's bias states after a hand-over: uncorrelated, with the variance -P. `_grow_bias` adds
+    """Reset the filter's bias states after a hand-over: uncorrelated, with the variance -P.
+
+    The estimate is unchanged, and its error is b2 - b1 + e with e = b1 less the estimate. The estimate of a filter that
+    models all errors is uncorrelated with e, so Cov(b1, e) = P and, of any other error x, Cov(x, b1) = Cov(x, e). The
+    new variance is s1^2 + s2^2 - P, at least s2^2, and the covariances with other errors are zero. `_grow_bias` adds
     s1^2 + s2^2.
 
-    The estimate stays, and its error is b2 - b1 + e with e = b1 less the estimate. The estimate of a filter that models
-    all errors is uncorrelated with e, so Cov(b1, e) = P and, of any other error x, Cov(x, b1) = Cov(x, e). The new
-    variance is s1^2 + s2^2 - P, at least s2^2, and the covariances with other errors are zero.
+    Parameters
+    ----------
+    P : (n, n) covariance, updated in place
+    weights : (n_triad, 2, 3, 3) twice, weights of the axes in the mean now, and at the start of the window
+    wanted : 1 in the runs with excluded IMUs
+    n_axis : (n_triad,) number of axes
+    redundancy : ImuRedundancy
+    sensor : GYRO or ACCEL
+    first : first state of the bias
     """
     solved, before = weights
     for i in range(3):
@@ -102,7 +118,13 @@ def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first):
 
 @jit
 def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, first, seconds):
-    """Inflate the variances of a bias, three states from `first` on, as `grow` describes; weights : solved, before."""
+    """Inflate the variances of a bias, as `grow` describes.
+
+    Parameters
+    ----------
+    P, weights, wanted, n_axis, redundancy, sensor, first : as in `_renew_bias`
+    seconds : s, length of the window
+    """
     solved, before = weights
     for i in range(3):
         total = like(P[0, 0], 0.0)

@@ -11,7 +11,15 @@ from lvnav_trade.simulation.tape import tape_after, tape_before, tape_epoch, tap
 
 @inlined
 def _measure(work, parts, case, key, epoch):
-    """Simulate the measurements of receiver and sensors at an epoch."""
+    """Simulate the measurements of receiver and sensors at an epoch.
+
+    Parameters
+    ----------
+    work, parts : Work, Parts; updated in place
+    case : FilterCase
+    key : (2,) key words of the campaign's seed
+    epoch : index
+    """
     options = case.options
     observe(work, parts, case, options.solver, key, epoch)
     hold_solution(work, parts, None, None, options.solver, options.report, epoch)

@@ -60,7 +60,21 @@ def _simulate(
     lanes: bool,
     taped: bool = False,
 ) -> tuple[Work, OptionalState]:
-    """Simulate run `first`, or eight runs from it on; taped: one run, with a tape."""
+    """Simulate one run, or eight runs at a time.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    first
+        Number of the first run.
+    lanes
+        Whether eight runs are simulated in vector lanes.
+    taped
+        Whether a single run is recorded on a tape.
+    """
     work, parts = new_work(prepared, lanes)
     if taped:
         parts = parts._replace(tape=new_tape(work, len(prepared.unit.dtheta), prepared.t_epoch.size))
@@ -97,6 +111,15 @@ def taped(prepared: Prepared, seed: int, run: int) -> TapedRun:
 
     The gravity disturbance is switched off: the simulation adds it to the error of the estimate, so the recorded inputs
     alone would not reproduce the estimates.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    run
+        Number of the run.
     """
     undisturbed = prepared._replace(unit=prepared.unit._replace(gravity=-1))
     work, parts = _simulate(undisturbed, seed, run, lanes=False, taped=True)
@@ -116,7 +139,17 @@ def _by_run(array: Floats, lanes: bool) -> Floats:
 
 
 def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[TransitionErrors]:
-    """Yield the transition errors of runs 0 to n_run - 1, some runs at a time, with the run on the first axis."""
+    """Yield the transition errors of runs 0 to n_run - 1, some runs at a time, with the run on the first axis.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    n_run
+        Number of runs.
+    """
     lanes = not config.DISABLE_JIT
     for first in range(0, n_run, WIDTH if lanes else 1):
         _, parts = _simulate(prepared, seed, first, lanes)
@@ -220,7 +253,19 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
 
 
 def _changes(prepared: Prepared, mode_state: ModeState, first_run: int, n_run: int, lanes: bool) -> Floats:
-    """Return the mode transitions (n, 5) of some runs: run, t (s), mode before, mode after, reason."""
+    """Return the mode transitions (n, 5) of some runs: run, t (s), mode before, mode after, reason.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    mode_state
+        Modes and reasons of the runs at the epochs.
+    first_run, n_run
+        Number of the first run, and number of runs.
+    lanes
+        Whether the last axis of the arrays is the run.
+    """
     mode = _by_run(mode_state.mode, lanes)[:n_run]
     reason = _by_run(mode_state.reason, lanes)[:n_run]
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
@@ -256,5 +301,14 @@ def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:
 
     The additional history times are at covariance steps, where windows of the block end anyway, so the results are
     those of the block.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    run
+        Number of the run.
     """
     return run_block(prepare(prepared.scenario, every_step_beside=prepared.t_hist), seed, run, 1)

@@ -75,7 +75,17 @@ def launch_of(scenario: Scenario) -> Launch:
 
 
 def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | None:
-    """Return the missions of a case with the draws of the campaign; None without a vehicle under control."""
+    """Return the missions of a case with the draws of the campaign; None without a vehicle under control.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    seed
+        Seed of the campaign.
+    runs
+        Number of runs.
+    """
     if scenario.control is None:
         return None
     launch = launch_of(scenario)
@@ -164,7 +174,17 @@ def _formal(launch: Launch, missions: Missions) -> Floats:
 
 
 def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, Floats]:
-    """Return time and motion of the first run's first seconds, for each bin the tick furthest out."""
+    """Return time (k,) s and motion (k, 2, 4) of the first run's first seconds, for each bin the tick furthest out.
+
+    Parameters
+    ----------
+    launch
+        Vehicle and ascent.
+    feedback
+        Feedback of the controller.
+    seed
+        Seed of the campaign.
+    """
     run = fly_missions(launch, feedback, 1, seed, every=1)
     per_bin = max(1, round(_BIN * launch.imu.rate))
     n_bin = int(np.sum(run.t <= SHOWN)) // per_bin

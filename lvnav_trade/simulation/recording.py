@@ -162,7 +162,7 @@ def _check_failure(work, history, hist):
     x = work.x
     failed = work.failed[0]
     limit = history.limit * history.limit
-    # a covariance that is not a number makes the square one, which is neither within nor beyond the limit
+    # a covariance that is not a number makes the square not a number: neither within nor beyond the limit
     square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
     code = where(square > limit, 2.0, 1.0)
     first_code = where(failed > 0.0, failed, code)

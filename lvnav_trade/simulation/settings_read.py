@@ -62,7 +62,7 @@ def effective_settings(prepared: Prepared, read: Collection[str]) -> EffectiveSe
             if card and card.measurement == "attitude":
                 complete.append(f"sensors.{name}")
     if prepared.plan is not None:
-        complete.append("trajectory.control")  # runs fly it
+        complete.append("trajectory.control")  # simulated in every run
     exact = dict(_exact_states(prepared))
     idle = dict(
         [

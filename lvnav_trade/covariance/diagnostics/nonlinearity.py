@@ -177,7 +177,7 @@ def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Fl
     true = turn.T @ history.true_cov[hist, states, states] @ turn
     if not layout.n_delayed:
         return formal, true
-    # all states from the reported ones: clones equal their states, noise states of an epoch are zero
+    # all states from the reported states: clones equal their states, noise states of an epoch are zero
     selection = np.zeros((layout.n_state, len(turn)))
     selection[layout.reported, range(len(turn))] = 1.0
     selection[layout.clone : layout.clone + len(layout.cloned)] = selection[list(layout.cloned)]

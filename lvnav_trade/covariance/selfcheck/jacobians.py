@@ -184,7 +184,7 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
         (n_state,) SI. Error of the estimate, truth minus estimate.
     """
     model, sensors = prepared.model, prepared.sensors
-    assert sensors is not None  # the case has this one
+    assert sensors is not None  # the case has this sensor
     first_row = row_of(model, work, sensors.channel[k])
     first_channel = sensors.channel[k]
     _estimate(prepared, work, epoch, d, prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch])

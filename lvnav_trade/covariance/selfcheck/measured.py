@@ -264,7 +264,7 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
             continue
         sensors = prepared.sensors
         n = len(device.channels.labels)
-        assert sensors is not None  # the case has this one
+        assert sensors is not None  # the case has this sensor
         if exact:
             measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
         tick = tick_at(prepared, prepared.t_epoch[epoch] - device.delay[epoch])

@@ -83,7 +83,16 @@ tape : simulation.tape.Tape. Record of one run.
 
 @jit
 def _store_estimate_error(work, receiver, solution_error, filtering, point_model, point):
-    """Set error (frame i) and formal covariance of the receiver's estimate, in the runs that have a solution."""
+    """Set error (frame i) and formal covariance of the receiver's estimate, in the runs that have a solution.
+
+    Parameters
+    ----------
+    work, receiver : Work, Receiver
+    solution_error : LastSolutionError, updated in place
+    filtering : settings of the receiver's filter; None for a point solution
+    point_model : settings of a point solution
+    point : (6,) m, m/s, true position and velocity of the solution, frame i
+    """
     valid = receiver.solution[0] == receiver.solution[0]
     if filtering is None:
         _store_point_covariance(solution_error.covariance, receiver.inverse, point_model, valid)
@@ -112,8 +121,16 @@ def _store_error(run, work, parts, solver, report, epoch):
 
 @jit
 def _store_point_covariance(P, inverse, point_model, valid):
-    """Set the covariance of a point solution: the inverse normal matrix (4, 4) times the variances of its ranges and
-    rates, in the runs that have a solution.
+    """Set the covariance of a point solution, in the runs that have a solution.
+
+    It is the inverse normal matrix times the variances of ranges and rates.
+
+    Parameters
+    ----------
+    P : (N_RX, N_RX) SI squared, updated in place
+    inverse : (4, 4) inverse normal matrix of position and clock
+    point_model : variances of ranges (m^2) and rates (m^2/s^2)
+    valid : condition by lane, whether there is a solution
     """
     for i in range(4):
         row = RX_POS + i if i < 3 else RX_BIAS

@@ -41,7 +41,17 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
 
 @remembered(4)
 def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
-    """Return true motion and ideal increments of a trajectory at the ticks of an IMU; rate: Hz."""
+    """Return true motion and ideal increments of a trajectory at the ticks of an IMU.
+
+    Parameters
+    ----------
+    identity
+        Key of the cache, as from `identity`.
+    card
+        Card of the trajectory.
+    rate
+        Hz. Sampling rate of the IMU.
+    """
     return reference(cached_trajectory(identity, card), rate)
 
 
@@ -76,7 +86,21 @@ def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: 
 
 @remembered_by_reads(6)
 def _heard(key: str, scenario: Scenario, by_identity: _ByIdentity, epochs: bytes, start: float) -> ReceivedSatellites:
-    """Return the received satellites at the times of validity; the arguments are the key of the cache."""
+    """Return the received satellites at the times of validity; the arguments are the key of the cache.
+
+    Parameters
+    ----------
+    key
+        Content of the constellation's files and card.
+    scenario
+        Validated model of the case.
+    by_identity
+        True flight.
+    epochs
+        Bytes of the epochs (n_epoch,) s since lift-off.
+    start
+        s since lift-off. Earliest time of validity.
+    """
     t_epoch = np.frombuffer(epochs).copy()
     trajectory = by_identity.trajectory
     receiver = scenario.receiver

@@ -47,6 +47,19 @@ def entering_errors(
     """Return the correlated measurement errors of a case: receiver and satellites, sensors, wild samples.
 
     Errors that are zero or enter no measurement are omitted.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    geometry
+        Inputs of the partial derivatives.
+    channels
+        Measurement channels.
+    failed
+        Effects of faults on the receiver.
+    devices
+        Sensors other than the receiver.
     """
     n_epoch = len(failed.jump)
     errors = []
@@ -102,7 +115,21 @@ def _error(
     time_constant: float = math.inf,
     state: str | None = None,
 ) -> CorrelatedError:
-    """Return an error with all components of its kind; the filter state that models it has the name of the kind."""
+    """Return an error with all components of its kind.
+
+    Parameters
+    ----------
+    source, kind
+        Name of the error source, kind of the error.
+    sigma
+        Standard deviation, SI.
+    channels
+        Measurement channels.
+    time_constant
+        s. Infinite: constant during a run; zero: independent from epoch to epoch.
+    state
+        Filter state that models the error; None: that with the name of the kind; empty: none.
+    """
     state = kind if state is None else state
     return CorrelatedError(source, kind, sigma, "", time_constant, _labels(kind, channels), state=state)
 

@@ -56,7 +56,15 @@ class TrueImu(NamedTuple):
 
 
 def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueImu:
-    """Return the true IMU of a case; layout: states of the filter, which may include differences of two IMUs."""
+    """Return the true IMU of a case.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    layout
+        States of the filter, which may include differences of two IMUs.
+    """
     ref = flight.reference
     course = flight.trajectory.course
     terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
@@ -68,7 +76,17 @@ def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueI
 
 
 def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile) -> int:
-    """Return the first tick after the hand-over of a prime IMU that is stated by its time; -1 without."""
+    """Return the first tick after the hand-over of a prime IMU at a given time; -1 without.
+
+    Parameters
+    ----------
+    card
+        Card of the IMU or of the array.
+    ref
+        True motion at the ticks.
+    course
+        Conditions of the trajectory.
+    """
     if isinstance(card, ImuCard) or card.hand_over is None:
         return -1
     seconds = course.time(card.hand_over, "imu.hand_over") - ref.t[0]
@@ -76,7 +94,22 @@ def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile
 
 
 def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: FlightProfile) -> list[Profile]:
-    """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step."""
+    """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step.
+
+    Parameters
+    ----------
+    card
+        Card of the IMU or of the array.
+    faults
+        Faults of the case; only those of IMUs are read.
+    course
+        Conditions of the trajectory.
+
+    Returns
+    -------
+    list of Profile
+        Sensor (2 triad + sensor), driver, start and end (s since lift-off), amplitude by axis (SI).
+    """
     if isinstance(card, ImuCard):
         owners = [0]
         units: Sequence[ImuCard] = (card,)
@@ -161,7 +194,7 @@ def unit_of(
 
 
 def _columns(rows: Sequence[tuple[Any, ...]], n_column: int) -> list[list[Any]]:
-    """Return the columns of a table; empty ones without rows."""
+    """Return the columns of a table; empty columns if it has no rows."""
     return [[row[column] for row in rows] for column in range(n_column)]
 
 

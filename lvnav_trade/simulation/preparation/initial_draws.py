@@ -40,6 +40,15 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> InitialDraws:
     """Return the draws of initial and turn-on errors of runs 0 to n_run - 1; draws without effect are omitted.
 
     Draws depend on keys and not on an order, so these are the numbers of the simulation, without simulating.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    n_run
+        Number of runs.
     """
     sources: list[str] = []
     words: list[np.uint64] = []

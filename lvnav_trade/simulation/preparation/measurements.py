@@ -78,7 +78,15 @@ class _Ranging(NamedTuple):
 
 
 def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> Measurements:
-    """Return the measurements of a case: of the receiver and of the sensors that its filter uses."""
+    """Return the measurements of a case: of the receiver and of the sensors that its filter uses.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    filtering
+        Filter of the case.
+    """
     card, channels, seen = scenario.filter, flight.channels, flight.sky
     ranging = _ranging(scenario, flight, filtering)
     received = ranging.received

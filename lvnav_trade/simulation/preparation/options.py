@@ -146,7 +146,16 @@ def _reported(
 def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Smoothing | None = None) -> Solver | None:
     """Return the settings by which the receiver computes its solution; None if the solution is simulated directly.
 
-    most : largest number of satellites in use at once
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    model
+        Filter model of the receiver.
+    most
+        Largest number of satellites in use at once.
+    smoothing
+        Carrier smoothing of the ranges; None without.
     """
     card = scenario.receiver.solution
     if isinstance(card, DirectSolution) or not solves(scenario):
@@ -302,7 +311,19 @@ def clone_times(
 
 
 def _clone_times(t_valid: Floats, before: float, t: Floats, group: int) -> CloneTimes:
-    """Return the storage times of states at the times `t_valid` (s), and of velocities `before` s earlier (0: none)."""
+    """Return the storage times of the states for a delayed measurement.
+
+    Parameters
+    ----------
+    t_valid
+        (n_epoch,) s. Times of validity.
+    before
+        s. Interval from the earlier velocity to the state; 0: no earlier velocity is stored.
+    t
+        (n_tick + 1,) s. Times of the ticks.
+    group
+        Ticks of a strapdown step.
+    """
     dt = float(t[1] - t[0])
     step = dt * group
     # states are stored at the end of a step, so the earliest are those of the first two steps

@@ -109,7 +109,17 @@ def redundant_of(
 
 
 def _means(units: ImuArray, axes: RedundantAxes, excluded: list[int]) -> Floats:
-    """Return the weights of the mean of all IMUs, then after each exclusion, (n_excluded + 1, n_triad, 2, 3, 3)."""
+    """Return the weights of the mean of all IMUs, then after each exclusion, (n_excluded + 1, n_triad, 2, 3, 3).
+
+    Parameters
+    ----------
+    units
+        IMU array.
+    axes
+        Axes of the redundant IMUs.
+    excluded
+        Excluded IMUs, in order of exclusion.
+    """
     means = []
     for n in range(len(excluded) + 1):
         means.append(mean_stage(units, axes, set(excluded[:n])).solved)
@@ -117,7 +127,17 @@ def _means(units: ImuArray, axes: RedundantAxes, excluded: list[int]) -> Floats:
 
 
 def _parity_test(card: ImuSet, units: ImuArray, owner: Ints, dt: float) -> ParityTest:
-    """Return the parity test of an array; without one, that of the default card, which gives the weights."""
+    """Return the parity test of an array; if its card has no test, that of the default card, which gives the weights.
+
+    Parameters
+    ----------
+    card, units
+        Card of the array, and its arrays.
+    owner
+        (n_triad,). IMU that the triad belongs to.
+    dt
+        s. Tick.
+    """
     parity = card.parity or ParityCard()
     ticks = max(1, round(parity.window / dt))
     weight = 1.0 / _variance(card, units, dt, ticks)
@@ -150,7 +170,19 @@ def _bias_variances(card: ImuSet) -> tuple[Floats, Floats]:
 
 
 def _profile_errors(units: ImuArray, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
-    """Return the errors of increments along the axes by deterministic profiles, (2, n_triad, n_tick, 3)."""
+    """Return the errors of increments along the axes by deterministic profiles, (2, n_triad, n_tick, 3) rad and m/s.
+
+    Parameters
+    ----------
+    units
+        IMU array.
+    profiles
+        Deterministic errors of the IMUs.
+    t
+        (n_tick,) s since lift-off. Middle of the ticks.
+    dt
+        s. Tick.
+    """
     n_triad, n_tick = units.dtheta.shape[:2]
     errors = np.zeros((2, n_triad, n_tick, 3))
     for code, driver, start, end, amplitude in profiles:
@@ -163,7 +195,19 @@ def _profile_errors(units: ImuArray, profiles: Sequence[Profile], t: Floats, dt:
 
 
 def _variance(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> Floats:
-    """Return the variance (n_window, 2, n_triad, 3) of a summed increment along an axis; infinite without an axis."""
+    """Return the variance of a summed increment along an axis, (n_window, 2, n_triad, 3) SI squared.
+
+    It is infinite without an axis.
+
+    Parameters
+    ----------
+    card, units
+        Card of the array, and its arrays.
+    dt
+        s. Tick.
+    ticks
+        Number of ticks summed.
+    """
     lasting, white = summed_variances(card, units, dt, ticks)
     has_axis = np.arange(3) < units.n_axis[:, None]
     return np.asarray(np.where(has_axis, lasting + white, np.inf))
@@ -212,6 +256,19 @@ def _least_residual_ratio(
     """Return the smallest residual ratio of a fit without one more IMU, and that IMU.
 
     If a failure hands over from a prime IMU, these are 0 and the first IMU in use.
+
+    Parameters
+    ----------
+    y
+        (n_triad, 3). Increments along the axes, summed over the window.
+    directions
+        (n_triad, 3, 3). Directions of the axes, body axes.
+    weight
+        (n_triad, 3). Inverse of the modelled variance of y.
+    tests
+        Parity test.
+    out
+        IMUs that are already excluded.
     """
     candidates = []
     for unit in range(int(tests.owner.max()) + 1):
@@ -232,9 +289,16 @@ def _residual_ratio(
     out: set[int],
     alone: bool = False,
 ) -> float:
-    """Return the weighted sum of squared residuals of a fit without the IMUs in `out`, divided by its limit.
+    """Return the weighted sum of squared residuals of a fit without some IMUs, divided by its limit.
 
-    Without redundancy it is 0, or infinite if the fit is a candidate for exclusion (`alone`).
+    Parameters
+    ----------
+    y, directions, weight, tests
+        As in `_least_residual_ratio`.
+    out
+        IMUs that are omitted.
+    alone
+        Whether the fit is a candidate for exclusion: without redundancy its ratio is infinite, otherwise 0.
     """
     use = (weight > 0.0) & ~np.isin(tests.owner, list(out))[:, None]
     dof = int(use.sum()) - 3

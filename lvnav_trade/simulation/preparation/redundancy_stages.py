@@ -50,10 +50,19 @@ class CombinationStage(NamedTuple):
 def summed_variances(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tuple[Floats, Floats]:
     """Return the variances of increments along the axes, summed over windows of some ticks.
 
+    Parameters
+    ----------
+    card, units
+        Card of the array, and its arrays.
+    dt
+        s. Tick.
+    ticks
+        Number of ticks of a window.
+
     Returns
     -------
     lasting, white
-        (n_window, 2, n_triad, 3). By lasting errors and by white noise of the cards.
+        (n_window, 2, n_triad, 3) SI squared. By lasting errors and by white noise of the cards.
     """
     n_triad, n_tick = units.dtheta.shape[:2]
     edges = np.arange(0, n_tick + 1, ticks)
@@ -74,7 +83,17 @@ def summed_variances(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tu
 
 
 def mean_stage(units: ImuArray, axes: RedundantAxes, excluded: set[int]) -> CombinationStage:
-    """Return the stage with the mean of the IMUs that are not excluded; of a prime IMU, with the first of them."""
+    """Return the stage with the mean of the IMUs that are not excluded; of a prime IMU, with the first of them.
+
+    Parameters
+    ----------
+    units
+        IMU array.
+    axes
+        Axes of the redundant IMUs.
+    excluded
+        Excluded IMUs.
+    """
     solved = units.solved[0]
     if excluded:
         in_use = ~np.isin(axes.owner, list(excluded))

@@ -45,7 +45,19 @@ def reporting_of(
     layout: StateLayout,
     solution: ReportedSolution | None,
 ) -> Reporting:
-    """Return the reported quantities of a case; solution: of `solution_of`."""
+    """Return the reported quantities of a case.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    times
+        Schedule of the flight.
+    layout
+        States of the filter.
+    solution
+        As from `solution_of`.
+    """
     frame, trajectory = scenario.frame, flight.trajectory
     main = outputs(layout, frame)
     if reported(scenario):
@@ -69,7 +81,19 @@ def solution_of(
     layout: StateLayout,
     solver: Solver | None,
 ) -> ReportedSolution | None:
-    """Return the inputs of the reported errors of the receiver's solution; None if they are not reported."""
+    """Return the inputs of the reported errors of the receiver's solution; None if they are not reported.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    chain
+        Error propagation of the solution; None without a reported covariance.
+    channels, layout
+        Measurement channels and states of the filter.
+    solver
+        Settings of the receiver's solution; None if it is simulated directly.
+    """
     if chain is None or not reported(scenario):
         return None
     n_sample = N_SAMPLE if layout.motion >= 0 else 0

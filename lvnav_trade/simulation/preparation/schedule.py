@@ -50,8 +50,19 @@ class _Windows(NamedTuple):
 def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stored: Ints, group: int) -> _Windows:
     """Divide the flight into windows.
 
-    Windows end at covariance steps (rounded to strapdown steps of `group` ticks), epochs, history times, and ticks at
-    which a state is stored. A second history time at the same tick gets a window without ticks.
+    Windows end at covariance steps (rounded to strapdown steps), epochs, history times, and ticks at which a state is
+    stored. A second history time at the same tick gets a window without ticks.
+
+    Parameters
+    ----------
+    n_imu
+        Number of ticks of the flight.
+    per_window
+        Ticks of a covariance step.
+    hist_tick, epoch_tick, stored
+        Ticks of history times and epochs, and ticks at which a state is stored.
+    group
+        Ticks of a strapdown step.
     """
     steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
     end = np.unique(np.concatenate([steps, hist_tick, epoch_tick, stored, [0, n_imu]]))
@@ -79,7 +90,21 @@ def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stor
 
 
 def _add_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
-    """Return history times and covariance steps (s), sorted; a step at the tick of a history time is omitted."""
+    """Return history times and covariance steps (s), sorted; a step at the tick of a history time is omitted.
+
+    Parameters
+    ----------
+    t_hist, steps
+        (n,) s since lift-off. History times and covariance steps.
+    start
+        s since lift-off. Time of tick 0.
+    rate
+        Hz. Sampling rate of the IMU.
+    n_imu
+        Number of ticks of the flight.
+    group
+        Ticks of a strapdown step.
+    """
     step_ticks = ticks_of(steps, start, rate, n_imu, group)
     hist_ticks = ticks_of(t_hist, start, rate, n_imu, group)
     additional = steps[~np.isin(step_ticks, hist_ticks)]

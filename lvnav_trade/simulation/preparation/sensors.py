@@ -92,7 +92,17 @@ def _named_error(error: CorrelatedError, name: str) -> CorrelatedError:
 def _states(
     model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], names: Collection[str]
 ) -> tuple[SensorState, ...]:
-    """Return the filter states that model lasting errors of a sensor, for the state names in `names`."""
+    """Return the filter states that model lasting errors of a sensor.
+
+    Parameters
+    ----------
+    model
+        Filter model of the sensor.
+    lasting
+        Lasting errors with their partial derivatives (n_epoch, n_scalar, n_label).
+    names
+        Names of the states that the filter has.
+    """
     states = []
     for error, partials in lasting:
         if error.field not in model.states:
@@ -119,6 +129,17 @@ def measures(scenario: Scenario, card: SensorCard, course: FlightProfile, t_epoc
 
     It measures at multiples of its interval since lift-off that are epochs of the filter.
 
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    card
+        Card of the sensor.
+    course
+        Conditions of the trajectory.
+    t_epoch
+        (n_epoch,) s since lift-off.
+
     Raises
     ------
     InputError
@@ -131,7 +152,17 @@ def measures(scenario: Scenario, card: SensorCard, course: FlightProfile, t_epoc
 
 
 def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
-    """Return the time (n_epoch,) s since the previous measurement, or since the start (s) of the flight."""
+    """Return the time since the previous measurement, or since the start of the flight, (n_epoch,) s.
+
+    Parameters
+    ----------
+    on
+        (n_epoch,). Whether the sensor measures.
+    t_epoch
+        (n_epoch,) s since lift-off.
+    start
+        s since lift-off. Start of the flight.
+    """
     last = np.maximum.accumulate(np.where(on, t_epoch, start))
     previous = np.concatenate([[start], last[:-1]])
     return np.asarray(t_epoch - previous)
@@ -200,10 +231,16 @@ def _white_noise(
     assumed: FlightView,
     since: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return true sigma and assumed variance of the white noise of a sensor, (n_epoch, n_scalar) each.
+    """Return true sigma and assumed variance of the white noise of a sensor, (n_epoch, n_scalar) SI and SI squared.
 
-    view, assumed : true flight at the true times of the measurements, and at those that the filter assumes
-    since : (n_epoch,) s. Time since the previous measurement, for a difference of two IMUs
+    Parameters
+    ----------
+    scenario, card, model
+        Validated model of the case, card of the sensor, and its filter model.
+    view, assumed
+        True flight at the true times of the measurements, and at those that the filter assumes.
+    since
+        (n_epoch,) s. Time since the previous measurement, for a difference of two IMUs.
     """
     shape = (view.t.size, len(card.scalars))
     sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
@@ -222,7 +259,17 @@ def _padded(values: Floats, width: int) -> Floats:
 
 
 def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors | None:
-    """Return the sensors as arrays for the kernels; None without sensors, whose code is then not compiled."""
+    """Return the sensors as arrays for the kernels; None without sensors, whose code is then not compiled.
+
+    Parameters
+    ----------
+    sensors
+        Sensors other than the receiver.
+    channels
+        Measurement channels.
+    n_epoch
+        Number of epochs.
+    """
     if not sensors:
         return None
     n = len(sensors)

@@ -108,7 +108,19 @@ def injections(
 
 
 def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first: Ints, end: Ints) -> Bools:
-    """Return whether the operating region changes within each window, (n,); first, end (n,): ticks of the windows."""
+    """Return whether the operating region changes within each window, (n,).
+
+    Parameters
+    ----------
+    card
+        Card of the region noise, with conditions and thresholds.
+    course
+        Conditions of the trajectory.
+    ref
+        True motion and ideal increments.
+    first, end
+        (n,). First tick of each window, and the tick after its last.
+    """
     intervals = course.holding(card)
     t_first = ref.t[first]
     t_end = ref.t[end]
@@ -128,9 +140,18 @@ def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first
 
 
 def _tabled_variance(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
-    """Return the process-noise variance (n, 9) SI squared of attitude, velocity and position by tables.
+    """Return the process-noise variance of attitude, velocity and position by tables, (n, 9) SI squared.
 
-    start, end : (n,) s, of the windows; the tables are read for the motion in the middle of each window
+    The tables are read for the motion in the middle of each window.
+
+    Parameters
+    ----------
+    tables
+        Tables of process noise.
+    trajectory
+        True flight.
+    start, end
+        (n,) s since lift-off. Start and end of the windows.
     """
     dynamics = dynamics_at(trajectory, 0.5 * (start + end))
     variance = np.zeros((start.size, 9))
@@ -155,7 +176,17 @@ def _jumps(values: Floats, limit: float) -> Bools:
 
 
 def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:
-    """Return the variance that a change of region adds to the states, (n_state,) SI squared."""
+    """Return the variance that a change of region adds to the states, (n_state,) SI squared.
+
+    Parameters
+    ----------
+    card
+        Card of the region noise.
+    layout
+        States of the filter.
+    imu
+        Filter model of the IMU; a nonlinearity is divided by its full scale.
+    """
     variance = np.zeros(layout.n_state)
     first_states = [("attitude", ATT), ("velocity", VEL), ("position", POS)]
     first_states += [(block.name, block.offset) for block in layout.parameters]
@@ -169,7 +200,17 @@ def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floa
 
 
 def linearisations(card: FilterCard, rate: float, windows: TickWindows) -> Ints:
-    """Return the code of `transition.linearise` for each window, (n_window,); rate: Hz, of the IMU."""
+    """Return the code of `transition.linearise` for each window, (n_window,).
+
+    Parameters
+    ----------
+    card
+        Filter card.
+    rate
+        Hz. Sampling rate of the IMU.
+    windows
+        Windows of ticks.
+    """
     codes = np.full(windows.n_tick.size, EVERY_WINDOW, dtype=np.int64)
     if card.transition_rate is None:
         return codes

@@ -64,7 +64,17 @@ def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layou
 
 
 def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> ReportedSamples | None:
-    """Return the inputs of the reported errors of IMU samples; None if they are not reported."""
+    """Return the inputs of the reported errors of IMU samples; None if they are not reported.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    ref
+        True motion and ideal increments.
+    layout
+        States of the filter.
+    """
     if not layout.samples:
         return None
     dt = 1.0 / scenario.imu.rate
@@ -87,10 +97,17 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Repor
 
 
 def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
-    """Return the variances (n_imu, 6) SI squared of the steps of angular rate and specific force into each tick.
+    """Return the variances of the steps of angular rate and specific force into each tick, (n_imu, 6) SI squared.
 
     The envelope depends on commanded rates and nozzle angles. Without control they are the rates of the trajectory and
     a fixed nozzle; under control they are the commands of the controller.
+
+    Parameters
+    ----------
+    card
+        Envelope card.
+    trajectory, ref
+        True flight, and true motion at the ticks.
     """
     t = ref.t[:-1]
     rate = ref.w_ib_b[:-1, 1:]
@@ -185,7 +202,17 @@ def _slope(value: Floats, before: Floats, dt: float) -> Floats:
 
 
 def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
-    """Return the response (n, k) of a first-order lag to an input that is constant over each tick, from zero."""
+    """Return the response (n, k) of a first-order lag to an input that is constant over each tick, from zero.
+
+    Parameters
+    ----------
+    drive
+        (n, k). Input at each tick.
+    time_constant
+        s.
+    dt
+        s. Tick.
+    """
     from scipy.signal import lfilter  # imported here: it loads scipy.stats, 30 MiB and 0.5 s, and few filters need it
 
     factor = math.exp(-dt / time_constant)

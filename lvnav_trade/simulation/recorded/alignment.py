@@ -124,7 +124,7 @@ def _motion_heading(
     t_fix = log.t_fix[solutions]
     inertial = np.interp(t_fix, t, velocity[:, 0]) + 1j * np.interp(t_fix, t, velocity[:, 1])
     heading = float(np.angle(np.sum(received * np.conj(inertial))))
-    # components of the received velocities across the inertial ones, turned by the heading
+    # components of the received velocities across the inertial velocities, turned by the heading
     across = np.imag(received * np.exp(-1j * (np.angle(inertial) + heading)))
     variance = np.mean(across**2) / np.sum(np.abs(inertial) ** 2)
     return heading, float(np.sqrt(variance))

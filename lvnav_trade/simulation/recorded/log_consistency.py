@@ -192,7 +192,19 @@ def _refuse_units(log: NavigationData, card: NavigationLog, lever: Floats, bias:
 
 
 def _typical_residual(log: NavigationData, lever: Floats, bias: Floats, factor: Floats) -> float:
-    """Return the median residual (m/s) between solutions a step or more apart, with rates multiplied by a factor."""
+    """Return the median residual (m/s) between solutions a step or more apart, with rates multiplied by a factor.
+
+    Parameters
+    ----------
+    log
+        Log of the flight.
+    lever
+        (3,) m. Vector from the IMU to the antenna, body axes.
+    bias
+        (3,) rad/s. Bias of the gyros, from the rest.
+    factor
+        (3,). Factor on the rates, by axis.
+    """
     scaled = log._replace(turned=log.turned * factor)
     intervals = _intervals(scaled, lever, bias * factor, _STEP)
     residuals, _ = _unexplained(intervals, log.t_fix)
@@ -200,7 +212,19 @@ def _typical_residual(log: NavigationData, lever: Floats, bias: Floats, factor: 
 
 
 def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) -> _Intervals:
-    """Return the intervals between solutions that are at least a step (s), and not too far, apart."""
+    """Return the intervals between solutions that are at least a step, and not too far, apart.
+
+    Parameters
+    ----------
+    log
+        Log of the flight.
+    lever
+        (3,) m. Vector from the IMU to the antenna, body axes.
+    bias
+        (3,) rad/s. Bias of the gyros.
+    step
+        s. Shortest interval.
+    """
     first, last = _interval_ends(log, step)
     if not first.size:
         none = np.zeros((0, 3))
@@ -229,9 +253,16 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
 
 
 def _interval_increments(log: NavigationData, start: Floats, dt: Floats) -> tuple[Floats, Floats]:
-    """Return angle and velocity increments (n, n_part, 3) of parts of the intervals, each of n_part equal parts.
+    """Return angle (rad) and velocity (m/s) increments of parts of the intervals, (n, n_part, 3) each.
 
-    start, dt : (n,) s. Start and length of each interval.
+    All intervals have the same number of equal parts.
+
+    Parameters
+    ----------
+    log
+        Log of the flight.
+    start, dt
+        (n,) s. Start and length of each interval.
     """
     log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
     n_part = max(2, int(np.ceil(float(dt.max()) * min(log_rate, _FINEST))))

@@ -52,6 +52,15 @@ class RecordedRanges(NamedTuple):
 def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools, tuple[str, ...]]:
     """Return whether measurements are used (n_epoch, n_sat), and notes on those that contradict the solutions.
 
+    Parameters
+    ----------
+    prepared
+        Prepared case, with the solutions of the log.
+    log
+        Recorded ranges.
+    file
+        Name of the file, for messages.
+
     Raises
     ------
     InputError
@@ -145,7 +154,19 @@ def _range_hint(residuals: Floats, rate: Floats) -> str:
 
 
 def _rate_hint(log: RecordedRanges, rate: Floats, used: Bools, typical: float) -> str:
-    """Return a hint on the interpretation of the range-rate column that fits, if there is one."""
+    """Return a hint on an interpretation of the range-rate column that fits the solutions.
+
+    Parameters
+    ----------
+    log
+        Recorded ranges.
+    rate
+        (n_epoch, n_sat) m/s. Range rates by the solutions.
+    used
+        (n_epoch, n_sat). Whether the measurement is compared.
+    typical
+        m/s. Median residual with the present interpretation.
+    """
     for factor, hint in _READINGS:
         difference = factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate
         residuals = _residuals(difference, used)

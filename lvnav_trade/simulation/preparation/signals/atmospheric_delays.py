@@ -53,7 +53,17 @@ class Delays(NamedTuple):
 
 
 def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
-    """Return position and lines of sight of the antenna `shift` s after each epoch, and these times (n_epoch,)."""
+    """Return position and lines of sight of the antenna some time after each epoch, and these times (n_epoch,) s.
+
+    Parameters
+    ----------
+    trajectory, receiver
+        True flight, and card of the receiver.
+    seen
+        Satellites at the epochs.
+    shift
+        s. Time after each epoch; negative: before.
+    """
     t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
     antenna_r_i, _ = antenna(trajectory, receiver, t)
     satellite_r_i = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i
@@ -85,6 +95,17 @@ def delays(
 
     The models of the filter are evaluated at the true position of the antenna instead of the estimate. The difference
     is at most 1 cm per metre of position error, near the ground and the horizon.
+
+    Parameters
+    ----------
+    trajectory, receiver
+        True flight, and card of the receiver.
+    seen
+        Satellites at the epochs.
+    atmosphere
+        Card of the true atmosphere.
+    corrections
+        Card of the filter's corrections.
     """
 
     @cache

@@ -42,7 +42,15 @@ def _takes_doppler(scenario: Scenario) -> bool:
 
 
 def _mean_rate(scenario: Scenario, flight: TrueFlight, interval: float) -> Floats:
-    """Return the mean range rate over the interval (s) before each epoch, (n_epoch, n_sat) m/s."""
+    """Return the mean range rate over an interval before each epoch, (n_epoch, n_sat) m/s.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    interval
+        s. Length of the interval.
+    """
     trajectory, seen = flight.trajectory, flight.sky
     t = np.maximum(seen.t - interval, trajectory.start)
     antenna_r_i, _ = antenna(trajectory, scenario.receiver, t)

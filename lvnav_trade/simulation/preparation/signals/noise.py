@@ -54,7 +54,17 @@ def by_channel(
 
 
 def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
-    """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase."""
+    """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    seen
+        Satellites at the epochs.
+    trajectory
+        True flight.
+    """
     smoothing = smoothing_of(scenario)
     if smoothing is None or smoothing.velocity == "doppler":
         return seen.rate_sigma
@@ -62,16 +72,35 @@ def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floa
 
 
 def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
-    """Return the sigma (n_epoch, n_sat) m of carrier phases."""
+    """Return the sigma (n_epoch, n_sat) m of carrier phases.
+
+    Parameters
+    ----------
+    receiver
+        Card of the receiver.
+    seen
+        Satellites at the epochs.
+    trajectory
+        True flight, for the tables of the noise.
+    """
     (factor,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
     sigma = receiver.amplification * receiver.carrier_phase_sigma
     return np.full(seen.rate_sigma.shape, sigma) * factor
 
 
 def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
-    """Return the sigmas of white noise of a receiver without faults, see `by_channel`.
+    """Return the sigmas of white noise of a receiver without faults, see `own` in `by_channel`.
 
     The sigma of a difference of two epochs is that of the differenced observable.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    seen, line
+        Satellites at the epochs, lines of sight.
+    channels
+        Measurement channels.
     """
     if channels.tight:
         rate = rate_sigma_of(scenario, seen, line.trajectory)
@@ -82,7 +111,17 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
 
 
 def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
-    """Return the true sigma with the factors of faults; `sigma`, which the filter may use, is not changed."""
+    """Return the true sigma with the factors of faults, (n_epoch, n_channel) SI.
+
+    Parameters
+    ----------
+    sigma
+        (n_epoch, n_channel) SI. Sigma without faults, which the filter may use; it is not changed.
+    channels
+        Measurement channels.
+    failed
+        Effects of faults on the receiver.
+    """
     if channels.tight:
         factor = np.repeat(failed.noise, len(channels.observables), axis=1)
     else:
@@ -131,9 +170,18 @@ def assumed_variance(
 
 
 def _observable_variance(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, name: str) -> Floats:
-    """Return the noise variance (n_epoch, n_sat) of an observable in the filter model.
+    """Return the noise variance of an observable in the filter model, (n_epoch, n_sat) SI squared.
 
     A difference of two epochs has white noise of its own only if the card says so; otherwise its noise is a state.
+
+    Parameters
+    ----------
+    scenario, model
+        Validated model of the case, and the filter's receiver model.
+    seen, line
+        Satellites at the epochs, lines of sight.
+    name
+        Name of the observable.
     """
     card = scenario.filter
     variance = assumed_sigma(scenario, model, seen, line, name) ** 2
@@ -145,8 +193,18 @@ def _observable_variance(scenario: Scenario, model: ReceiverModel, seen: Sky, li
 
 
 def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:
-    """Return the sigma (n_epoch, n_sat) of an observable's noise in the filter model; for a difference of two epochs,
-    that of the differenced observable.
+    """Return the sigma of an observable's noise in the filter model, (n_epoch, n_sat) SI.
+
+    For a difference of two epochs it is that of the differenced observable.
+
+    Parameters
+    ----------
+    scenario, model
+        Validated model of the case, and the filter's receiver model.
+    seen, line
+        Satellites at the epochs, lines of sight.
+    observable
+        Name of the observable.
     """
     if isinstance(scenario.filter.receiver, str):
         return _sky_sigma(seen, observable)

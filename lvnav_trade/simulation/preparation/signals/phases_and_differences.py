@@ -112,7 +112,17 @@ def _ambiguity_components(errors: tuple[CorrelatedError, ...], satellites: tuple
 def delayed_of(
     scenario: Scenario, flight: TrueFlight, filtering: CaseFilter, signals: UsedSatellites
 ) -> DifferenceProcessing | None:
-    """Return the processing of further observables in the filter; None without any."""
+    """Return the processing of further observables in the filter; None without any.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    filtering
+        Filter of the case.
+    signals
+        Satellites in use.
+    """
     channels, layout, numbers = flight.channels, filtering.layout, filtering.model
     if not channels.further:
         return None
@@ -134,9 +144,19 @@ def delayed_of(
 
 
 def _renewed_variances(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter, restart: Bools) -> Floats:
-    """Return the variance with which extra states begin anew at an epoch, (n_epoch, n_extra), -1 if they do not.
+    """Return the variance to which extra states are reset at an epoch, (n_epoch, n_extra) SI squared.
 
-    An ambiguity begins with a newly acquired carrier (`restart`), the noise of an observable at every epoch.
+    It is -1 without a reset. An ambiguity is reset with a newly acquired carrier, the noise of an observable at every
+    epoch.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    filtering
+        Filter of the case.
+    restart
+        (n_epoch, n_sat). Whether the carrier is newly acquired.
     """
     seen = flight.sky
     _, model, _ = filter_models(scenario)
@@ -163,6 +183,15 @@ def references_of(
 
     Of several observables with the same clock unknown only the first has a reference: relative to it, the others do not
     depend on the clock.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    signals
+        Satellites in use.
+    delayed
+        Processing of differences of two epochs; None without.
 
     Raises
     ------

@@ -91,13 +91,33 @@ def recorded(
 
 
 def values_of(recorded: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
-    """Return the coefficients (n_component, n_run) of runs, by the starts that they draw."""
+    """Return the coefficients (n_component, n_run) of runs, by the starts that they draw.
+
+    Parameters
+    ----------
+    recorded
+        Recorded errors of the solution.
+    seed
+        Seed of the campaign.
+    runs
+        (n_run,). Numbers of the runs.
+    """
     n_start = recorded.values.shape[1]
     starts = [start_of(seed, int(run), n_start) for run in runs]
     return recorded.values[:, starts]
 
 
 def start_of(seed: int, run: int, n_start: int) -> int:
-    """Return the start that a run draws, 0 to n_start - 1; it depends on seed and run only."""
+    """Return the start that a run draws, 0 to n_start - 1.
+
+    Parameters
+    ----------
+    seed
+        Seed of the campaign.
+    run
+        Number of the run.
+    n_start
+        Number of starts in the recording.
+    """
     word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), *seed_words(seed))[0]
     return int(word) * n_start >> 32

@@ -33,7 +33,19 @@ def smoothing_numbers(
     line: Lines,
     errors: Sequence[EnteringError],
 ) -> Smoothing | None:
-    """Return the carrier smoothing as arrays for the kernels; None without. errors: correlated errors of the ranges."""
+    """Return the carrier smoothing as arrays for the kernels; None without.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    gain
+        (n_epoch, n_sat). Gains of `smoothing_gains`; None without smoothing.
+    seen, line
+        Satellites at the epochs, lines of sight.
+    errors
+        Correlated errors of the ranges.
+    """
     if gain is None:
         return None
     n = 2 * len(seen.names)

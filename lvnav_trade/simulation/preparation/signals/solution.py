@@ -176,6 +176,17 @@ def chain_of(
     """Return the error propagation of solutions with a reported covariance; None otherwise.
 
     The reported covariance includes the noise factors of the filter's tuning.
+
+    Parameters
+    ----------
+    solver
+        Settings of the receiver's solution; None if it is simulated directly.
+    has_covariance
+        Whether the receiver reports a covariance with its solution.
+    received, assumed
+        True side of the measurements, and noise model of the filter.
+    line
+        Lines of sight.
     """
     if solver is None:
         return simulated(received, assumed.variance) if has_covariance else None
