@@ -32,7 +32,7 @@ _BREAKS = re.compile(r"[\r\n\t\0]+")
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-# In JSON these are escape sequences already, which a page would undo
+# In JSON these are escape sequences already, which an HTML document would undo
 _HIDDEN_JSON = re.compile(r"(?<!\\)((?:\\\\)*)\\(u(?:00[01][0-9a-f]|007f|00[89][0-9a-f]|202[a-e]|206[6-9]))")
 
 
@@ -132,7 +132,7 @@ def _shown(value: Any) -> Any:
 
 
 def data_json(data: Any) -> str:
-    """Return data as JSON that is safe within a script element of a page."""
+    """Return data as JSON that is safe within a script element of an HTML document."""
     return _HIDDEN_JSON.sub(r"\1\\\\\2", str(htmlsafe_json_dumps(data)))
 
 

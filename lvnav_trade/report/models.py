@@ -1,6 +1,6 @@
 """Evidence: the models that a campaign uses, the checks of each, and the effects that it omits.
 
-The list is `templates/models.toml`. A family of models may state the evidence of its members itself.
+The list is `templates/models.toml`. A family of models may give the evidence of its members.
 """
 
 from __future__ import annotations

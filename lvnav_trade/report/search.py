@@ -26,7 +26,7 @@ def write(
     frames: Mapping[str, pd.DataFrame],
     files: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write the report of a search into a folder of its own.
+    """Write the report of a search into a separate folder.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def say(name: str, /, **facts: Any) -> str:
     Returns
     -------
     str
-        Sentence with single spaces. It is not escaped; the templates of the pages escape it.
+        Sentence with single spaces. It is not escaped; the templates of the documents escape it.
     """
     return _BLANKS.sub(" ", getattr(_sentences(), name)(**facts)).strip()
 

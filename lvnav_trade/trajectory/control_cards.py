@@ -40,7 +40,7 @@ class Nozzle(units.Card):
 class Thrusters(units.Card):
     """Pairs of lateral thrusters that hold the attitude while no motor burns: on or off, with a dead band.
 
-    They open where attitude error plus `lead` times rate error leaves the dead band, and close within the part
+    They open when attitude error plus `lead` times rate error exceeds the dead band, and close within the part
     `release` of it.
     """
 

@@ -223,7 +223,10 @@ def _whole_turns(difference_deg: float) -> float:
 
 
 def _draw_ellipses(ax: Panel, rows: pd.DataFrame, longitude: Floats, factor: float) -> None:
-    """Draw three-sigma ellipses, magnified by a factor, at most at `_ELLIPSE_COUNT` of the impact points."""
+    """Draw three-sigma ellipses, magnified by a factor, at no more than `_ELLIPSE_COUNT` of the impact points.
+
+    longitude : (n,) deg. Longitudes of the impact points on the map, continuous along the track.
+    """
     indices = np.unique(np.linspace(0, len(rows) - 1, _ELLIPSE_COUNT).astype(int))
     for number, index in enumerate(indices):
         row = rows.iloc[index]
@@ -347,7 +350,11 @@ def _words(quantity: str) -> str:
 
 
 def _draw_run_errors(ax: Panel, across: Injections, up: Injections, factors: list[float]) -> None:
-    """Draw the errors of two orbital elements at injection, of every run with a cut-off."""
+    """Draw the errors of two orbital elements at injection, of every run with a cut-off.
+
+    across, up : elements on the horizontal and the vertical axis
+    factors : from SI to the units of both axes
+    """
     ax.axhline(0.0, color=GREY, lw=0.7, ls=":")
     for name, field, colour, marker in _INJECTION_ERRORS:
         abscissas = getattr(across, field)[across.injected] * factors[0]
@@ -369,6 +376,9 @@ def _draw_expected_injection(
     """Draw three sigma of two quantities by linear covariance, achieved less target.
 
     Near a circular orbit, perigee and apogee are drawn as samples of semi-major axis and eccentricity vector.
+
+    quantities : names on the horizontal and the vertical axis
+    factors : from SI to the units of both axes
     """
     if law is None or why_no_law(law, quantities):
         return

@@ -49,7 +49,11 @@ def _is_solid(mark: Mark) -> bool:
 
 
 def _covers(lower: Mark, upper: Mark, lower_y: Floats, upper_y: Floats, near: float) -> bool:
-    """Return whether a line covers a sufficient fraction of another; False for lines over different abscissas."""
+    """Return whether a line covers a sufficient fraction of another; False for lines over different abscissas.
+
+    lower_y, upper_y : (n,). Ordinates on the scale of the panel.
+    near : distance of the ordinates below which a point is covered
+    """
     if not np.array_equal(lower.data["x"], upper.data["x"]):
         return False
     finite = np.isfinite(lower_y) & np.isfinite(upper_y)

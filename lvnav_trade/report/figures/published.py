@@ -244,10 +244,11 @@ def locus(
 def _axis_points(
     tables: Tables, axis: str, cases: Sequence[Mapping[str, str]], value_of: Callable[[str], float]
 ) -> pd.DataFrame:
-    """Return level, levels of the other axes (others), and value of the cases of an axis.
+    """Return the cases of an axis: level, levels of the other axes (others), and value.
 
-    cases : levels of the cases; all if empty
-    value_of : metric of a case by its digest
+    axis : name of the axis
+    cases : levels of the selected cases; all cases if empty
+    value_of : function that returns the metric of a case by its digest
     """
     selection = {case for levels in cases for case in cases_of(tables, levels, ())} or set(tables.labels)
     rows = []
@@ -264,9 +265,11 @@ def _axis_points(
 def _study_points(
     tables: Tables, axis: str, level: str, frame: pd.DataFrame, value_of: Callable[[str], float]
 ) -> pd.DataFrame:
-    """Return the points of the level that the study uses, or of the base if this is a case of its own.
+    """Return the points of the level that the study uses, or of the base if this is a separate case.
 
     level : level that the study uses; that of the base if empty
+    frame : points of the axis, from `_axis_points`
+    value_of : function that returns the metric of a case by its digest
     """
     base = base_level(tables, axis)
     used_level = level or base.label
@@ -306,7 +309,11 @@ def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
 
 
 def mark_levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], level_unit: str | None) -> None:
-    """Set the ticks of an axis of levels: by name unless they are numbers in one unit (`level_unit`)."""
+    """Set the ticks of an axis of levels: by name unless they are numbers in one unit.
+
+    sizes, names : positions and names of the levels
+    level_unit : common unit of the levels; None: named levels
+    """
     if level_unit is None:
         ax.set(xticks=list(zip(sizes, map(str, names), strict=False)))  # further sizes are those of the base
     else:

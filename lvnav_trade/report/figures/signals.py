@@ -151,7 +151,12 @@ def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, f
 
 
 def _draw_sky(ax: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
-    """Draw a sky plot, north up and east to the right; the distance from the centre is the zenith angle."""
+    """Draw a sky plot, north up and east to the right; the distance from the centre is the zenith angle.
+
+    rows : visible satellites at one time
+    antennas : numbers of the antennas, each with its marker
+    edge : deg. Zenith angle at the edge of the plot.
+    """
     _draw_sky_grid(ax, edge)
     for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
         for _, style, group in _state_groups(rows[rows.antenna_number == antenna]):

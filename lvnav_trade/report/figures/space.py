@@ -132,7 +132,11 @@ def regions(tables: Tables) -> Figure:
 
 
 def _region_centres(ax: Panel, tables: Tables, rows: pd.DataFrame, name: str) -> pd.Series:
-    """Return the centres of the parts of a numeric axis in display units, and set the scale and label of its panel."""
+    """Return the centres of the parts of a numeric axis in display units, and set the scale and label of its panel.
+
+    rows : parts of the axis, with bounds `low` and `high`
+    name : name of the axis
+    """
     unit, factor = people_of(tables, name)
     ax.set(xlabel=f"{axis_label(name)} ({unit})" if unit else axis_label(name))
     is_positive = bool((rows.low > 0.0).all())

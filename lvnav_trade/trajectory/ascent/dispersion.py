@@ -65,7 +65,7 @@ def fly_dispersed(
 
 
 def _require_aloft(flight: SimulatedAscent) -> None:
-    """Raise InputError if a flight falls more than a kilometre below its start."""
+    """Raise InputError if the vehicle falls more than a kilometre below its start."""
     start_radius = float(np.linalg.norm(flight.legs[0].y[0, :3]))
     for leg in flight.legs:
         is_low = np.linalg.norm(leg.y[:, :3], axis=1) < start_radius - _GROUND

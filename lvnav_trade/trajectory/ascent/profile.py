@@ -280,8 +280,8 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     """Return the true trajectory of a recorded ascent.
 
     Altitude and horizontal speed are fitted together to the record. The ground track is a great circle of the normals
-    of the ellipsoid (fixed to the Earth), which leaves the site by the azimuth. The body x axis lies along the specific
-    force, without a distinction of drag and thrust, and rotates smoothly in coasts.
+    of the ellipsoid (fixed to the Earth), which begins at the site in the direction of the azimuth. The body x axis
+    lies along the specific force, without a distinction of drag and thrust, and rotates smoothly in coasts.
 
     Raises
     ------

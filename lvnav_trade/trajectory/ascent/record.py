@@ -77,11 +77,11 @@ def _parse_row(fields: list[str], before: list[float] | None, where: str) -> lis
 
 
 def differences(recorded: FlightRecords, flight: Trajectory, site: Site) -> dict[str, float | str]:
-    """Return the facts of the comparison, flight minus record.
+    """Return the facts of the comparison, trajectory minus record.
 
-    For speed relative to the Earth (m/s) and altitude over the site (m) they are RMS, largest difference and its time
-    (s) from lift-off to injection; for every recorded event the time difference (s). InputError if the record cannot be
-    read.
+    For speed relative to the Earth (m/s) and altitude above the site (m) they are RMS, largest difference and its time
+    (s) from lift-off to injection. For every recorded event they are the time difference (s). InputError if the record
+    cannot be read.
     """
     facts: dict[str, float | str] = {"compared_with": recorded.source}
     if recorded.file is not None:

@@ -287,6 +287,7 @@ def _second_burn(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknow
 
 
 def _require_converged(card: VehicleAscent, aim: TargetingUnknowns, result: OptimizeResult) -> None:
+    """Raise InputError, with the miss of the nearest solution, if the targeting has not converged."""
     if np.linalg.norm(result.fun) <= _SMALL:
         return
     missed = np.asarray(result.fun) * _RESIDUAL[: len(result.fun)]
@@ -372,7 +373,7 @@ def _bracket_payload(card: VehicleAscent) -> tuple[float, float] | None:
 
 
 def _reaches(card: VehicleAscent, payload: float) -> bool:
-    """Whether the (first) orbit is reached with a payload in kg, within the propellant."""
+    """Return whether the (first) orbit is reached with a payload (kg), within the propellant."""
     light = card.model_copy(update={"vehicle": card.vehicle.model_copy(update={"payload": payload})})
     if impulse_speed(light.vehicle, payload) < _least_speed(light):
         return False

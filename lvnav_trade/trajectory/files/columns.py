@@ -53,7 +53,7 @@ class TimeColumn(Card):
 class PositionColumns(Card):
     """Three columns of position: latitude, longitude and ellipsoidal height (WGS-84), or x, y and z.
 
-    Frame eci has the true equator of date (TEME where `greenwich` is left out). Frame j2000 is EME2000; GCRF and ICRF
+    Frame eci has the true equator of date (TEME if `greenwich` is omitted). Frame j2000 is EME2000; GCRF and ICRF
     agree with it to 1 m on the ground.
     """
 

@@ -195,7 +195,12 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
 
 
 def _time_column(file: str, columns: Sequence[_Column], title: str | None) -> _Column:
-    """Return the column of time, by its title if that is not None; InputError if there is none."""
+    """Return the column of time.
+
+    title : title of the column; None: the column is found by its name
+
+    InputError if there is no such column.
+    """
     if title is not None:
         for column in columns:
             if column.title == title:
@@ -274,9 +279,14 @@ def _height_unit(t: Floats, height: Floats) -> str:
 
 
 def _guess_position(file: str, columns: Sequence[_Column], read_values: _Reader, t: Floats) -> tuple[Guess, Floats]:
-    """Return the guess of position, and its rows (n, 3), in m for x, y, z, at times t (n,) s.
+    """Return the guess of position, and its rows (n, 3), in m for x, y, z.
 
     The frame is "unknown" if the names of x, y and z do not contain it.
+
+    read_values : function of columns that returns their numbers (n, n_column)
+    t : (n,) s. Times of the rows.
+
+    InputError if there are no columns of position.
     """
     geodetic = _find_columns(columns, _GEODETIC)
     if geodetic is not None:

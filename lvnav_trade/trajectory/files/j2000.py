@@ -1,7 +1,7 @@
 """Axes of J2000 to axes of date: precession and nutation from a standard epoch to the day of a lift-off.
 
 Precession IAU 1976 (Lieske et al., A&A 58, 1977), the twenty largest terms of nutation IAU 1980 (Seidelmann, Celestial
-Mechanics 27, 1982) and the equation of the equinoxes. The terms left out amount to 0.006 arcsec RMS; IAU 2006/2000A and
+Mechanics 27, 1982) and the equation of the equinoxes. The omitted terms amount to 0.006 arcsec RMS; IAU 2006/2000A and
 the frames GCRF and ICRF differ from it by 0.1 arcsec until 2035, which is 3 m on the ground.
 """
 

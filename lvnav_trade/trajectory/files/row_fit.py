@@ -115,7 +115,7 @@ def event_marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
 
 
 def _edges(marks: Mapping[str, float], t: Floats) -> list[float]:
-    """Return start, events and end of the rows in order; events within `SAME` of the event before are left out."""
+    """Return start, events and end of the rows in order; events within `SAME` of the previous event are omitted."""
     edges = [float(t[0])]
     previous = None
     for time in sorted({time for time in marks.values() if t[0] + SAME < time < t[-1] - SAME}):

@@ -217,7 +217,7 @@ def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
 
 
 def height(t: float, y: Floats, theta0: float) -> float:
-    """Return the height (m) over the ellipsoid at time t (s) and state y; theta0 : rad, Earth angle at lift-off."""
+    """Return the height (m) above the ellipsoid at time t (s) and state y; theta0 : rad, Earth angle at lift-off."""
     r_e = frames.ecef_from_eci(y[:3], frames.earth_angle(theta0, t))
     return float(frames.geodetic_from_ecef(r_e)[2])
 

@@ -107,7 +107,7 @@ class SoundingFlight(FlightCard):
     reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, increasing")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)  # at the Mach numbers
-    apogee: Annotated[Length, Field(gt=0.0)] | None = None  # altitude over the ellipsoid; none: elevations stated
+    apogee: Annotated[Length, Field(gt=0.0)] | None = None  # altitude above the ellipsoid; none: elevations given
     weathercock: TimeConstant = Field(
         10.0, description="time after the rail in which aerodynamics align the body with the airflow"
     )

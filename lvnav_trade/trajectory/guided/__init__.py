@@ -1,4 +1,4 @@
-"""Ascents that are not the nominal one: dispersed, guided by a state with navigation errors, under attitude control.
+"""Ascents other than the nominal ascent: dispersed, guided by a state with navigation errors, under attitude control.
 
 Read `guidance_plan.py` first (what guidance knows before lift-off), then `explicit.py` (the law of the last stage),
 `guided_dynamics.py` (the flight of a body with commanded or lagging attitude) and `ascent_runs.py` (from draws to

@@ -23,7 +23,7 @@ class Injection(NamedTuple):
     outcome : One of `records.OUTCOMES`.
     t : s since lift-off. Time of the cut-off, or of an earlier end of the flight.
     y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
-    left : kg. Propellant left in the last stage.
+    left : kg. Remaining propellant of the last stage.
     error : (9,). Navigation errors at that time, as in `NavigationErrors`.
     """
 

@@ -58,7 +58,7 @@ class Plant(NamedTuple):
 
 
 class ControlLaw(NamedTuple):
-    """Controller, and a guidance of its own that turns the nominal attitude.
+    """Controller, with a separate guidance that turns the nominal attitude.
 
     gains : (n_stage, 3). Gains of attitude, rate (s) and integral (1/s).
     command_time : s. Time constant of a commanded offset.

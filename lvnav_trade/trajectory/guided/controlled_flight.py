@@ -31,7 +31,7 @@ def _cached_ascent(key: str, card: VehicleAscent) -> SolvedAscent:
 def flown_ascent(card: VehicleAscent) -> Trajectory:
     """Return the true flight of a vehicle card, under wind and control if the card has them.
 
-    Under guidance that is the nominal flight: there, every run has a launch of its own.
+    Under guidance it is the nominal flight, because every run has its own launch.
     """
     if card.control is None or card.guidance != "nominal":
         return build_ascent(card)

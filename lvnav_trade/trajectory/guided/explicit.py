@@ -20,7 +20,7 @@ _COAST_STEP = 20.0  # s, of the prediction of gravity; halving it moves the pred
 _CONVERGED = 0.1  # m/s, change of the velocity to go in one pass, below which the law has converged
 _JUMP = 500.0  # m/s of the same from one pass to the next in flight, beyond which it diverges
 _PASSES = 200  # at the start, where little is known
-# Indices in the state that guidance keeps from pass to pass
+# Indices in the state of guidance, which is stored from pass to pass
 VGO, RGRAV, RBIAS, RD, LAMBDA, TURN = 0, 3, 6, 9, 12, 15
 TGO, BEFORE, REFERENCE, VELOCITY, TIME, STARTED, N_LAW_STATE = 18, 19, 20, 21, 24, 25, 26
 """Velocity to go (m/s), integral of gravity, bias and aim of the position (m), direction and its rate (1/s), time to go
@@ -255,7 +255,7 @@ def steer(
     target: Target,
     schuler: bool = False,
 ) -> bool:
-    """Bring guidance up to date at a navigated state; return whether it has converged.
+    """Update guidance at a navigated state; return whether it has converged.
 
     Parameters
     ----------

@@ -305,7 +305,7 @@ def navigated_energy(t: float, y: Floats, navigation: NavigationErrors) -> float
 
 @making_arrays
 def fly_piece(t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
-    """Return the state (7,) after a piece of flight without cut-off; most: s, the longest step."""
+    """Return the state (7 or 10,) after a piece from t to `end` without cut-off; most: s, the longest step."""
     n_step = max(8, math.ceil((end - t) / most))
     h = (end - t) / n_step
     for k in range(n_step):
@@ -348,7 +348,7 @@ def _distance_to_end(t: float, h: float, y: Floats, inputs: AscentInputs, cutoff
 def _step_to_end(
     t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
-    """Return length (s) and final state of a step of at most h (s), and how it ends: at cut-off, depletion or neither.
+    """Return length (s) and final state of a step of at most h (s), and its end: at cut-off, depletion or neither.
 
     Within the step both are found by secants on integrations of a part of it.
     """
@@ -377,7 +377,7 @@ def _step_to_end(
 def fly_last(
     t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
-    """Return time (s), state (7,) and how it ends, of a piece of the last burn that ends at `end` at the latest.
+    """Return time (s), state (7,) and reason at the end of a piece of the last burn, which lasts to `end` at most.
 
     most : s. The longest step.
     """

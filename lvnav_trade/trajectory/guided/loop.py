@@ -109,6 +109,8 @@ def _capture(state, course, k, axis, feed):
 
     In a coast the nominal attitude moves on without the vehicle. A jump of the command would drive the nozzle to its
     limit.
+
+    k, axis : index of the tick; 0 for pitch, 1 for yaw
     """
     state[OFFSET] = _controller_angle(state, feed) - course.turn[k, axis]
     state[OFFSET_RATE] = state[FED_RATE] - course.rate[k, axis] - course.turn_rate[k, axis]
@@ -117,9 +119,12 @@ def _capture(state, course, k, axis, feed):
 
 @inlined
 def _sense(state, course, k, axis, feed, noise, bound, first):
-    """Return the rate fed to the controller; navigated attitude, rate estimate and its variance are updated.
+    """Return the rate (rad/s) fed to the controller; navigated attitude, rate estimate and its variance are updated.
 
+    k, axis : index of the tick; 0 for pitch, 1 for yaw
+    noise : rad/s. Noise of the gyro sample.
     bound : rad/s^2. Largest angular acceleration that the rate filter expects.
+    first : whether this is the first tick, which has no earlier sample
     """
     dt = course.t[1] - course.t[0]
     # A gyro measures the mean rate since the last tick.
@@ -148,7 +153,12 @@ def _sense(state, course, k, axis, feed, noise, bound, first):
 
 @inlined
 def _command(state, course, k, axis, settings, rate, dt, motor):
-    """Return the thrusters' sense; the nozzle's command and the integral are updated in the state of the axis."""
+    """Return the thrusters' sense; the nozzle's command and the integral are updated in the state of the axis.
+
+    rate : rad/s. Rate fed to the controller.
+    dt : s. Interval of the ticks.
+    motor : number of the burning stage; 0: none, and the thrusters control the attitude
+    """
     plant, law, feed = settings.plant, settings.law, settings.feed
     error = _controller_angle(state, feed) - course.turn[k, axis] - state[OFFSET]
     rate_error = rate - state[COMMANDED_RATE]
@@ -166,7 +176,7 @@ def _command(state, course, k, axis, settings, rate, dt, motor):
 
 @inlined
 def move(control, forces, h):
-    """Step nozzle and body of both axes over h seconds, a tick or a part of it."""
+    """Step nozzle and body of both axes over h seconds, at most a tick."""
     course, plant, motor = control.course, control.settings.plant, control.counts[MOTOR]
     k = min(max(control.counts[NEXT] - 1, 0), course.t.size - 2)
     dt = course.t[1] - course.t[0]
@@ -220,7 +230,10 @@ def _lateral_specific_force(state, axis, forces):
 
 @inlined
 def _steer(control, forces, k, dt):
-    """Set the targets of guidance, and step the commanded offsets and rates over the tick before."""
+    """Set the targets of guidance, and step the commanded offsets and rates over the previous tick.
+
+    k, dt : index of the tick, and interval of the ticks (s)
+    """
     law, motor, memory = control.settings.law, control.counts[MOTOR], control.memory
     if law.guided_from > 0 and k % law.guidance_ticks == 0 and motor >= law.guided_from:
         speed_pitch, speed_yaw = draw_pair(control, _GUIDANCE_SPEED, np.uint64(k))

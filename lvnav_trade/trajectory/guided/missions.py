@@ -173,7 +173,7 @@ def turning_of(
     draws : Keys of the draws of the run.
     every : Ticks from record to record.
     path : Whether the true state at every tick is recorded.
-    by_run : Whether the navigation of the controller is that of the run, and not one of its own.
+    by_run : Whether the controller uses the navigation of the run; otherwise it has separate navigation.
     density : Factor on the density of the air.
     """
     control = control_of(launch, feedback, draws, every)
@@ -240,7 +240,7 @@ def _heights(card: WindCard) -> Floats:
 
 
 def _gusts(card: WindCard) -> Gusts:
-    """Return the gusts of a card on even heights; there are none above its highest one."""
+    """Return the gusts of a card on even heights; there are none above the highest."""
     height = _heights(card)
     sigma = np.interp(height, card.height, card.gust, right=0.0)
     length = np.interp(np.append(height, np.inf), card.height, card.gust_length)

@@ -16,7 +16,7 @@ MASS = 6
 # Steps of the central differences. Their second order is a millionth of the first, round-off less.
 MOTION_STEPS = np.array([10.0] * 3 + [0.1] * 3 + [1e-5] + [1e-4] * 3)  # m, m/s, a share of the mass, a direction
 ERROR_STEPS = np.array([1e-4] * 3 + [0.1] * 3 + [10.0] * 3)  # rad, m/s, m
-# Of the state of guidance, see `explicit`; 0: a number that nothing changes
+# Of the state of guidance, see `explicit`; 0: constant
 _LAW_STEPS = np.array([0.1] * 3 + [10.0] * 9 + [1e-4] * 3 + [1e-6] * 3 + [1e-2] * 3 + [0.1] * 3 + [0.0] * 2)
 
 # Part of the state of guidance that determines the command between two passes
@@ -29,11 +29,11 @@ class Piece(NamedTuple):
     begin : s since lift-off.
     end : s since lift-off.
     y : (n_motion,). Initial state: 7 numbers, or 10 of a body that follows its command with a lag.
-    law_state : (N_LAW_STATE,). State of guidance before its pass at the begin.
+    law_state : (N_LAW_STATE,). State of guidance before its pass at the start.
     longest : s. Longest step of integration.
     engine : Propulsion.
     inputs : Navigation errors, wind and other inputs.
-    steers : Whether explicit guidance steers it, with a pass at its begin.
+    steers : Whether explicit guidance steers it, with a pass at its start.
     """
 
     begin: float
@@ -48,9 +48,9 @@ class Piece(NamedTuple):
 
 @making_arrays
 def guidance_pass(piece: Piece, y: Floats, law_state: Floats) -> Floats:
-    """Return the state of guidance (N_LAW_STATE,) after its pass at the begin of a piece.
+    """Return the state of guidance (N_LAW_STATE,) after its pass at the start of a piece.
 
-    y : (n_motion,). True state at the begin, see `Piece`.
+    y : (n_motion,). True state at the start, see `Piece`.
     law_state : (N_LAW_STATE,). State of guidance before the pass.
     """
     law = piece.inputs.law
@@ -64,8 +64,8 @@ def guidance_pass(piece: Piece, y: Floats, law_state: Floats) -> Floats:
 def final_state(piece: Piece, y: Floats, law_state: Floats) -> Floats:
     """Return the state (n_motion,) at the end of a piece.
 
-    y : (n_motion,). True state at the begin, see `Piece`.
-    law_state : (N_LAW_STATE,). State of guidance after its pass at the begin.
+    y : (n_motion,). True state at the start, see `Piece`.
+    law_state : (N_LAW_STATE,). State of guidance after its pass at the start.
     """
     piece.inputs.law.state[:] = law_state
     span = piece.end - piece.begin
@@ -85,13 +85,13 @@ def _motion_step(y: Floats, k: int) -> float:
 
 @making_arrays
 def pass_derivatives(piece: Piece, entry: int) -> tuple[Floats, Floats]:
-    """Return the derivatives of the state of guidance after the pass at the begin of a piece.
+    """Return the derivatives of the state of guidance after the pass at the start of a piece.
 
     Parameters
     ----------
     piece : Piece
     entry : int
-        Index of the navigation errors that apply at the begin.
+        Index of the navigation errors that apply at the start.
 
     Returns
     -------

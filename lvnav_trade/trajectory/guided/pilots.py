@@ -125,7 +125,7 @@ class GuidedPilot(Pilot):
         return DEPLETED
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
-        """Simulate a piece of the last burn; return how it ends, as `fly_last` does.
+        """Simulate a piece of the last burn; return the reason for its end, as `fly_last` does.
 
         end : s since lift-off. Latest end.
         push : propulsion of the piece
@@ -198,7 +198,7 @@ class TurningPilot(GuidedPilot):
             self.stretches.append(segment)
 
     def _turn(self, end: float, engine: Propulsion, cutoff: Cutoff = NEVER) -> int:
-        """Simulate a piece that ends at `end` (s) at the latest; return how it ends."""
+        """Simulate a piece to `end` (s) at most; return the reason for its end."""
         self.t, self.y, reason = turn_piece(self.t, end, self.y, engine, self.inputs, self.turning, cutoff)
         return reason
 

@@ -211,7 +211,7 @@ def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _C
     by_state[: len(ORBIT), :6] = orbit
     by_state[_PROPELLANT_LEFT, MASS] = 1.0
     by_state[:, :6] += np.outer(by_delay, delay)
-    # A navigated state is the true one less the error. Errors begin with attitude; velocity comes before position.
+    # A navigated state is the true state less the error. Errors are in the order attitude, velocity, position.
     delay_by_error = np.concatenate([np.zeros(3), delay[3:], delay[:3]])
     knowledge = np.concatenate([np.zeros((len(ORBIT), 3)), orbit[:, 3:], orbit[:, :3]], axis=1)
     return _CutoffDerivatives(
@@ -235,7 +235,7 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
     """Return the derivatives of an injection by navigation errors before the cut-off and by the wind.
 
     The chain rule from the last piece to the first: the derivative by the state at the end of a piece, times that of
-    the piece, is the derivative by the state at its begin.
+    the piece, is the derivative by the state at its start.
 
     Returns
     -------

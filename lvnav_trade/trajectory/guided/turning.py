@@ -274,9 +274,9 @@ def _distance_to_end(t, y, inputs, cutoff, end):
 def turn_piece(
     t: float, end: float, y: Floats, engine: Propulsion, inputs: AscentInputs, turning: AttitudeControl, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
-    """Return time (s), state (7,) and how it ends, of a piece of flight that ends at `end` at the latest.
+    """Return time (s), state (7,) and reason at the end of a piece of flight, which lasts to `end` at most.
 
-    The count of ticks continues from piece to piece. A command stays in force across the end of a piece; an engine does
+    The count of ticks continues from piece to piece. A command remains valid across the end of a piece; an engine does
     not.
 
     Long because guidance, ticks and cut-off alternate in one loop.
