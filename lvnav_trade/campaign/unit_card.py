@@ -125,7 +125,17 @@ def _fit_axes(file: str, sensor: str, rates: Floats, dt: float, factors: list[in
 
 
 def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
-    """Return the text of the card."""
+    """Return the text of the card of the IMU.
+
+    Parameters
+    ----------
+    file : str
+        Name of the log.
+    log : ImuLog
+        The log, with its duration and sampling interval.
+    fits : dict of str to list of AxisFit
+        Fits of the axes x, y and z, by sensor (gyro, accel).
+    """
     name = Path(file).stem
     tau = fits["gyro"][0].tau
     lines = [
@@ -143,7 +153,17 @@ def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
 
 
 def _sensor_lines(sensor: str, axes: list[AxisFit], tau: Floats) -> list[str]:
-    """Return the lines of a sensor in the card: quality of the fit, coefficients, bias instability."""
+    """Return the lines of a sensor in the card: quality of the fit, coefficients, bias instability.
+
+    Parameters
+    ----------
+    sensor : str
+        gyro or accel.
+    axes : list of AxisFit
+        Fits of the axes x, y and z.
+    tau : (n,) array
+        Averaging times (s), ascending.
+    """
     body = []
     largest_residual = max(axis.spread for axis in axes)  # RMS residual in standard deviations
     if largest_residual > 1.0:

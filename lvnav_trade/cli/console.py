@@ -239,7 +239,15 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def errors(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn every failure into one line and an exit code."""
+    """Turn every failure in the context into one line and an exit code.
+
+    Parameters
+    ----------
+    as_json : bool
+        Whether the line is printed as a JSON object.
+    debug : bool
+        Whether an internal error is raised with its traceback.
+    """
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     try:
@@ -256,7 +264,17 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
 
 
 def _exit_on(error: Exception, as_json: bool, debug: bool) -> NoReturn:
-    """Exit with the line and the exit code of an error; with `debug`, an internal error is raised."""
+    """Exit with the line and the exit code of an error; with `debug`, an internal error is raised.
+
+    Parameters
+    ----------
+    error : Exception
+        The error.
+    as_json : bool
+        Whether the message is printed as a JSON object.
+    debug : bool
+        Whether an internal error is raised with its traceback.
+    """
     error_type = type(error).__name__
     if isinstance(error, InputError):
         _exit(2, as_json, str(error), error.records)

@@ -64,7 +64,17 @@ def cases(
 
 
 def _first_rows(result: Any, limit: int, is_chosen: bool) -> str:
-    """Return the first rows as a table; unless the user has chosen columns, only the most informative columns."""
+    """Return the first rows as a table.
+
+    Parameters
+    ----------
+    result : api.Designs
+        Selected cases.
+    limit : int
+        Number of rows.
+    is_chosen : bool
+        Whether the user has chosen the columns; otherwise only the most informative columns are shown.
+    """
     rows = result.rows.head(limit)
     if is_chosen:
         return table(list(rows.columns), list(rows.itertuples(index=False, name=None)))

@@ -53,7 +53,19 @@ def _phase(phase: str | None) -> str | None:
 def place(event: str | None, info: ValidationInfo, statement: str) -> str | None:
     """Return the event to which a statement applies: injection if it names neither an event nor a phase.
 
-    A ValueError is raised if it names both; `statement` is the subject of its message.
+    Parameters
+    ----------
+    event : str or None
+        Event that the statement names.
+    info : ValidationInfo
+        Fields validated so far, with the phase `during`.
+    statement : str
+        Subject of the error message.
+
+    Raises
+    ------
+    ValueError
+        The statement names both an event and a phase.
     """
     during = info.data.get("during")
     if event is not None and during is not None:
@@ -67,7 +79,17 @@ def _place(event: str | None, info: ValidationInfo) -> str | None:
 
 
 def require_unit(unit: str, metric: str, which: str = "") -> None:
-    """Raise a ValueError if a unit does not fit a metric; `which` specifies the metric further in the message."""
+    """Raise a ValueError if a unit does not fit a metric.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of a published number.
+    metric : str
+        Name of the metric.
+    which : str
+        Text that specifies the metric further in the message.
+    """
     si = unit_of(metric)
     if si not in ("%", "-"):
         parse(f"1 {unit}", si)

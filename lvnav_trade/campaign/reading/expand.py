@@ -49,7 +49,21 @@ class _Expander:
         return self._entries(node, kind, path, depth, None) if node.is_map else node
 
     def _entries(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None) -> Node:
-        """Expand each entry of a mapping with free keys; `under`: the card that the mapping overrides."""
+        """Expand each entry of a mapping with free keys.
+
+        Parameters
+        ----------
+        node : Node
+            The mapping.
+        kind : Kind
+            Annotation of the mapping.
+        path : str
+            Dotted path of the mapping, for messages.
+        depth : int
+            Number of cards that lead to this tree.
+        under : Node or None
+            Card that the mapping overrides.
+        """
         entry_kind = fields.entries(kind)
         if entry_kind is None:
             return node
@@ -116,7 +130,21 @@ class _Expander:
         return _overridden(settings, expanded_override, override, kind)
 
     def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
-        """Return settings with the cards in their fields expanded; `under`: the card that the settings override."""
+        """Return settings with the cards in their fields expanded.
+
+        Parameters
+        ----------
+        node : Node
+            Mapping of settings.
+        kind : Kind
+            Annotation of the settings.
+        path : str
+            Dotted path of the settings, for messages.
+        depth : int
+            Number of cards that lead to this tree.
+        under : Node, optional
+            Card that the settings override.
+        """
         if fields.entries(kind) is not None:
             return self._entries(node, kind, path, depth, under)
         model = fields.member(kind, under or node)
@@ -218,7 +246,19 @@ def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
 
 
 def expand(node: Node, kind: Kind, shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
-    """Return the tree of settings at `path` with all cards expanded, and the input errors."""
+    """Return the tree of settings at `path` with all cards expanded, and the input errors.
+
+    Parameters
+    ----------
+    node : Node
+        Tree of settings.
+    kind : Kind
+        Annotation of the settings.
+    shelf : Shelf
+        Cards that the settings can name.
+    path : str
+        Dotted path of the settings, for messages.
+    """
     expander = _Expander(shelf)
     return expander.expand(node, kind, path), expander.mistakes
 

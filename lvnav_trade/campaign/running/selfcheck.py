@@ -26,6 +26,15 @@ def selfcheck(campaign: Campaign, jobs: int = -1, progress: Progress | None = No
     """Return the checks of all cases, in the order of the cases.
 
     The bounds of the statistical checks take into account how many there are in the whole campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    jobs : int
+        Number of worker processes; -1 for all cores.
+    progress : Progress, optional
+        Display of the progress.
     """
     all_cases = cases(campaign)
     progress = progress or Progress()

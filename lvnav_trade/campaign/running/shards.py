@@ -115,7 +115,20 @@ def _read_manifest(shard: Shard, folder: Path) -> dict[str, Any]:
 
 
 def _refuse_difference(folder: Path, manifest: dict[str, Any], first: Path, first_manifest: dict[str, Any]) -> None:
-    """Refuse a shard whose campaign, settings or versions differ from those of the first shard."""
+    """Refuse a shard whose campaign, settings or versions differ from those of the first shard.
+
+    Parameters
+    ----------
+    folder, first : Path
+        Folders of the shard and of the first shard.
+    manifest, first_manifest : dict
+        Their manifests.
+
+    Raises
+    ------
+    InputError
+        The shards differ, or the code differs from that of the shards.
+    """
     if manifest["campaign_digest"] != first_manifest["campaign_digest"]:
         raise InputError(f"{folder}: holds another campaign than {first}")
     for key in _SAME:

@@ -185,7 +185,7 @@ def span(vary: Vary) -> tuple[AxisEnds, Floats]:
 
 
 def _sides(answer: float, problem: Solve) -> tuple[float, ...]:
-    """Return values just below and above a solution, at which runs confirm it."""
+    """Return values just below and above a solution, at which runs confirm it; empty for a list of values."""
     if problem.vary[0].values is not None:
         return ()
     factor = 1.0 + problem.margin
@@ -319,7 +319,28 @@ def _remark(
 def _confirm(
     campaign: Campaign, problem: Solve, case: Case, tuning: str, value: float, runs: int
 ) -> list[tuple[Any, ...]]:
-    """Return the rows of `CONFIRMED`: verdicts of runs at a value close to a solution."""
+    """Confirm a solution by Monte Carlo runs at a value close to it.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements.
+    problem : Solve
+        Settings of the search.
+    case : Case
+        The case.
+    tuning : str
+        Re-tuned or frozen filter.
+    value : float
+        Value of the varied field, in the unit of its limits.
+    runs : int
+        Number of runs.
+
+    Returns
+    -------
+    list of tuple
+        Rows of `CONFIRMED`.
+    """
     ends, _ = span(problem.vary[0])
     rows = confirm(campaign, _scenario(problem, case, tuning, None, value), problem.meet, runs)
     return [(case.label, tuning, value, ends.unit, *row) for row in rows]

@@ -119,7 +119,20 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
 
 
 def _values_at(spans: Mapping[str, AxisEnds], x: Floats) -> dict[str, str]:
-    """Return the values of the variables at positions `x` (0 to 1) between the logarithms of their bounds."""
+    """Return the values of the tuned fields at a point of the search.
+
+    Parameters
+    ----------
+    spans : mapping of str to AxisEnds
+        Bounds of each field by dotted path.
+    x : (n,) array
+        Position of each field, from 0 to 1 between the logarithms of its bounds; clipped to this range.
+
+    Returns
+    -------
+    dict of str to str
+        Values as written in a campaign, by dotted path.
+    """
     values = {}
     for (path, ends), position in zip(spans.items(), np.clip(x, 0.0, 1.0), strict=True):
         values[path] = ends.text(float(ends.first * (ends.last / ends.first) ** position))

@@ -306,7 +306,19 @@ def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
 def _group_metrics(
     request: EvaluationRequest, part: DesignBatch, designs: Sequence[Design], passes: CovariancePasses
 ) -> Iterator[tuple[Design, dict[str, Any]]]:
-    """Yield designs of a group with the metrics of each, or the reason why it has none."""
+    """Yield designs of a group with the metrics of each, or the reason why it has none.
+
+    Parameters
+    ----------
+    request : EvaluationRequest
+        Data to evaluate.
+    part : DesignBatch
+        Part of the design space with the group.
+    designs : sequence of Design
+        Designs that differ only in the axes `shared` of the request.
+    passes : CovariancePasses
+        Computes and counts the covariance passes.
+    """
     group = group_passes(part, designs, request.shared, request.history, passes)
     for design in designs:
         if group is None:

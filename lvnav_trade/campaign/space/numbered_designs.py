@@ -185,7 +185,21 @@ def number_in(label: str) -> int | None:
 
 
 def _section(base: dict[str, Any], name: str, varied: list[int], axes: DesignAxes, values: tuple[Any, ...]) -> Any:
-    """Return a section of a design as plain data; `varied`: indices of the axes that vary it."""
+    """Return a section of a design as plain data.
+
+    Parameters
+    ----------
+    base : dict
+        Base scenario as plain data.
+    name : str
+        Name of the section.
+    varied : list of int
+        Indices of the axes that vary it.
+    axes : DesignAxes
+        The axes.
+    values : tuple
+        Value of every axis; `Unvaried` is the value of the base.
+    """
     section: Any = {name: base.get(name)}
     for k in varied:
         if values[k] is not Unvaried:

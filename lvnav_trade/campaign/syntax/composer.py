@@ -46,7 +46,17 @@ class BoundedComposer(Composer):
 
 
 def syntax_message(error: MarkedYAMLError, text: str, line: int) -> str:
-    """Return the message for text that is not YAML, or that is refused; `line`: number of the line, from 1."""
+    """Return the message for text that is not YAML, or that is refused.
+
+    Parameters
+    ----------
+    error : MarkedYAMLError
+        Error of the YAML parser.
+    text : str
+        Text of the file.
+    line : int
+        Number of the line, from 1.
+    """
     if isinstance(error, _RefusedError):
         return str(error.problem)
     indent = ""

@@ -280,6 +280,7 @@ def _jackknife_quantile(error: Floats, probability: float) -> Floats:
 
 
 def _difference(base: Floats, candidate: Floats, relative: bool) -> Floats:
+    """Return candidate - base, or candidate / base - 1 if relative."""
     if not relative:
         return np.asarray(candidate - base)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -91,10 +91,19 @@ def converged(
 
 
 def _first_times_below(is_below: NDArray[np.bool_], times: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the times (n_run,) from which errors stay below their limit, and whether they do.
+    """Return the times from which errors stay below their limit, and whether they do.
 
-    is_below : (n_event, n_run). Whether each error is below its limit at each event.
-    times : (n_event + 1,). Times of the events, and the time for an error that does not stay below.
+    Parameters
+    ----------
+    is_below : (n_event, n_run) array of bool
+        Whether each error is below its limit at each event.
+    times : (n_event + 1,) array
+        Times of the events, and the time for an error that does not stay below.
+
+    Returns
+    -------
+    (n_run,) array, (n_run,) array of bool
+        Times, in the unit of `times`; whether the error stays below.
     """
     # number of last events without interruption at which the error is below the limit
     n_last = np.cumprod(is_below[::-1], axis=0).sum(axis=0)

@@ -153,7 +153,15 @@ def is_numeric(frame: pd.DataFrame, axis: str) -> bool:
 
 
 def _interval(correlation: float, n: int) -> tuple[float, float]:
-    """Return the 95 % interval of a rank correlation by Fisher's transformation (Bonett and Wright 2000)."""
+    """Return the 95 % interval of a rank correlation by Fisher's transformation (Bonett and Wright 2000).
+
+    Parameters
+    ----------
+    correlation : float
+        Spearman's rank correlation.
+    n : int
+        Number of designs.
+    """
     if n <= 3 or not abs(correlation) < 1.0:
         return correlation, correlation
     sigma = np.sqrt((1.0 + 0.5 * correlation**2) / (n - 3))
@@ -163,8 +171,19 @@ def _interval(correlation: float, n: int) -> tuple[float, float]:
 
 
 def _bins(values: Floats, count: int) -> Any:
-    """Return the number of the bin of each value (n,): a bin for each level if there are few levels, else `count` bins
-    with equal numbers of values. Equal values are in the same bin.
+    """Return the number of the bin of each value. Equal values are in the same bin.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Levels of the designs.
+    count : int
+        Number of bins with equal numbers of values. If there are few levels, each level is a bin instead.
+
+    Returns
+    -------
+    (n,) array of int
+        Bins, from 0.
     """
     levels, bins = np.unique(values, return_inverse=True)
     if len(levels) <= count and 2 * len(levels) <= len(values):  # a level is of several designs, not of one by chance

@@ -253,7 +253,15 @@ def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
 
 
 def _si_factor(unit: str, si: str) -> float:
-    """Return the factor from a unit to SI; 1 for a number without unit."""
+    """Return the factor from a unit to SI; 1 for a number without unit.
+
+    Parameters
+    ----------
+    unit : str
+        Unit.
+    si : str
+        SI unit of the same dimension.
+    """
     if unit in ("", "-", si) or si in ("-", "%"):
         return 1.0
     return parse(f"1 {unit}", si)

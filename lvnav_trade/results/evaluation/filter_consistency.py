@@ -141,9 +141,21 @@ def filter_verdicts(tables: Tables) -> pd.DataFrame:
 
 
 def _nees_over_time(tables: Tables, case: str, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return NEES per degree of freedom of a case over time: t_s, value, low, high, by; without missing values.
+    """Return NEES per degree of freedom of a case over time, without missing values.
 
-    rows : rows of the case in `nees`
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    rows : pandas.DataFrame
+        Rows of the case in `nees`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        t_s; value; low and high, the limits of a consistent filter; by, the method.
     """
     has_runs = bool((rows.run_count > 0).any())
     value = rows.anees_ratio if has_runs else rows.expected_ratio
@@ -172,7 +184,17 @@ def _navigation_nees(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
 
 
 def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, Any]:
-    """Return the values of `FILTER_VERDICTS` from the verdict on, from `_nees_over_time`."""
+    """Return the values of `FILTER_VERDICTS` from the verdict on, from `_nees_over_time`.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    rows : pandas.DataFrame
+        NEES per degree of freedom over time.
+    """
     if rows.empty:
         return dict.fromkeys(FILTER_VERDICTS[1:], np.nan) | {"verdict": UNKNOWN, "moment": "run", "by": ""}
     low = float(np.fmin(rows.low.mean(), (1.0 + TOLERANCE) ** -2))

@@ -140,7 +140,17 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
 
 
 def _counted_runs(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
-    """Return the numbers of the runs with the outcome that a rate counts."""
+    """Return the numbers of the runs with the outcome that a rate counts.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Rows of the table `integrity`.
+    faults : AppliedFaults
+        Faults of the case.
+    metric : str
+        Name of the rate, such as isolation_rate.
+    """
     if rows.empty or metric in ("false_alarm_rate", "detection_rate"):
         return pd.Index(rows.run_number.unique())
     outcome = outcomes(rows, faults)
@@ -204,7 +214,17 @@ def _epoch_interval(tables: Tables, case: str) -> float:
 
 
 def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.DataFrame:
-    """Return the decisions of each run within `EPISODE` epochs from its first decision after the start of the fault."""
+    """Return the decisions of each run in its first epochs with a decision after the start of the fault.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Rows of the table `integrity`.
+    faults : AppliedFaults
+        Faults of the case.
+    interval : float
+        Interval between epochs (s); the decisions within `EPISODE` epochs are returned.
+    """
     after = rows[rows.t_s >= faults.start - SAME_TIME]
     since = after.t_s - after.groupby("run_number").t_s.transform("min")
     return after[since < (EPISODE - 0.5) * interval]

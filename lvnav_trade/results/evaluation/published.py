@@ -331,10 +331,19 @@ def held(rows: pd.DataFrame) -> pd.Series:
 
 
 def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.DataFrame:
-    """Return the n most important rows, each of a different item.
+    """Return the most important rows, each of a different item.
 
     For each beginning of an item in `order` this is the row with the largest distance from its band; the remaining rows
     follow by their distance.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Rows of published numbers, with the column item.
+    order : sequence of str
+        Beginnings of items, the most important first.
+    n : int
+        Largest number of rows.
     """
     places = []  # place of each item in `order`; items without a place come last
     for item in rows["item"]:

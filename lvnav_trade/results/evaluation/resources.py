@@ -179,7 +179,14 @@ def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:
     """Return the rows of `pareto` in order of preference.
 
     Cases that meet all requirements come first, then undecided cases with errors below all limits, then the others;
-    within these groups the order is by the columns named in `prefer`, smallest first.
+    within these groups the order is by the preferred columns, smallest first.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Rows of `pareto`.
+    prefer : sequence of str
+        Names of `PREFERRED`, the most important first.
     """
     columns = [PREFERRED[name] for name in prefer]
     promising = (frame.verdict == "undecided") & (frame.error_ratio <= 1.0)

@@ -352,7 +352,15 @@ def recovery(tables: Tables) -> pd.DataFrame:
 
 
 def _recovery_values(wide: pd.DataFrame, start: float, end: float) -> dict[str, float]:
-    """Return the counts and times of `recovery` for a fault between two times (s), of `tracked_over_time`."""
+    """Return the counts and times of `recovery` for a fault.
+
+    Parameters
+    ----------
+    wide : pandas.DataFrame
+        Tracking of each satellite over time, as `tracked_over_time`.
+    start, end : float
+        Start and end of the fault (s).
+    """
     t = wide.index.to_numpy(dtype=float)
     tracked = wide.to_numpy()
     is_before = t < start - SAME_TIME

@@ -128,7 +128,15 @@ def _regression_terms(axes: Mapping[str, pd.Series], count: int) -> dict[str, _T
 
 
 def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
-    """Return the term of a numeric axis: Legendre polynomials of the rank of the level."""
+    """Return the term of a numeric axis: Legendre polynomials of the rank of the level.
+
+    Parameters
+    ----------
+    levels : (n,) pandas.Series
+        Level of each design.
+    degree : int
+        Largest degree of the polynomials.
+    """
     values = levels.to_numpy(dtype=float)
     u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
     columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]

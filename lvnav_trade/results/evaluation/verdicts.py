@@ -80,13 +80,38 @@ def value_of(text: str, terms: Mapping[str, MetricValue]) -> ExpressionValue:
 
 
 def _column_value(text: str, terms: Mapping[str, MetricValue], column: str) -> float:
-    """Return the value of an expression with one of the `NUMBERS` of its terms."""
+    """Return the value of an expression of one number per term.
+
+    Parameters
+    ----------
+    text : str
+        Expression in the names of the terms.
+    terms : mapping of str to MetricValue
+        Values of the terms.
+    column : str
+        Number of each term, from `NUMBERS`.
+    """
     values = {name: getattr(term, column) for name, term in terms.items()}
     return float(expression.evaluate(text, values))
 
 
 def _monte_carlo_value(text: str, terms: Mapping[str, MetricValue], runs: Floats) -> tuple[float, float, float]:
-    """Return the value of an expression by the runs (n_term, n_run) that did not fail, and the ends of its interval."""
+    """Return the value of an expression by the runs, and the ends of its interval.
+
+    Parameters
+    ----------
+    text : str
+        Expression in the names of the terms.
+    terms : mapping of str to MetricValue
+        Values of the terms.
+    runs : (n_term, n_run) array
+        Contributions of the runs that did not fail.
+
+    Returns
+    -------
+    float, float, float
+        Value, lower and upper end of the 95 % interval.
+    """
     sample_values = {}
     jackknife_values = {}
     for (name, term), mean, means_without in zip(terms.items(), runs.mean(axis=1), _jackknife_means(runs), strict=True):
@@ -138,12 +163,35 @@ def _jackknife_means(runs: Floats) -> Floats:
 
 
 def _root(value: Any, term: MetricValue) -> Any:
-    """Return the square root of the mean of a term that is stored as a mean square; others unchanged."""
+    """Return the square root of the mean of a term that is stored as a mean square; others unchanged.
+
+    Parameters
+    ----------
+    value : (...,) array or float
+        Mean of the contributions of the runs.
+    term : MetricValue
+        The term.
+    """
     return np.sqrt(np.maximum(value, 0.0)) if term.is_root else value
 
 
 def _interval(centre: float, jackknife: Floats, is_product: bool) -> tuple[float, float]:
-    """Return the 95 % interval of a value from its jackknife values (n,), each without one run."""
+    """Return the 95 % interval of a value from its jackknife values.
+
+    Parameters
+    ----------
+    centre : float
+        Value.
+    jackknife : (n,) array
+        Value without one run, for each run.
+    is_product : bool
+        Whether the interval is computed for the logarithm, if all values are positive.
+
+    Returns
+    -------
+    float, float
+        Lower and upper end; NaN if a value is not finite.
+    """
     if not (np.isfinite(centre) and np.all(np.isfinite(jackknife))):
         return np.nan, np.nan
     # A product is closer to log-normal than to normal.

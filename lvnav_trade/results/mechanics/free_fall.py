@@ -84,7 +84,18 @@ def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = Tr
 
 
 def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
-    """Return the time (n,) in s to the next crossing of the ellipsoid on the Kepler orbit; NaN if there is none."""
+    """Return the time to the next crossing of the ellipsoid on the Kepler orbit.
+
+    Parameters
+    ----------
+    r_i, v_i : (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+
+    Returns
+    -------
+    (n,) array
+        Time (s); NaN if there is no crossing.
+    """
     h_i = np.cross(r_i, v_i)
     h = np.linalg.norm(h_i, axis=1)
     towards = unit(r_i)
@@ -113,7 +124,20 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
 
 
 def _state_rate(state: Floats, j2: bool) -> Floats:
-    """Return the time derivative (n, 6) of states (position, velocity) in free fall."""
+    """Return the time derivative of states in free fall.
+
+    Parameters
+    ----------
+    state : (n, 6) array
+        Position (m) and velocity (m/s), frame i.
+    j2 : bool
+        Whether the Earth's oblateness acts on the fall.
+
+    Returns
+    -------
+    (n, 6) array
+        Velocity (m/s) and acceleration (m/s^2), frame i.
+    """
     r_i = state[:, :3]
     square = np.einsum("ij,ij->i", r_i, r_i)[:, None]
     gravitation = -GM * r_i / (square * np.sqrt(square))

@@ -199,9 +199,19 @@ def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
 
 
 def _solve(square: Floats, right: Floats) -> Floats:
-    """Return the solution x (k, n) of square x = right by elimination without pivoting.
+    """Return the solutions of systems of equations, by elimination without pivoting.
 
-    square : (k, k, n), symmetric positive definite; overwritten
+    Parameters
+    ----------
+    square : (k, k, n) array
+        Symmetric positive definite matrices, which are overwritten.
+    right : (k, n) array
+        Right-hand sides.
+
+    Returns
+    -------
+    (k, n) array
+        Solutions.
     """
     x = right.copy()
     for i in range(len(x)):

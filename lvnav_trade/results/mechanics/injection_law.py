@@ -130,10 +130,19 @@ def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) 
 
 
 def _apsis_radius(orbit: Floats, sign: float) -> Floats:
-    """Return the radius a (1 -+ e) of perigee or apogee, (...,) m.
+    """Return the radius a (1 -+ e) of perigee or apogee.
 
-    orbit : (..., 3). Semi-major axis (m) and the two components of the eccentricity vector.
-    sign : -1 for perigee, 1 for apogee
+    Parameters
+    ----------
+    orbit : (..., 3) array
+        Semi-major axis (m) and the two components of the eccentricity vector.
+    sign : float
+        -1 for perigee, 1 for apogee.
+
+    Returns
+    -------
+    (...,) array
+        Radius (m).
     """
     e = np.hypot(orbit[..., 1], orbit[..., 2])
     return np.asarray(orbit[..., 0] * (1.0 + sign * e))

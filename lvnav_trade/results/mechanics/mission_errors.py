@@ -303,14 +303,7 @@ def near_circular(state: State, covariance: Floats) -> str:
     """Return the reason why the first-order sigma of perigee, apogee and eccentricity is invalid; empty if it is valid.
 
     Their derivative does not exist at a circular orbit. Within three sigma of a circular orbit the errors are not
-    Gaussian.
-
-    Parameters
-    ----------
-    state : State
-        True state.
-    covariance : (6, 6) array
-        Covariance of the errors of velocity (m/s) and position (m), frame i.
+    Gaussian. The argument `covariance` (6, 6) is that of velocity (m/s) and position (m), frame i.
     """
     e = float(mean_orbit(state).eccentricity)
     slope = jacobian(state, "eccentricity_vector_error")

@@ -162,7 +162,7 @@ def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
     e_i : (..., 3) array
         Eccentricity vector, frame i.
     direction : (..., 3) array
-        Unit vectors u in the orbital plane, frame i.
+        Unit vectors u, in or close to the orbital plane, frame i.
 
     Returns
     -------
@@ -173,7 +173,20 @@ def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
 
 
 def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
-    """Return unit vectors in the plane of the orbit: towards the position, and 90 degrees ahead."""
+    """Return unit vectors in the plane of the orbit: towards the position, and 90 degrees ahead.
+
+    Parameters
+    ----------
+    h_i : (..., 3) array
+        Angular momentum, frame i; only its direction matters.
+    r_i : (..., 3) array
+        Position, frame i; its component out of the plane is removed.
+
+    Returns
+    -------
+    (..., 3) array, (..., 3) array
+        Unit vectors, frame i.
+    """
     normal = unit(h_i)
     out_of_plane = np.sum(r_i * normal, axis=-1, keepdims=True) * normal
     towards = unit(r_i - out_of_plane)
@@ -198,8 +211,17 @@ class _Revolution(NamedTuple):
 def _short_periodic(orbit: OrbitVectors, r_i: Floats) -> OrbitVectors:
     """Return the short-periodic variation of energy, h_i and e_i at a position, to first order in J2.
 
+    Parameters
+    ----------
+    orbit : OrbitVectors
+        Unperturbed orbits.
+    r_i : (..., 3) array
+        Position (m), frame i.
+
+    Notes
+    -----
     With the rate g of a quantity along the unperturbed orbit of period T, and time counted from the position, the
-    average over a revolution less half its drift is x + 1/T integral of (T/2 - t) g dt. The integral runs over the
+    average over a revolution minus half its drift is x + 1/T integral of (T/2 - t) g dt. The integral runs over the
     angle from the position, where g r^2 is smooth.
     """
     is_elliptic = orbit.elliptic
@@ -240,7 +262,19 @@ def _quadrature(largest: float) -> tuple[Floats, Floats]:
 
 
 def _revolution(h_i: Floats, e_i: Floats, r_i: Floats, quadrature: tuple[Floats, Floats]) -> _Revolution:
-    """Return the points of orbits at the angles of a quadrature, counted from the position."""
+    """Return the points of orbits at the angles of a quadrature, counted from the position.
+
+    Parameters
+    ----------
+    h_i : (..., 3) array
+        Specific angular momentum (m^2/s), frame i.
+    e_i : (..., 3) array
+        Eccentricity vector, frame i.
+    r_i : (..., 3) array
+        Position (m), frame i.
+    quadrature : ((n,) array, (n,) array)
+        Angles over one turn (rad), and their weights.
+    """
     angle, angle_weight = quadrature
     c = np.cos(angle)
     s = np.sin(angle)

@@ -68,7 +68,17 @@ def states(tables: Tables, case: str) -> list[State]:
 
 
 def state_at(tables: Tables, case: str, event: str) -> State | None:
-    """Return the true state at an event; None if it is not stored."""
+    """Return the true state at an event; None if it is not stored.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of the event.
+    """
     if not event:
         return None
     for state in states(tables, case):
@@ -129,7 +139,17 @@ def _symmetric_matrices(column: Floats) -> Floats:
 
 
 def law_at(tables: Tables, case: str, event: str) -> ErrorGaussian:
-    """Return the Gaussian of velocity and position by linear covariance at an event with a stored state."""
+    """Return the Gaussian of velocity and position by linear covariance at an event with a stored state.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    event : str
+        Name of an event with a stored state.
+    """
     events = [state.event for state in states(tables, case)]
     return laws(tables, case)[events.index(event)]
 

@@ -61,7 +61,17 @@ class _InjectionMetric(Metric):
         raise NotImplementedError
 
     def sampled_distribution(self, size: Floats, unit: str, label_unit: str, label_factor: float) -> Distribution:
-        """Return the distribution of equally probable magnitudes (n,)."""
+        """Return the distribution of equally probable magnitudes (n,).
+
+        Parameters
+        ----------
+        size : (n,) array
+            Magnitudes, SI, in any order.
+        unit, label_unit : str
+            SI unit and display unit.
+        label_factor : float
+            Factor from SI to the display unit.
+        """
         no_gaussian = Gaussian(np.empty(0), np.empty((0, 0)), {})
         return Distribution(no_gaussian, unit, label_unit, label_factor, "injection", drawn=np.sort(size))
 

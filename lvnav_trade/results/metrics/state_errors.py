@@ -316,7 +316,12 @@ class NavigationError(StateError):
 def error_named(name: str, unit: str = "") -> StateError | None:
     """Return the metric of an error by its name; None for other names.
 
-    unit : SI unit, for a quantity that is not in the list of known quantities
+    Parameters
+    ----------
+    name : str
+        Name, such as velocity_error_3d.
+    unit : str
+        SI unit, for a quantity that is not in the list of known quantities.
     """
     if not unit:
         quantity, _ = split_metric(name)

@@ -142,7 +142,12 @@ def _expected_columns(law: InjectionLaw | None, quantity: str, factor: float) ->
 def _run_columns(runs: Injections, factor: float) -> dict[str, Any]:
     """Return the statistics of an injection error and its parts over the runs that reach their cut-off.
 
-    factor : Factor from SI to the display unit.
+    Parameters
+    ----------
+    runs : Injections
+        Runs, for one orbital element.
+    factor : float
+        Factor from SI to the display unit.
     """
     error = runs.error[runs.injected] * factor
     knowledge = runs.knowledge[runs.injected] * factor

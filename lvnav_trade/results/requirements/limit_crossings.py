@@ -83,7 +83,21 @@ def _axis_definitions(tables: Tables) -> dict[str, dict[str, Any]]:
 def _numeric_axis(
     tables: Tables, name: str, axis: dict[str, Any], labels: list[str], quantities: tuple[str, list[float]]
 ) -> NumericAxis:
-    """Return an axis with the unit and the numbers of its levels, and with its level in the base if it has one."""
+    """Return an axis with the unit and the numbers of its levels, including its level in the base if it is a number.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    name : str
+        Name of the axis.
+    axis : dict
+        Definition of the axis in the campaign.
+    labels : list of str
+        Labels of its levels.
+    quantities : (str, list of float)
+        Unit and numbers of its levels.
+    """
     unit, numbers = quantities
     values = dict(zip(labels, numbers, strict=True))
     base = _base_value(tables, axis["path"], unit)
@@ -155,7 +169,17 @@ def _field(base: Any, path: str) -> Any:
 
 
 def _base_value(tables: Tables, path: str, unit: str) -> float | None:
-    """Return the value of a field in the base, in a unit; None if it is not a number."""
+    """Return the value of a field in the base, in a unit; None if it is not a number.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    path : str
+        Dotted path of the field.
+    unit : str
+        Unit of the number; empty for a number without unit.
+    """
     value = _field(tables.campaign.get("base"), path)
     if value is None or isinstance(value, bool):
         return None

@@ -158,6 +158,15 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RunE
     """Return the error bounded by a requirement in every run of a case; None if the results do not have its metric.
 
     For a phase it is the largest error of each run at the history times of the phase, both ends included.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    requirement : mapping
+        The requirement, as in the campaign.
     """
     return metric_in(requirement).errors(CaseTables(tables, case), requirement)
 
