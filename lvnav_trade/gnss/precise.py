@@ -173,7 +173,22 @@ def _check_time_system(path: str | Path, lines: list[str]) -> None:
 
 
 def _number(where: str, line: str, k: int) -> float:
-    """Return the k-th number of a position line: x, y, z (km), clock (s, NaN if unknown)."""
+    """Return a number of a position line: x, y, z (km), or clock (s, NaN if unknown).
+
+    Parameters
+    ----------
+    where : str
+        File and line, for messages.
+    line : str
+        The line.
+    k : int
+        Index of the number: 0 to 2 position, 3 clock.
+
+    Raises
+    ------
+    InputError
+        The text is not a number, or the number is impossible.
+    """
     value = number(where, line[4 + 14 * k : 18 + 14 * k], _MICROSECONDS if k == 3 else _KM)
     if k < 3:
         return value

@@ -149,7 +149,19 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
 
 
 def _read_errors(table: Floats, names: list[str], columns: _ErrorColumns, truth_minus_solution: bool) -> Floats:
-    """Return the errors (n, 3), solution minus truth, SI, of three columns of a table with columns `names`."""
+    """Return the errors of three columns of a table, solution minus truth, (n, 3) SI.
+
+    Parameters
+    ----------
+    table : (n, n_column)
+        Columns of the file.
+    names : list of str, n_column
+        Names of the columns.
+    columns : _ErrorColumns
+        Columns to read, and their unit.
+    truth_minus_solution : bool
+        Whether the file has the opposite sign.
+    """
     values = table[:, [names.index(name) for name in columns.columns]]
     sign = -1.0 if truth_minus_solution else 1.0
     return np.asarray(values * si(columns.known_unit, columns.SI) * sign)
@@ -175,7 +187,19 @@ def _refuse_large(errors: Floats, file: str, places: list[str]) -> None:
 
 
 def refuse_short(card: ErrorTable, start: float, end: float) -> None:
-    """Raise InputError if the file cannot be read, or with `outside: refuse` does not cover the flight (start, end)."""
+    """Refuse a recording that does not cover the flight.
+
+    Parameters
+    ----------
+    card : ErrorTable
+    start, end : float
+        Start and end of the flight (s since lift-off).
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or with `outside: refuse` does not cover the flight.
+    """
     rows = recording(card)
     if card.outside == "refuse" and (start < rows.t[0] - _SLACK or end > rows.t[-1] + _SLACK):
         raise InputError(
@@ -185,7 +209,13 @@ def refuse_short(card: ErrorTable, start: float, end: float) -> None:
 
 
 def sampled(card: ErrorTable, t: Floats) -> Floats:
-    """Return the errors (n_start, n, 6) for each start at times t (n,) s since lift-off, frame of the table, SI."""
+    """Return the errors of each start at given times, (n_start, n, 6) m and m/s, frame of the table.
+
+    Parameters
+    ----------
+    card : ErrorTable
+    t : (n,) s since lift-off
+    """
     rows = recording(card)
     times = rows.t
     errors = rows.errors

@@ -267,7 +267,19 @@ def _time(item: Ephemeris | StateVector) -> float:
 
 
 def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
-    """Return the message that the nearest ephemeris of a system is older or younger than the limit (s)."""
+    """Return the message that the nearest ephemeris of a system is older or younger than the limit.
+
+    Parameters
+    ----------
+    age : float
+        Lift-off minus reference time of the ephemeris (s).
+    epoch : str
+        Lift-off (ISO 8601, UTC).
+    system : str
+        Name of the system.
+    limit : float
+        Largest age (s).
+    """
     size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
     distance = f"{size} {'after' if age > 0.0 else 'before'}"
     limit_hours = f"{limit / 3600.0:g} h"
@@ -312,7 +324,16 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
 
 
 def _nearest_offset(navigation: list[NavigationFile], letter: str, time: float) -> TimeOffset | None:
-    """Return the offset of a system's time whose reference time is nearest to `time` (s of GPS time)."""
+    """Return the offset of a system's time whose reference time is nearest to a time; None if no file has an offset.
+
+    Parameters
+    ----------
+    navigation : list of NavigationFile
+    letter : str
+        Letter of the system.
+    time : float
+        s of GPS time.
+    """
     offsets = [offset for file in navigation for offset in file.offsets if offset.system == letter]
     return min(offsets, key=lambda offset: abs(time - offset.time), default=None)
 
@@ -320,10 +341,18 @@ def _nearest_offset(navigation: list[NavigationFile], letter: str, time: float) 
 def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> Floats:
     """Return the relativistic clock term of the satellites, (..., n_sat) s; zero for constellations without it.
 
-    epoch : Lift-off (ISO 8601, UTC).
-    sent : (..., n_sat) s since lift-off. Times of transmission.
+    Parameters
+    ----------
+    constellation : card
+    epoch : str
+        Lift-off (ISO 8601, UTC).
+    sent : (..., n_sat) s since lift-off
+        Times of transmission.
 
-    Errors are those of `satellites`.
+    Raises
+    ------
+    InputError
+        As for `satellites`.
     """
     terms = np.zeros(sent.shape)
     first = 0

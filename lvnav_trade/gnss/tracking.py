@@ -186,7 +186,19 @@ class _Channels:
         self._start_searches(step, t)
 
     def _check_lock(self, step: int, t: float, sat: int, is_lossy: bool) -> None:
-        """Drop a satellite without lock for longer than the coasting time, or during pull-in."""
+        """Drop a satellite without lock for longer than the coasting time, or during pull-in.
+
+        Parameters
+        ----------
+        step : int
+            Index of the step.
+        t : float
+            Its time (s since lift-off).
+        sat : int
+            Index of the satellite.
+        is_lossy : bool
+            Whether its loops lose lock at this step.
+        """
         if not is_lossy:
             self.failing[sat] = np.nan
             return
@@ -242,7 +254,19 @@ class _Channels:
         self._schedule()
 
     def _change_state(self, step: int, sat: int, state: int, reason: str) -> None:
-        """Change the state of a satellite and record the transition."""
+        """Change the state of a satellite and record the transition.
+
+        Parameters
+        ----------
+        step : int
+            Index of the step.
+        sat : int
+            Index of the satellite.
+        state : int
+            New state, as in `records.TRACKING`.
+        reason : str
+            Reason of the transition, for the report.
+        """
         transition = ChannelTransition(
             float(self.signals.t[step]),
             self.names[sat],
@@ -277,9 +301,17 @@ class CycleSlipCard(Card):
 
 
 def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
-    """Return whether a channel slips between the previous step and a step, (n_step, n_sat); t (n_step,) s, rising.
+    """Return whether a channel slips between the previous step and a step, (n_step, n_sat).
 
     Slips are a Poisson process. The draws depend on realisation, satellite and time (in milliseconds) only.
+
+    Parameters
+    ----------
+    card : CycleSlipCard
+    names : (n_sat,)
+        Names of the satellites.
+    t : (n_step,) s since lift-off
+        Steps, rising.
     """
     # 1 - exp(-rate dt)
     probability = -np.expm1(-card.rate * np.diff(t, prepend=t[:1]))

@@ -168,6 +168,17 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
     """Return the runs with alarms among their decisions, by one further block of runs for every satellite.
 
     Without protection levels or alarms the runs are returned unchanged.
+
+    Parameters
+    ----------
+    runs
+        Block of runs of the case.
+    prepared
+        Prepared case.
+    protection
+        Protection levels of the case, or None.
+    seed
+        Seed of the campaign.
     """
     if protection is None or not protection.alarms:
         return runs
@@ -184,7 +195,17 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
 
 
 def with_nominal_alarms(history: CovHistory, prepared: Prepared, protection: Protection | None) -> CovHistory:
-    """Return the linear covariance with the alarms of a run without noise among its decisions, if requested."""
+    """Return the linear covariance with the alarms of a run without noise among its decisions, if requested.
+
+    Parameters
+    ----------
+    history
+        Linear covariance of the case.
+    prepared
+        Prepared case.
+    protection
+        Protection levels of the case, or None.
+    """
     if protection is None or not protection.alarms:
         return history
     ratio = furthest(protection.apart, protection)[None]

@@ -45,7 +45,15 @@ class Protection(NamedTuple):
 
 
 def exceedance_probability(size: Floats, sigma: Floats) -> Floats:
-    """Return the probability that the magnitude of a centred Gaussian exceeds a size."""
+    """Return the probability (...) that the magnitude of a centred Gaussian exceeds a size.
+
+    Parameters
+    ----------
+    size
+        (...). Size.
+    sigma
+        (...). Standard deviation, in the unit of the size.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sigma > 0.0, size / sigma, np.inf)
         return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-ratio)))

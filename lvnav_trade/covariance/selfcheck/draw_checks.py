@@ -31,7 +31,17 @@ _TICKS, _NOISE_RUNS = 500, 16
 
 
 def moments(what: str, z: Floats, where: str = "") -> list[CheckResult]:
-    """Return checks of mean and variance of draws z that should be standard normals."""
+    """Return checks of mean and variance of draws that should be standard normals.
+
+    Parameters
+    ----------
+    what
+        Name of the quantity.
+    z
+        Draws of any shape, in sigmas.
+    where
+        Time or place, for the report.
+    """
     n = z.size
     mean_law = stats.norm(0.0, 1.0 / math.sqrt(n))
     variance_law = stats.chi2(n, scale=1.0 / n)
@@ -77,7 +87,19 @@ def of_imu(prepared: Prepared, seed: int) -> list[CheckResult]:
 
 
 def _parameter_checks(block: ErrorTerm, first: Floats, later: Floats, lag: int, step: float) -> list[CheckResult]:
-    """Return the checks of the parameters of a source, (n_run, n_block, 3) at the start and `lag` steps later."""
+    """Return the checks of the parameters of a source.
+
+    Parameters
+    ----------
+    block
+        Error term of the source.
+    first, later
+        (n_run, n_block, 3) SI. Parameters at the start, and some steps later.
+    lag
+        Number of steps in between; 0 if the parameter does not vary.
+    step
+        s. Process step.
+    """
     checks: list[CheckResult] = []
     name = label_of(block.name)
     seconds = lag * step
@@ -97,7 +119,17 @@ def _parameter_checks(block: ErrorTerm, first: Floats, later: Floats, lag: int, 
 
 
 def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
-    """Return the variance (3,) of an error parameter after `count` steps (s each), by its card."""
+    """Return the variance of an error parameter after some steps by its card, (3,) SI squared.
+
+    Parameters
+    ----------
+    block
+        Error term.
+    step
+        s. Process step.
+    count
+        Number of steps.
+    """
     start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
     if math.isinf(block.time_constant):
         return np.asarray(start + rate * step * count)
@@ -149,7 +181,21 @@ def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
 
 
 def _normalised_noise(card: ImuCard, name: str, noise: Floats, n_axis: int, dt: float) -> Iterator[tuple[str, Floats]]:
-    """Yield the noise (n_run, n_tick, 6) of gyro and accelerometer in sigmas of the card, for axes with noise."""
+    """Yield the noise of gyro and accelerometer in sigmas of the card, for axes with noise.
+
+    Parameters
+    ----------
+    card
+        Card of the IMU.
+    name
+        Beginning of the names that are yielded.
+    noise
+        (n_run, n_tick, 6) rad, m/s. Noise of the increments.
+    n_axis
+        Number of sensing axes.
+    dt
+        s. Tick.
+    """
     for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
         sigma = np.array(axes(sensor.random_walk))[:n_axis] * math.sqrt(dt)
         has_noise = sigma > 0.0
@@ -159,7 +205,17 @@ def _normalised_noise(card: ImuCard, name: str, noise: Floats, n_axis: int, dt: 
 
 
 def _imu_noise(prepared: Prepared, seed: int, n: int) -> Floats:
-    """Return the increments' noise of an IMU without other errors, (n_run, n, 6)."""
+    """Return the increments' noise of an IMU without other errors, (n_run, n, 6) rad and m/s.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the draws.
+    n
+        Number of ticks.
+    """
     unit = prepared.unit
     k0, k1 = seed_words(seed)
     increments = np.zeros((_NOISE_RUNS, n, 6))
@@ -186,9 +242,18 @@ def _imu_noise(prepared: Prepared, seed: int, n: int) -> Floats:
 
 
 def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
-    """Return the increments' noise of the IMUs of an array, (n_run, n_triad, n, 6).
+    """Return the increments' noise of the IMUs of an array, (n_run, n_triad, n, 6) rad and m/s.
 
     The difference of two runs over sqrt(2) has the noise of one run, without deterministic errors.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the draws.
+    n
+        Number of ticks.
     """
     units = prepared.options.units
     work, _ = new_work(prepared, lanes=False)

@@ -22,7 +22,16 @@ def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Chec
 
     For a filter that models the whole truth the mean square is 1 per scalar (chi-square). For any other filter linear
     covariance gives the expected mean square. The runs are the first of the campaign. Bounds follow from the scatter of
-    the runs, so they also hold for innovations that are correlated within a run.
+    the runs, so they are also valid for innovations that are correlated within a run.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    seed
+        Seed of the campaign.
     """
     reason = _obstacle(prepared, history)
     if reason:
@@ -45,7 +54,19 @@ def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Chec
 
 
 def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> list[CheckResult]:
-    """Return the check of the number of innovations beyond the gate against that expected; empty without a gate."""
+    """Return the check of the number of innovations beyond the gate against the expected number; empty without a gate.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    z
+        (n_run, n_epoch, n_scalar). Normalised innovations; NaN without a measurement.
+    count
+        (n_run,). Number of innovations of each run.
+    """
     gate = math.sqrt(prepared.model.gate_squared)
     if math.isinf(gate):
         return []
@@ -68,7 +89,17 @@ def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> 
 
 
 def _law(values: Floats, expected: float, least: float) -> object:
-    """Return the distribution of the mean of values (n_run,) about `expected`; least: smallest standard deviation."""
+    """Return the distribution of the mean of some values.
+
+    Parameters
+    ----------
+    values
+        (n_run,). Values by run.
+    expected
+        Expected mean.
+    least
+        Smallest standard deviation of the mean.
+    """
     n = len(values)
     sigma = max(least, float(values.std(ddof=1)) / math.sqrt(n))
     return stats.t(n - 1, expected, sigma)
