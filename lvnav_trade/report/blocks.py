@@ -377,8 +377,12 @@ def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> 
 def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: str) -> Picture:
     """Return a figure of a case, of a quantity, or of both.
 
-    The figure is named after its plot and its subjects, or `name` if given. Its caption is the text of that name in
-    `templates/texts.toml`, with its braces filled with label, quantity and `content`.
+    The figure is named after its plot and its subjects. Its caption is a text of `templates/texts.toml`, with its
+    braces filled with label, quantity and `content`.
+
+    plot : name of the plot
+    about : arguments of the plot: digest of the case, quantity, or both; the last is used as the quantity
+    name : name of the figure and its caption, if not that of the plot
     """
     case, quantity = (about[0], about[-1]) if about else ("", "")
     name = name or plot

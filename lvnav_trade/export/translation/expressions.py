@@ -283,6 +283,11 @@ class Expressions:
             raise RingTooShort(ast.unparse(node))
 
     def _slice(self, base: Array, text: str, axis: int, bounds: ast.Slice, node: ast.Subscript) -> Array:
+        """Return a slice of the last axis of an array; TranslationError for any other slice.
+
+        text : C expression of the array, with the indices of the earlier axes
+        axis : number of the sliced axis
+        """
         if axis != len(base.shape) - 1 or bounds.step is not None:
             raise self.fail(node, "slices are of the last axis, without a step")
         first = self.value(bounds.lower) if bounds.lower is not None else Constant(0)

@@ -215,7 +215,11 @@ def _sensors(prepared: Prepared, observed: Floats) -> VectorTable:
 
 
 def _sensor_rows(prepared: Prepared, observed: Floats, n_known: int) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of the table of sensors, with the first `n_known` known quantities of each."""
+    """Yield the rows of the table of sensors, one for each sensor and epoch with an output.
+
+    observed : (n_epoch, n_sensor, n_output). Outputs, SI.
+    n_known : number of known quantities of each sensor in the table
+    """
     sensors = prepared.sensors
     if sensors is None:
         return

@@ -109,6 +109,7 @@ def _colours(names: list[str], order: list[str]) -> list[str]:
 
 
 def _draw_layers(ax: Panel, layers: pd.DataFrame, colours: list[str]) -> None:
+    """Draw the columns of a table, by time, as stacked areas, each in its colour."""
     ax.set(grid=False)
     upper = layers.cumsum(axis=1)
     lower = upper.shift(axis=1, fill_value=0.0)

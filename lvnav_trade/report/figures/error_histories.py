@@ -269,7 +269,7 @@ def _error_name(quantity: str, axis: str) -> str:
 
 
 def _base_ratio(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
-    """Return a column over that of the base at the same times."""
+    """Return a column divided by that of the base at the same times."""
     base_values = base.set_index("t_s")[column].reindex(rows.t_s)
     return rows[column] / base_values.to_numpy()
 

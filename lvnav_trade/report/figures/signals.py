@@ -280,7 +280,10 @@ def _tracking_intervals(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _mark_losses(ax: Panel, changes: pd.DataFrame, names: list[str]) -> None:
-    """Mark the ends of tracking by their reason, at the heights of the satellites (names)."""
+    """Mark the ends of tracking by their reason.
+
+    names : satellites, in the order of their heights in the panel
+    """
     losses = pick(changes, from_state="track")
     for reason, group in losses.groupby("reason", sort=False):
         ax.plot(
@@ -328,7 +331,11 @@ def delays(tables: Tables, case: str) -> Figure:
 
 
 def _draw_delays(ax: Panel, rows: pd.DataFrame, column: str, colour: str) -> None:
-    """Draw a delay of every satellite over time, and their median."""
+    """Draw a delay of every satellite over time, and their median.
+
+    rows : rows of the table `satellites`
+    column : column of the delay
+    """
     times = pd.Index(np.sort(rows.t_s.unique()))
     label = "each satellite tracked"
     for number, (_, satellite_rows) in enumerate(rows.groupby("satellite")):

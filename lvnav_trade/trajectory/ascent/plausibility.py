@@ -144,7 +144,10 @@ def _peak_text(peak: Peak) -> str:
 
 
 def _refusal(card: FileFlightCard, file: str, peak: Peak, causes: list[str]) -> str:
-    """Return the message on a peak beyond the limit of its card."""
+    """Return the message on a peak beyond the limit of its card.
+
+    causes : texts of the warnings about the file, which may explain the peak
+    """
     allowed = getattr(card, peak.field)
     word = "usual" if allowed == _default_limit(card, peak.field) else "allowed"
     hints = "; ".join([_LIMITS[peak.field].cause, *causes])

@@ -171,7 +171,11 @@ def _quadrature(knots: Floats) -> tuple[Floats, Floats]:
 
 
 def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array:
-    """Return the matrix from coefficients to the derivative of `order` at times within the intervals of the knots."""
+    """Return the sparse matrix (n, n_basis) from coefficients to a derivative of the spline.
+
+    order : order of the derivative
+    at : (n,) s. Times within the intervals of the knots.
+    """
     lower: csr_array | None = None
     for k in range(degree, degree - order, -1):
         size = len(knots) - k - 1
@@ -225,7 +229,13 @@ def along_path(
 
 
 def _along_force(position: BSpline, times: list[Floats]) -> Floats:
-    """Return the directions (n, 3) of the specific force; in coasts a rotation from one thrust to the next."""
+    """Return the directions (n, 3), frame i, of the specific force; in coasts a rotation from one thrust to the next.
+
+    position : spline of position (m, frame i)
+    times : s. Knots of each part.
+
+    InputError if there is no thrust.
+    """
     thrusts: list[BSpline | None] = []
     for t in times:
         inside = np.clip(t, t[0] + _EDGE, t[-1] - _EDGE)
@@ -242,7 +252,12 @@ def _along_force(position: BSpline, times: list[Floats]) -> Floats:
 
 
 def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
-    """Return the directions (n, 3) of the Earth-relative velocity, blended with the vertical at low speed."""
+    """Return the directions (n, 3), frame i, of the Earth-relative velocity, blended with the vertical at low speed.
+
+    position : spline of position (m, frame i)
+    t : (n,) s. Times.
+    theta0 : rad. Earth angle at lift-off.
+    """
     r = position(t)
     v = frames.earth_velocity(r, position(t, 1))
     speed = np.linalg.norm(v, axis=1)

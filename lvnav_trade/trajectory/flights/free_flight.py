@@ -142,7 +142,11 @@ def level(t: Floats, y: Floats) -> Floats:
 
 
 def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
-    """Return an attitude law rotated from another by a yaw to the right, then a pitch up (rad), about body axes."""
+    """Return an attitude law that is rotated from another law about body axes.
+
+    axes : the other law
+    pitch, yaw : rad. Yaw to the right, followed by pitch up.
+    """
     if pitch == 0.0 and yaw == 0.0:
         return axes
     yaw_rotation = rotation_quaternions(np.array([[0.0, 0.0, yaw]]))
@@ -269,7 +273,10 @@ def fly(
 
 
 def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
-    """Return the phases of the true trajectory, with a position spline for each, and common attitude and roll angle."""
+    """Return the phases of the true trajectory, with a position spline for each.
+
+    attitude, spin : common quaternion spline and roll angle, as in `Phase`
+    """
     result = []
     for stretch in stretches:
         t, r = stretch.t, stretch.y[:, :3]

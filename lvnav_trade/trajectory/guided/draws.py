@@ -37,7 +37,7 @@ class Deviations(NamedTuple):
 
 
 def numbers(card: VehicleAscent) -> dict[str, int]:
-    """Return how many independent draws each source has."""
+    """Return the number of independent draws of each source."""
     n_stage = len(card.vehicle.stages)
     n_motor = n_stage + len(card.vehicle.boosters)
     n_height = round(WIND_TOP / WIND_STEP) + 1
@@ -57,9 +57,18 @@ def numbers(card: VehicleAscent) -> dict[str, int]:
 
 
 def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
-    """Return the draws (in sigmas) of a run: those of `dispersion.draw`, and the fixed `dispersion.sigmas`.
+    """Return the draws of a run, in sigmas by the name of the source.
 
-    A negative run has the fixed deviations alone.
+    They are the sum of random draws (`dispersion.drawn`) and fixed deviations (`dispersion.sigmas`).
+
+    Parameters
+    ----------
+    card : VehicleAscent
+        Card with the dispersions; the result is empty without them.
+    seed : int
+        Seed of the draws.
+    run : int
+        Number of the run. A negative run has the fixed deviations alone.
     """
     dispersion, spreads = card.dispersion, card.vehicle.dispersions
     if dispersion is None or spreads is None:
@@ -75,7 +84,7 @@ def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
 
 
 def _standard_normals(name: str, n_draw: int, seed: int, run: int) -> Floats:
-    """Return the standard normals (n_draw,) of a source in a run."""
+    """Return the standard normals (n_draw,) of a source in a run, which depend on name, seed and run alone."""
     k0, k1 = seed_words(seed)
     word = source_word(f"vehicle {name}")
     values = []
@@ -114,7 +123,12 @@ def vehicle_of(card: VehicleAscent, sigmas: Sigmas) -> VehicleAscent:
 
 
 def _factor(spreads: DispersionsCard, sigmas: Sigmas, name: str, k: int) -> float:
-    """Return the factor of draw k of a source on a number of the vehicle."""
+    """Return the factor by which a draw of a source multiplies a number of the vehicle, at least `_LEAST`.
+
+    spreads : sigma of each source, as a fraction of the number
+    sigmas : draws; the factor is 1 for a source without draws
+    name, k : source, and index of its draw
+    """
     if name not in sigmas:
         return 1.0
     deviation = float(sigmas[name][k]) * float(getattr(spreads, name))
@@ -128,7 +142,10 @@ def density_of(card: VehicleAscent, sigmas: Sigmas) -> float:
 
 
 def _disperse_motor(motor: Stage | Boosters, spreads: DispersionsCard, sigmas: Sigmas, k: int) -> Stage | Boosters:
-    """Return motor k with its draws: the stages come first, then the groups of boosters."""
+    """Return a motor with its draws.
+
+    k : index of the motor: stages first, then groups of boosters
+    """
     thrust = _factor(spreads, sigmas, "thrust", k)
     impulse = _factor(spreads, sigmas, "specific_impulse", k)
     propellant = _factor(spreads, sigmas, "propellant", k)
@@ -162,7 +179,10 @@ def deviations(card: VehicleAscent, sigmas: Sigmas) -> Deviations:
 
 
 def wind_of(sigmas: Floats | None, spreads: DispersionsCard | None) -> Wind:
-    """Return the wind of draws (2 n_height,): a Gauss-Markov process over height, stationary from the ground on."""
+    """Return the wind of a run: a Gauss-Markov process over height for each component, stationary from the ground on.
+
+    sigmas : (2 n_height,). Draws of both components, height by height from the ground; None: no wind.
+    """
     if sigmas is None or spreads is None:
         return Wind(WIND_STEP, np.zeros((1, 2)))
     white = sigmas.reshape(-1, 2)

@@ -299,7 +299,12 @@ def _update_reference(state, feed, draw):
 
 @inlined
 def _record(control, due, axis, rate_step, force, wind):
-    """Write the record of an axis at a tick, if it is one of those recorded."""
+    """Write the record of an axis at a tick, if this tick is recorded.
+
+    due : index of the tick
+    rate_step : rad/s. Step of the commanded rate.
+    force, wind : m/s^2, m/s. Lateral specific force, and lateral wind without gusts.
+    """
     if due % control.every != 0 or due // control.every >= control.history.shape[0]:
         return
     state = control.memory[axis]

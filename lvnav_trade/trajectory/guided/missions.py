@@ -55,10 +55,12 @@ class Launch(NamedTuple):
 
 
 class Missions(NamedTuple):
-    """Runs of one way of feeding the controller; axes are pitch and yaw.
+    """Runs with the same feedback of the controller; axes are pitch and yaw.
 
-    t (n_record,) s; history (n_run, n_record, 2, N_RECORD) by the columns of `loop`; movement (n_run, 2) total
-    of the nozzles' movement, rad; sums (n_run, 2, N_PHASE, N_SUM).
+    t : (n_record,) s since lift-off.
+    history : (n_run, n_record, 2, N_RECORD). Records by the columns of `autopilot`.
+    movement : (n_run, 2) rad. Total movement of the nozzle.
+    sums : (n_run, 2, N_PHASE, N_SUM). Sums over the ticks of each phase.
     """
 
     t: Floats
@@ -77,7 +79,21 @@ def prepare_launch(
 ) -> Launch:
     """Return a launch on the ticks of the IMU.
 
-    InputError if a card has not as many stacks or gains as the vehicle has stages, or a turn starts at no event.
+    Parameters
+    ----------
+    ascent : SolvedAscent
+        The nominal ascent.
+    rotation, controller, wind : RotationCard, ControllerCard, WindCard
+        Cards of the body, the controller and the wind.
+    imu : ImuCard
+        IMU whose gyro feeds the controller; its rate is that of the ticks.
+    envelope : EnvelopeCard, optional
+        Envelope of the filter for the rate; by default that of an empty card.
+
+    Raises
+    ------
+    InputError
+        A card does not have one entry for each stage, or a turn starts at no event.
     """
     envelope = envelope or EnvelopeCard()
     vehicle = ascent.card.vehicle

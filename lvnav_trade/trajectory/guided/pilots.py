@@ -208,7 +208,7 @@ class TurningPilot(GuidedPilot):
         super().ignite_after(number)
 
     def burn(self, number: int, duration: float | None, again: bool = False) -> None:
-        """Burn a stage, which is the lowest."""
+        """Burn a stage, which is then the lowest; the arguments are those of `Pilot.burn` of `ascent.legs`."""
         self.turning.control.counts[STACK] = number
         super().burn(number, duration, again)
 

@@ -98,7 +98,12 @@ class _ReferencePilot(GuidedPilot):
         return outcome
 
     def _record(self, begin: float, end: float, push: Propulsion, steers: bool = False) -> Piece:
-        """Append the piece that begins at the present state, and return it."""
+        """Append the piece that begins at the present state, and return it.
+
+        begin, end : s since lift-off
+        push : propulsion of the piece
+        steers : whether explicit guidance steers it
+        """
         piece = Piece(
             begin=begin,
             end=end,
@@ -234,8 +239,17 @@ def _orbit_derivative(y: Floats, target: Floats) -> Floats:
 def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Floats) -> tuple[Floats, Floats]:
     """Return the derivatives of an injection by navigation errors before the cut-off and by the wind.
 
-    The chain rule from the last piece to the first: the derivative by the state at the end of a piece, times that of
-    the piece, is the derivative by the state at its start.
+    The chain rule is applied from the last piece to the first: the derivative by the state at the end of a piece, times
+    that of the piece, is the derivative by the state at its start.
+
+    Parameters
+    ----------
+    pieces : list of Piece
+        Pieces of the reference flight, in order.
+    at_cutoff : _CutoffDerivatives
+        Derivatives at the cut-off.
+    t : (n_t,) s
+        Times of the navigation errors, since lift-off.
 
     Returns
     -------

@@ -100,7 +100,11 @@ def _gust_statistics(height, gusts):
 
 @inlined
 def _interpolate_axis(rows, k, weight):
-    """Return a direction between ticks k and k + 1."""
+    """Return a direction between ticks k and k + 1.
+
+    rows : (n, 3). Directions at the ticks.
+    weight : part of the interval after tick k, 0 to 1
+    """
     a, b = rows[k], rows[k + 1]
     return (
         a[0] + weight * (b[0] - a[0]),
@@ -131,11 +135,14 @@ def axes_at(t, course):
 
 @inlined
 def forces_and_rates(t, y, engine, inputs, turning):
-    """Return forces and air (`LateralForces`) at a true state y (7,), and the time derivative of the state.
+    """Return forces and air (`LateralForces`) at a true state, and the time derivative of the state.
 
     Thrust acts along the body, turned by the nozzle angle and the misalignment. Drag acts along the body, and the
     normal force along `up` and `right`. The drag term is written against the airspeed; its component lateral to the
     body is subtracted from the lift, so that the sum acts along the body.
+
+    t : s since lift-off
+    y : (7,). Position (m) and velocity (m/s) in frame i, mass (kg).
 
     Long because force, moment and derivative share every intermediate quantity.
     """
@@ -279,6 +286,11 @@ def turn_piece(
     The count of ticks continues from piece to piece. A command remains valid across the end of a piece; an engine does
     not.
 
+    t, end : s since lift-off. Start, and latest end.
+    y : (7,). True state at the start, as in `forces_and_rates`.
+
+    The reason is WHOLE, CUT_OFF, EMPTY or DIVERGED.
+
     Long because guidance, ticks and cut-off alternate in one loop.
     """
     control, law = turning.control, inputs.law
@@ -333,6 +345,6 @@ def turn_piece(
 
 @making_arrays
 def acceleration(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs, turning: AttitudeControl) -> Floats:
-    """Return the acceleration (3,) in m/s^2, frame i, at a true state y (7,)."""
+    """Return the inertial acceleration (3,) m/s^2, frame i, at a true state y (7,) and a time t (s since lift-off)."""
     _, slope = forces_and_rates(t, y, engine, inputs, turning)
     return np.array([slope[3], slope[4], slope[5]])
