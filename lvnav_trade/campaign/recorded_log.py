@@ -149,7 +149,15 @@ def _label_errors(case: Case) -> Iterator[None]:
 
 
 def _outages(prepared: Prepared, plan: OutagePlan) -> list[tuple[float, Outage]]:
-    """Return the outages of a replayed case, each with its nominal duration (s)."""
+    """Return the outages of a replayed case, each with its nominal duration (s).
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The replayed case.
+    plan : OutagePlan
+        Outages to simulate.
+    """
     results = []
     for length in plan.lengths:
         for begin in np.arange(plan.first, prepared.t_epoch[-1] - length, plan.every).tolist():
@@ -175,7 +183,17 @@ _COLUMNS = (
 
 
 def _outage_row(case: Case, length: float, result: Outage) -> dict[str, Any]:
-    """Return an outage as a row of `_COLUMNS`; errors and sigmas of a failed outage are NaN."""
+    """Return an outage as a row of `_COLUMNS`; errors and sigmas of a failed outage are NaN.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    length : float
+        Nominal duration of the outage (s).
+    result : Outage
+        Error (6,) of velocity (m/s) and position (m) at the end of the outage, reporting axes, with its covariance.
+    """
 
     def norm(vector: Floats) -> float:
         return math.nan if result.failed else float(np.linalg.norm(vector))
@@ -231,7 +249,17 @@ def _rms(values: "pd.Series[float]") -> float:
 def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Return the estimate over time with all solutions in use, and a note if the filter fails.
 
-    The table has the geodetic position, the errors with respect to the receiver's solutions, and the sigmas.
+    Parameters
+    ----------
+    case : Case
+        The case.
+    prepared : Prepared
+        The replayed case.
+
+    Returns
+    -------
+    pandas.DataFrame, tuple of str
+        Geodetic position (deg and m), errors with respect to the receiver's solutions, and sigmas; notes.
     """
     run = run_block(prepared, 0, 0, 1)
     error, sigma = run.err[0], run.sigma[0]

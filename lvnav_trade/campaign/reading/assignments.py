@@ -29,7 +29,20 @@ def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
 
 
 def full_path(text: str, where: str) -> list[str]:
-    """Return the steps of a dotted path from the top of the campaign; `base.` may be omitted."""
+    """Return the steps of a dotted path from the top of the campaign.
+
+    Parameters
+    ----------
+    text : str
+        Dotted path; `base.` may be omitted.
+    where : str
+        Beginning of an error message.
+
+    Raises
+    ------
+    InputError
+        There is no field with the first step as its name.
+    """
     path = text.split(".")
     if path[0] in Campaign.model_fields:
         return path

@@ -37,7 +37,13 @@ class Shard(NamedTuple):
 
 
 def parse(text: str) -> Shard:
-    """Return the shard of a text such as ``2/8``."""
+    """Return the shard of a text such as ``2/8``.
+
+    Raises
+    ------
+    InputError
+        The text is not of this form, or the number is not from 1 to the total.
+    """
     match = _NUMBER_OF_TOTAL.fullmatch(text)
     if match:
         shard = _shard_from(match)

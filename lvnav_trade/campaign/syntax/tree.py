@@ -153,7 +153,22 @@ def read(path: Path) -> Node:
 
 
 def parse(text: str, file: str, folder: Path) -> Node:
-    """Parse YAML text of `file`; relative paths in it start from `folder`."""
+    """Parse YAML text.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    file : str
+        Name of its file, for messages.
+    folder : Path
+        Folder from which relative paths in the text start.
+
+    Raises
+    ------
+    InputError
+        The text is empty or not YAML, or has content that is not permitted, such as duplicate keys.
+    """
     reader = YAML(typ="rt", pure=True)
     reader.Composer = BoundedComposer
     try:
@@ -173,7 +188,7 @@ def parse(text: str, file: str, folder: Path) -> Node:
 
 
 def read_mapping(path: Path) -> Node:
-    """Read a file whose top level must be a mapping of keys to values."""
+    """Read a file whose top level must be a mapping of keys to values; InputError if it is not."""
     node = read(path)
     if not node.is_map:
         raise refuse(node.place, "", "should be a mapping of keys to values ('key: value' lines)")

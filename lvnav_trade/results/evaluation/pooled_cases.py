@@ -17,7 +17,17 @@ def axes_of(statement: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def cases_of(tables: Tables, wanted: Mapping[str, str], pool: Sequence[str]) -> list[str]:
-    """Return the digests of the cases with the wanted levels, one case for each pool."""
+    """Return the digests of the cases with the wanted levels, one case for each pool.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    wanted : mapping of str to str
+        Label of the level by axis.
+    pool : sequence of str
+        Names of the pooled axes.
+    """
     first: dict[tuple[tuple[str, str], ...], str] = {}
     for case in select.cases_of(tables, wanted):
         first.setdefault(_unpooled_levels(tables, case, pool), case)
@@ -25,7 +35,7 @@ def cases_of(tables: Tables, wanted: Mapping[str, str], pool: Sequence[str]) -> 
 
 
 def members(tables: Tables, case: str, pool: Sequence[str]) -> list[str]:
-    """Return the cases of a pool: a case and all that differ from it only in the levels of the pooled axes."""
+    """Return the cases of a pool: a case and all cases that differ from it only in the levels of the pooled axes."""
     fixed = _unpooled_levels(tables, case, pool)
     return [member for member in tables.levels if _unpooled_levels(tables, member, pool) == fixed]
 

@@ -36,7 +36,17 @@ COLUMNS = [
 
 
 def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
-    """Return the protection level of a quantity over time: the norm of the levels of its three axes."""
+    """Return the protection level of a quantity over time: the norm of the levels of its three axes.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity : str
+        position or velocity.
+    """
     return pick(tables.protection, case=case, quantity=quantity, axis="3d").sort_values("t_s", kind="stable")
 
 

@@ -24,7 +24,7 @@ class FaultRate(Metric):
             yield f"{self.name} is of a phase; give during, and no statistic"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the share."""
+        """Return the share of runs with the outcome, and the decision by linear covariance."""
         from lvnav_trade.results.evaluation.integrity import rate
         from lvnav_trade.results.statistics.select import phase, pick
 

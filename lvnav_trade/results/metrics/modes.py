@@ -35,7 +35,7 @@ class ModeNumber(Metric):
             yield "reason and number choose changes; mode_duration is of all of the phase"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the median over the runs."""
+        """Return the median over the runs; linear covariance does not give it."""
         if not has_logic(tables, case):
             return MetricValue(remark=_NO_LOGIC)
         numbers = mode_numbers(tables, case, stated)
@@ -63,7 +63,7 @@ class ModeShare(ModeNumber):
     average: ClassVar[str] = MEAN
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the share."""
+        """Return the share of runs that enter the mode."""
         if not has_logic(tables, case):
             return MetricValue(remark=_NO_LOGIC)
         has_entered = mode_numbers(tables, case, stated)

@@ -32,7 +32,9 @@ SIGMAS = "sigma"
 class NormalisedError(Metric):
     """The root of the NEES per axis, sqrt(e' P^-1 e / 3): 1 on average for a consistent filter.
 
-    e (3,) is the error of a run, P (3, 3) the covariance of the nominal run's filter.
+    e (3,) is the error of a run. P (3, 3) is the formal covariance of the nominal run. Both are in the reporting axes.
+
+    quantity : Quantity of the error: attitude, velocity or position.
     """
 
     quantity: str = ""
@@ -51,7 +53,7 @@ class NormalisedError(Metric):
         return self.quantity != "attitude"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the root mean square at an event; one by the filter's own covariance."""
+        """Return the root mean square at an event; it is 1 by the formal covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
@@ -69,7 +71,7 @@ class NormalisedError(Metric):
         )
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
-        """Return it for every run; None if error or P is not available, or P is singular."""
+        """Return the normalised error of every run; None if error or P is not available, or P is singular."""
         event = event_of(requirement)
         W = whitening(case.formal(event, self.quantity))
         errors = case.errors(event, self.quantity)
@@ -95,7 +97,18 @@ class NormalisedError(Metric):
 
 
 def whitening(assumed: Floats | None) -> Floats | None:
-    """Return W (3, 3) with W' W = P^-1 / 3; None if the filter's covariance P is not available or singular."""
+    """Return the matrix that normalises an error.
+
+    Parameters
+    ----------
+    assumed : (3, 3) array or None
+        Formal covariance P.
+
+    Returns
+    -------
+    (3, 3) array or None
+        W with W' W = P^-1 / 3; None if P is not available or singular.
+    """
     if assumed is None or not np.isfinite(assumed).all():
         return None
     try:

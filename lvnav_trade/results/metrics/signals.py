@@ -23,7 +23,7 @@ class SignalNumber(Metric):
     has_least: ClassVar[bool] = True
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return it as the true value, which all runs share."""
+        """Return the statistic of the signals as the true value, since all runs have the same signals."""
         from lvnav_trade.results.evaluation.satellite_tracking import values_of
         from lvnav_trade.results.statistics.per_run import within
         from lvnav_trade.results.statistics.select import pick
@@ -82,7 +82,7 @@ class Height(SignalNumber):
     average: ClassVar[str] = MEDIAN
 
     def reduce(self, rows: Any, value: Any, statistic: str) -> float:
-        """Return the altitude (m) of the largest value."""
+        """Return the altitude (m) at which the value is largest."""
         return float(rows.height[rows.value.idxmax()])
 
 
