@@ -203,7 +203,15 @@ def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_b
 
 @jit
 def _tick_back(back, scratch, flight, true, vehicle, units, tick):
-    """Propagate the adjoint backwards over a tick, and set the partial derivatives of its samples."""
+    """Propagate the adjoint backwards over a tick, and set the partial derivatives of its samples.
+
+    Parameters
+    ----------
+    back, scratch : BackwardPass, BackwardScratch; updated in place
+    flight, true, vehicle : NominalFlight, Components, VehicleModel
+    units : ImuArray; None for one IMU
+    tick : index
+    """
     dt = flight.unit.dt
     nominal_tick(scratch.sums, flight.reference, tick, dt)
     fill_partials(scratch.a, true, units, vehicle, tick, dt)
@@ -267,7 +275,14 @@ def _solution_back(back, y, chain, true, epoch, time_bin):
 
 @jit
 def _add_metrics(back, entering, hist):
-    """Add the weights of the metrics at a history time to the adjoint; return whether the metrics have any."""
+    """Add the weights of the metrics at a history time to the adjoint; return whether the metrics have any.
+
+    Parameters
+    ----------
+    back : BackwardPass, updated in place
+    entering : BackwardMetrics
+    hist : history time, -1 none
+    """
     if hist < 0 or entering.place[hist] < 0:
         return False
     for m in range(back.e.shape[0]):

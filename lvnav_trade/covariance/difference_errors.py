@@ -215,8 +215,16 @@ def _renew_joint(joint, successive, true, model, epoch):
 
 @inlined
 def begin_successive(joint, successive, model, epoch):
-    """Begin an epoch in every source (SuccessiveErrors, or None): present measurement errors become those of the
-    previous epoch, and renewed states are reset.
+    """Begin an epoch in every source.
+
+    Present measurement errors become those of the previous epoch, and renewed states are reset.
+
+    Parameters
+    ----------
+    joint : Joint, updated in place
+    successive : SuccessiveErrors, or None
+    model : FilterModel
+    epoch : index
     """
     if successive is not None:
         advance_solution(joint.state, joint.scratch, successive, joint.true, epoch)
@@ -266,8 +274,14 @@ def _origin(true, late, delayed, epoch, c):
 
 @inlined
 def clone_joint(joint, late, delayed, epoch):
-    """Set the clones of the filter (DifferenceProcessing, or None) to the states at the end of an epoch, in every
-    source and in the mean.
+    """Set the clones of the filter to the states at the end of an epoch, in every source and in the mean.
+
+    Parameters
+    ----------
+    joint : Joint, updated in place
+    late : DelayProcessing, or None
+    delayed : DifferenceProcessing, or None
+    epoch : index
     """
     if delayed is not None:
         for c in range(delayed.cloned.shape[0]):
@@ -277,7 +291,16 @@ def clone_joint(joint, late, delayed, epoch):
 
 @inlined
 def joint_back(back, true, late, delayed, epoch):
-    """Propagate the adjoint backwards through `clone_joint`."""
+    """Propagate the adjoint backwards through `clone_joint`.
+
+    Parameters
+    ----------
+    back : BackwardPass, updated in place
+    true : Components
+    late : DelayProcessing, or None
+    delayed : DifferenceProcessing, or None
+    epoch : index
+    """
     if delayed is not None:
         for m in range(back.e.shape[0]):
             y = back.e[m]

@@ -269,10 +269,27 @@ def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None
 def _go_back(
     prepared: Prepared, hist: Ints, rows: Floats, bin_seconds: float, tape: UpdateTape | None
 ) -> tuple[Floats, Floats]:
-    """Run a backward pass; return the bin edges (s) and the variance (n_row, n_source, n_bin) of linear sums of errors.
+    """Run a backward pass.
 
-    hist : (n_sum,). History times of the errors in the sums, ascending.
-    rows : (n_sum, n_row, n). Weights of the first n joint states at each of these times.
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    hist
+        (n_sum,). History times of the errors in the sums, ascending.
+    rows
+        (n_sum, n_row, n). Weights of the first n joint states at each of these times.
+    bin_seconds
+        s. Length of the time bins.
+    tape
+        Tape of the forward pass; None: computed here.
+
+    Returns
+    -------
+    edges
+        (n_bin + 1,) s since lift-off. Edges of the bins.
+    variance
+        (n_row, n_source, n_bin) SI squared. Variance of the linear sums of errors.
     """
     true = components(prepared)
     schedule = prepared.schedule

@@ -82,9 +82,17 @@ class ChannelSignals(NamedTuple):
 
 
 def share(card: TrackingCard, satellite: str, t: float) -> float:
-    """Return the point, between 0 and 1, at which a search pass that starts at t (s) finds the satellite.
+    """Return the point, between 0 and 1, at which a search pass finds the satellite.
 
     The draw depends on realisation, satellite and time (in milliseconds) only, not on other searches.
+
+    Parameters
+    ----------
+    card : TrackingCard
+    satellite : str
+        Name of the satellite.
+    t : float
+        Start of the pass (s since lift-off).
     """
     return _uniform(card.realisation, "acquisition", satellite, t)
 

@@ -326,16 +326,21 @@ def _covariance_form(a: int, b: int, n: int, dt: float) -> Floats:
 
 
 def _n_pair(lags: Floats, n_a: int, n_b: int) -> Floats:
-    """Return the number of pairs of second differences with each lag (start of the first minus start of the second)."""
+    """Return the number of pairs of second differences with each lag (start of the first minus start of the second).
+
+    lags : (n_lag,) in samples; n_a, n_b : numbers of second differences over a and b samples
+    """
     end = np.minimum(n_a, n_b + lags)
     start = np.maximum(0.0, lags)
     return np.asarray(np.maximum(0.0, end - start))
 
 
 def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
-    """Return the covariances (4, n_lag) of second differences of the angle over a and b samples, by lag.
+    """Return the covariances (4, n_lag) of second differences of the angle, by process and lag of their starts.
 
-    The lag is that of their starts. Each process has a unit coefficient.
+    Each process has a unit coefficient.
+
+    lags : (n_lag,) in samples; a, b : averaging times in samples; dt : s, sampling interval
     """
     covariances = np.zeros((len(NAMES), len(lags)))
     for k, name in enumerate(NAMES):

@@ -241,8 +241,12 @@ class Triad(NamedTuple):
 def least_squares(directions: Floats, weights: Floats) -> Floats:
     """Return A = (H' W H)^-1 H' W, (3, n), with x = A y for readings y along sensing axes.
 
-    directions : (n, 3). Unit vectors of the axes, rows of H.
-    weights : (n,). Diagonal of W.
+    Parameters
+    ----------
+    directions : (n, 3)
+        Unit vectors of the axes, rows of H.
+    weights : (n,)
+        Diagonal of W.
     """
     weighted = directions * weights[:, None]
     return np.asarray(np.linalg.solve(weighted.T @ directions, weighted.T))

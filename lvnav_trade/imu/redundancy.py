@@ -66,7 +66,12 @@ def _normals(dimension: int, count: int) -> Floats:
 def _below_probabilities(below: Floats) -> Floats:
     """Return the probabilities (n + 1, ...) that 0 to n of n independent readings lie below a value.
 
-    below : (n, ...). Probability that each reading lies below (Poisson binomial distribution by recursion).
+    Poisson binomial distribution by recursion.
+
+    Parameters
+    ----------
+    below : (n, ...)
+        Probability that each reading lies below the value.
     """
     counts = np.zeros((len(below) + 1, *below.shape[1:]))
     counts[0] = 1.0
@@ -90,9 +95,16 @@ def _integration_points(mean: Floats, sigma: Floats) -> tuple[Floats, Floats]:
 
 
 def _expected(mean: Floats, sigma: Floats) -> Floats:
-    """Return the mean (m,) of the median of n normal readings, with mean (n, m) and sigma (n,).
+    """Return the mean (m,) of the median of n normal readings.
 
     It is the lower end of the range plus the integral of the probability that the median lies above.
+
+    Parameters
+    ----------
+    mean : (n, m)
+        Means of the readings.
+    sigma : (n,)
+        Their standard deviations.
     """
     x, below = _integration_points(mean, sigma)
     counts = _below_probabilities(below)
@@ -105,7 +117,13 @@ def _expected(mean: Floats, sigma: Floats) -> Floats:
 
 
 def _gains(mean: Floats, sigma: Floats) -> Floats:
-    """Return the probability (n,) that each of n normal readings is the median."""
+    """Return the probability (n,) that each of n normal readings is the median.
+
+    Parameters
+    ----------
+    mean, sigma : (n,)
+        Means and standard deviations of the readings.
+    """
     _, below = _integration_points(mean[:, None], sigma)
     below = below[..., 0]
     probability = np.zeros(mean.size)

@@ -43,7 +43,12 @@ def place_of(px, py, pz):
 
 @jit
 def position_of(px, py, pz):
-    """Return the position (3) m of a place, Earth-fixed axes: ((N + h) u_x, (N + h) u_y, (N (1 - e^2) + h) u_z)."""
+    """Return the position (3) m of a place, Earth-fixed axes: ((N + h) u_x, (N + h) u_y, (N (1 - e^2) + h) u_z).
+
+    Parameters
+    ----------
+    px, py, pz : place, Earth-fixed axes
+    """
     ux, uy, uz, height, _, prime = place_of(px, py, pz)
     return (prime + height) * ux, (prime + height) * uy, (prime * (1.0 - ECCENTRICITY_2) + height) * uz
 

@@ -233,7 +233,13 @@ def linearised_sums(rates, sums, seconds, code):
 
 @jit
 def correct_motion(nav, x):
-    """Add the error state x (n,), truth minus estimate, to the navigation state nav (10,), updated in place."""
+    """Add the error state, truth minus estimate, to the navigation state.
+
+    Parameters
+    ----------
+    nav : (10,) quaternion body to i, velocity (m/s), position (m), frame i; updated in place
+    x : (n,) attitude (rad), velocity and position errors first, frame i
+    """
     # attitude errors are in frame i, so the correction multiplies from the left
     e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
     q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])

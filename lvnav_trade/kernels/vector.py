@@ -51,7 +51,14 @@ class _ViewModel(models.StructModel):
 
 
 def as_vector(context, builder, operand_type, value, lane):
-    """Emit an operand as a vector of a lane type: a lane as it is, a number eight times."""
+    """Emit an operand as a vector of a lane type: a lane as it is, a number eight times.
+
+    Parameters
+    ----------
+    context, builder : numba's target context and LLVM's instruction builder
+    operand_type, value : numba type and LLVM value of the operand
+    lane : lane type of the result
+    """
     if operand_type == lane:
         return value
     undefined = ir.Constant(context.get_value_type(lane), ir.Undefined)
@@ -62,7 +69,14 @@ def as_vector(context, builder, operand_type, value, lane):
 
 
 def _define(symbol, lane, result, emit):
-    """Implement a Python operator of two operands for lanes of a type, and for a lane and a number."""
+    """Implement a Python operator of two operands for lanes of a type, and for a lane and a number.
+
+    Parameters
+    ----------
+    symbol : function of the module `operator`
+    lane, result : lane types of the operands and of the result
+    emit : function of builder and two vectors that emits the instruction and returns its value
+    """
 
     @type_callable(symbol)
     def typed(context):

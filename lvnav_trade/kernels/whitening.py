@@ -10,17 +10,17 @@ from lvnav_trade.kernels.lanes import sqrt, where
 def whiten(R, z, H, n, n_entry):
     """Decorrelate (whiten) n measurements z = H x + v with Cov v = R: their errors become independent, of variance 1.
 
-    With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Row i becomes a combination of rows 0 to i, so it needs the
-    entries of all of them. Processing the rows one after the other with variance 1 is equivalent to the joint update
-    with R. A row without a measurement, or with a variance that is not positive, becomes not-a-number, and so do later
-    rows correlated with it.
+    With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Measurement i becomes a combination of measurements 0 to i, so
+    its Jacobian row needs the entries of all of them. Scalar updates in sequence with variance 1 are equivalent to the
+    joint update with R. A measurement that is missing, or whose variance is not positive, becomes not-a-number. So do
+    later measurements that are correlated with it.
 
     Parameters
     ----------
     R : (n, n) symmetric; its lower triangle is overwritten by L
     z : (n,) measured minus predicted, updated in place
     H : (n, n_entry) Jacobian rows, updated in place
-    n, n_entry : number of rows and of entries
+    n, n_entry : number of scalar measurements and of entries
     """
     for i in range(n):  # Cholesky factor and forward substitution, row by row
         pivot = R[i, i]

@@ -41,9 +41,16 @@ def clear(h):
 
 @jit
 def turned(c, s, error):
-    """Return cosine and sine of an angle plus an error (rad), from cosine c and sine s of the angle.
+    """Return cosine and sine of an angle plus an error.
 
     The series is exact to 1e-10 for errors below 0.1 rad.
+
+    Parameters
+    ----------
+    c, s : float
+        Cosine and sine of the angle.
+    error : float
+        Error of the angle (rad).
     """
     square = error * error
     # series to the fifth power
@@ -54,9 +61,14 @@ def turned(c, s, error):
 
 @jit
 def angle_of(opposite, adjacent):
-    """Return the angle (rad) of a right triangle, -pi/2 to pi/2, to 1e-8 rad for tangents below 10.
+    """Return the angle of a right triangle in rad, -pi/2 to pi/2, to 1e-8 rad for tangents below 10.
 
     The compiled lanes have no arctangent: halve the angle, then use the series.
+
+    Parameters
+    ----------
+    opposite, adjacent : float
+        Sides of the triangle, in the same unit.
     """
     t = opposite / adjacent
     for _ in range(_HALVINGS):

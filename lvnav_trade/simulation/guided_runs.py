@@ -64,9 +64,14 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
 
 
 def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
-    """Return the errors (n_run, n_hist, 9) of attitude, velocity and position in frame i.
+    """Return the errors of attitude, velocity and position in frame i, (n_run, n_hist, 9) rad, m/s, m.
 
-    errors : (n_run, n_hist, n_out), attitude in body axes, velocity and position in the reporting frame
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    errors
+        (n_run, n_hist, n_out). Attitude in body axes, velocity and position in the reporting frame.
     """
     record = prepared.record
     n_run, n_hist = errors.shape[:2]

@@ -148,9 +148,15 @@ def gather_units(imus, units, values, sensors, drivers):
 
 @jit
 def fuse_tables(fused, imus, units, tick):
-    """Set the tables (2, N_TABLE) of the combined triad at a tick, which give the true values of filter parameters.
+    """Set the tables of the combined triad at a tick, which give the true values of filter parameters.
 
     Nonlinearity is not included: it depends on squares along the axes of each IMU.
+
+    Parameters
+    ----------
+    fused : (2, N_TABLE) set here
+    imus, units : ImuArrayWork, ImuArray
+    tick : index
     """
     for sensor in range(2):
         combined = fused[sensor]

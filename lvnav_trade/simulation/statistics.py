@@ -364,6 +364,13 @@ def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
 
     A quantile is the geometric mean of the bin with the run of rank ceil(probability * n), n including failed runs. It
     is 0 below the bins and infinite above.
+
+    Parameters
+    ----------
+    summary
+        Statistics of the runs.
+    probabilities
+        Probabilities of the quantiles, between 0 and 1.
     """
     ranks = [max(1, int(np.ceil(probability * summary.n_run - 1e-9))) for probability in probabilities]
     bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)

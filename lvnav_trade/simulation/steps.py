@@ -26,7 +26,13 @@ from lvnav_trade.simulation.exclusion_covariance import inform
 
 @inlined
 def begin_filter(work, parts, options):
-    """Reset the arrays of a filter's optional features; its estimate is already that of the start."""
+    """Reset the arrays of a filter's optional features; its estimate is already that of the start.
+
+    Parameters
+    ----------
+    work, parts : Work, Parts; updated in place
+    options : Options
+    """
     begin_mode_logic(parts.mode_state)
     begin_monitor(parts.monitor)
     begin_backup(parts.backup, work)
@@ -92,7 +98,16 @@ def propagate(work, parts, case, w):
 
 @jit
 def _count_samples(work, motion, vehicle, model, epoch):
-    """Add the samples of the last tick before an epoch to its innovations, after the channels of the sensors."""
+    """Add the samples of the last tick before an epoch to its innovations, after the channels of the sensors.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    motion : ImuSampleWork, with the residuals of the last tick
+    vehicle : VehicleModel, or None
+    model : FilterModel
+    epoch : index
+    """
     if vehicle is not None:
         at = model.n_entry.shape[0]
         for i in range(N_SAMPLE):

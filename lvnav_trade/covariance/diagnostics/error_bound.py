@@ -52,9 +52,16 @@ class ErrorBound(NamedTuple):
 
 @jit
 def _gather(noise, P, D, tape, schedule, true, model):
-    """Set noise (n_interval, n, n), the process noise between successive updates; return the number of intervals.
+    """Set the process noise between successive updates; return the number of intervals.
 
-    P (n, n) and D (n_block, 9) are scratch. Noise after the last update is not included.
+    Noise after the last update is not included.
+
+    Parameters
+    ----------
+    noise : (n_interval, n, n) SI squared, set here
+    P, D : (n, n) and (n_block, 9) scratch
+    tape, schedule : UpdateTape of the forward pass, Schedule
+    true, model : Components, FilterModel
     """
     n = P.shape[0]
     count = 0
@@ -119,7 +126,17 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
 
 
 def _interval_noise(prepared: Prepared, tape: UpdateTape, n_update: int) -> Floats:
-    """Return the process noise between successive updates, (n_update, n, n)."""
+    """Return the process noise between successive updates, (n_update, n, n) SI squared.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    tape
+        Tape of the forward pass.
+    n_update
+        Number of windows with an update.
+    """
     n = prepared.layout.n_state
     true = components(prepared)
     noise = np.zeros((n_update, n, n))

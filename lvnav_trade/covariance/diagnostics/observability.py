@@ -240,7 +240,15 @@ def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _Observabil
 
 @jit
 def _begin_epoch(phi, delayed, extra_offset, epoch):
-    """Set the clones to the present states, and reset renewed states, in the transposed transition phi (n, n)."""
+    """Set the clones to the present states, and reset renewed states, in the transposed transition.
+
+    Parameters
+    ----------
+    phi : (n, n) transposed transition, updated in place
+    delayed : DifferenceProcessing
+    extra_offset : (n_extra,) state of each extra state
+    epoch : index
+    """
     for j in range(phi.shape[0]):
         for e in range(extra_offset.shape[0]):
             if delayed.renewed[epoch, e] >= 0.0:

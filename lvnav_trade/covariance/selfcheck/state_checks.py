@@ -96,7 +96,17 @@ def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int
 
 
 def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int) -> Floats:
-    """Return the error (n_reported,) that a run records, in reporting axes."""
+    """Return the error that a run records, (n_reported,) SI, in reporting axes.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work, parts
+        Arrays of the run.
+    hist
+        Index of the history time.
+    """
     states_only = case_of(prepared, options=prepared.options._replace(samples=None, report=None, backup=None))
     parts = OptionalState(units=parts.units, motion=parts.motion)
     record(work, parts, states_only, None, prepared.record, _tick(prepared, hist), hist)

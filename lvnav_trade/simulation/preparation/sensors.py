@@ -171,7 +171,11 @@ def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
 def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float = 0.0) -> tuple[Sensor, ...]:
     """Return the sensors other than the receiver that the filter of a scenario uses, at the epochs.
 
-    t_epoch : (n_epoch,) s since lift-off; start : s, of the flight
+    Parameters
+    ----------
+    scenario, trajectory : card and flight
+    t_epoch : (n_epoch,) s since lift-off
+    start : s since lift-off, of the flight
 
     Raises
     ------

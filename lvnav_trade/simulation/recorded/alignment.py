@@ -70,7 +70,17 @@ def align(log: NavigationData, card: NavigationLog) -> Alignment:
 
 
 def increments_to(log: NavigationData, t: Floats, sums: Floats) -> Floats:
-    """Return the summed increments (n, 3) of a log at times t (n,) s, interpolated linearly between its rows."""
+    """Return the summed increments of a log at given times, interpolated linearly between its rows, (n, 3).
+
+    Parameters
+    ----------
+    log
+        Log of the flight.
+    t
+        (n,) s.
+    sums
+        (n_row, 3) rad or m/s. Increments summed up to each row.
+    """
     return np.column_stack([np.interp(t, log.t, axis) for axis in sums.T])
 
 
@@ -82,7 +92,15 @@ def _weight(place: Floats) -> float:
 
 
 def _mean_at_rest(log: NavigationData, card: NavigationLog, sums: Floats) -> Floats:
-    """Return the mean rate or specific force (3,) during the rest, body axes; sums: of increments."""
+    """Return the mean rate (rad/s) or specific force (m/s^2) during the rest, (3,), body axes.
+
+    Parameters
+    ----------
+    log, card
+        Log of the flight, and its card.
+    sums
+        (n_row, 3) rad or m/s. Increments summed up to each row.
+    """
     begin, end = card.still
     increment = increments_to(log, np.array([end]), sums) - increments_to(log, np.array([begin]), sums)
     return np.asarray(increment[0] / (end - begin))
@@ -109,6 +127,17 @@ def _motion_heading(
     """Return the heading that best fits the horizontal velocity of the IMU to that of the receiver, and its sigma, rad.
 
     With both velocities as complex numbers, the heading is the phase between them.
+
+    Parameters
+    ----------
+    log, card
+        Log of the flight, and its card.
+    level
+        (3, 3). Attitude C_b_n with zero heading.
+    rate
+        (3,) rad/s. Mean rate at rest, body axes.
+    weight
+        m/s^2. Gravity at rest.
     """
     _, begin = card.still
     end = begin + card.heading_within
@@ -131,9 +160,18 @@ def _motion_heading(
 
 
 def _inertial_velocity(log: NavigationData, t: Floats, level: Floats, rate: Floats) -> Floats:
-    """Return the velocity (n, 3) m/s gained by specific force since the first of the times t (n,) s, levelled axes.
+    """Return the velocity gained by specific force since the first time, (n, 3) m/s, levelled axes.
 
-    level : (3, 3) attitude at the first time; rate : (3,) rad/s, subtracted from the angular rate
+    Parameters
+    ----------
+    log
+        Log of the flight.
+    t
+        (n,) s. Times.
+    level
+        (3, 3). Attitude at the first time.
+    rate
+        (3,) rad/s. Rate that is subtracted from the angular rate, body axes.
     """
     dt = np.diff(t)[:, None]
     dtheta = np.diff(increments_to(log, t, log.turned), axis=0) - rate * dt

@@ -147,7 +147,15 @@ def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
 
 
 def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
-    """Return the names of the x, y and z columns of a triad, their unit, and whether they are increments."""
+    """Return the names of the x, y and z columns of a triad, their unit, and whether they are increments.
+
+    Parameters
+    ----------
+    file, titles
+        Name of the file, and titles of its columns.
+    part
+        "gyro" or "accel".
+    """
     endings = _GYRO if part == "gyro" else _ACCEL
     title_of = {title.replace("_per_", "_"): title for title in titles}
     for end, (unit, increments) in endings.items():
@@ -161,7 +169,20 @@ def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], st
 
 
 def _interval(t: Floats, file: str, places: list[str]) -> float:
-    """Return the interval (s) of rows at times t (n,); InputError for a gap, scatter or uneven sampling."""
+    """Return the interval (s) of evenly spaced rows.
+
+    Parameters
+    ----------
+    t
+        (n,) s since the first row.
+    file, places
+        Name of the file and place of each row, for messages.
+
+    Raises
+    ------
+    InputError
+        For a gap, scatter or uneven sampling.
+    """
     steps = np.diff(t)
     dt = float(np.median(steps))
     uneven = np.abs(steps - dt) > _UNEVEN * dt
@@ -228,7 +249,22 @@ def _even_times(t: Floats, file: str, places: list[str]) -> Floats:
 
 
 def _mean_interval(t: Floats, file: str, places: list[str], longest: float) -> float:
-    """Return the mean interval (s) of uneven rows; InputError for a gap longer than `longest` (s)."""
+    """Return the mean interval (s) of uneven rows.
+
+    Parameters
+    ----------
+    t
+        (n,) s.
+    file, places
+        Name of the file and place of each row, for messages.
+    longest
+        s. Longest interval between rows.
+
+    Raises
+    ------
+    InputError
+        For rows that are not in order, or a longer interval.
+    """
     steps = refuse_unordered(t, file, places)
     refuse_first(
         steps > longest,
@@ -240,7 +276,22 @@ def _mean_interval(t: Floats, file: str, places: list[str], longest: float) -> f
 
 
 def _row_range(t: Floats, start: float, end: float, file: str) -> slice:
-    """Return the rows from start to end (s after the first row); InputError if there are too few."""
+    """Return the rows of a part of a log.
+
+    Parameters
+    ----------
+    t
+        (n,) s.
+    start, end
+        s after the first row.
+    file
+        Name of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        If the part has too few rows.
+    """
     since = t - t[0]
     first, last = np.searchsorted(since, [start - 1e-9, end + 1e-9])
     begin = int(first) if start > 0.0 else 0

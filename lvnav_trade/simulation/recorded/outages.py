@@ -50,15 +50,29 @@ class Outage(NamedTuple):
 
 
 def with_outage(prepared: Prepared, begin: float, end: float) -> Prepared:
-    """Return a replayed case without solutions from begin to end (s), bounds included."""
+    """Return a replayed case without solutions during an outage.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case of a replay.
+    begin, end
+        s. First and last epoch without solutions, both included.
+    """
     withheld = (prepared.t_epoch >= begin - 1e-9) & (prepared.t_epoch <= end + 1e-9)
     signals = prepared.signals
     return prepared._replace(signals=signals._replace(n_used=np.where(withheld, 0, signals.n_used)))
 
 
 def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
-    """Return the effect of an outage of a given length (s) on a replayed case; None if the log has no solution at its
-    end.
+    """Return the effect of an outage on a replayed case; None if the log has no solution at its end.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case of a replay.
+    begin, length
+        s. Start and length of the outage.
     """
     last_epoch = float(prepared.t_epoch[-1])
     interval = float(prepared.signals.interval)

@@ -306,8 +306,20 @@ def _refuse_contradiction(solutions: Solutions) -> None:
 def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
     """Return the difference of integrated velocities and positions over the path, as a median over windows.
 
-    The result (4,) is for the whole vector and for the axes north, east and down, 0 for an axis without motion. It is
-    empty if the vehicle moves in too few windows.
+    Parameters
+    ----------
+    t
+        (m,) s.
+    place
+        (m, 3) rad, rad, m. Latitude, longitude, height.
+    moving
+        (m, 3) m/s. Velocity, north, east and down.
+
+    Returns
+    -------
+    ndarray
+        (4,). For the whole vector and for the axes north, east and down, 0 for an axis without motion. It is empty if
+        the vehicle moves in too few windows.
     """
     r_e, v_e = _earth_fixed(place, moving)
     steps = 0.5 * (v_e[1:] + v_e[:-1]) * np.diff(t)[:, None]
@@ -333,9 +345,14 @@ def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
 def _axis_misses(C_e_n: Floats, moved_v: Floats, moved_r: Floats, miss: Floats) -> Floats:
     """Return the median over windows of the miss over the path along north, east, down (3,), 0 without motion.
 
-    C_e_n : (n, 3, 3). Rotation of each window.
-    moved_v, moved_r : (n, 3) m. Displacements by velocities and by positions, Earth axes.
-    miss : (n, 3) m. Their difference.
+    Parameters
+    ----------
+    C_e_n
+        (n, 3, 3). Rotation of each window.
+    moved_v, moved_r
+        (n, 3) m. Displacements by velocities and by positions, Earth axes.
+    miss
+        (n, 3) m. Their difference.
     """
     v_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_v))
     r_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_r))

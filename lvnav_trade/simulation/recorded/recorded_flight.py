@@ -136,7 +136,21 @@ def _clock(
     epoch: int,
     fixes: tuple[Floats, Floats, Floats],
 ) -> Floats:
-    """Return bias (m) and drift (m/s) of the receiver clock at an epoch: medians over the satellites."""
+    """Return bias (m) and drift (m/s) of the receiver clock at an epoch, (2,): medians over the satellites.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    corrected
+        (n_epoch, n_sat, 2) m, m/s. Corrected ranges and range rates.
+    tracked
+        (n_epoch, n_sat). Whether they are used.
+    epoch
+        Index of the epoch.
+    fixes
+        Times (n,) s, positions (n, 3) m and velocities (n, 3) m/s of the solutions, frame i.
+    """
     t_fix, r_i, v_i = fixes
     sky = prepared.sky
     nearest = int(np.argmin(np.abs(t_fix - sky.t[epoch])))

@@ -129,7 +129,17 @@ _NOTHING = ErrorPropagation(
 
 
 def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
-    """Return whether the receiver's filter outputs a solution at each epoch: after its start, while it may coast."""
+    """Return whether the receiver's filter outputs a solution at each epoch: after its start, while it may coast.
+
+    Parameters
+    ----------
+    model
+        Settings of the receiver's filter.
+    n_used
+        (n_epoch,). Number of satellites in use.
+    begun
+        Epoch of the first fix.
+    """
     outputs = np.zeros(n_used.size, dtype=bool)
     idle = 0.0
     for k in range(begun, n_used.size):
@@ -146,7 +156,23 @@ def _gains(
     since: int,
     fixed: bool,
 ) -> ErrorPropagation:
-    """Return the receiver's gains at an epoch, `since` epochs after its first fix, from the previous covariance."""
+    """Return the receiver's gains at an epoch.
+
+    Parameters
+    ----------
+    solver
+        Settings of the receiver's solution.
+    before
+        (11, 11). Covariance modelled by the receiver at the previous epoch.
+    rows
+        (n_row, 11). Jacobian rows at the true point.
+    acceleration
+        (3,) m/s^2. Nominal acceleration, frame i.
+    since
+        Number of epochs since the first fix; negative before.
+    fixed
+        Whether a point solution is possible.
+    """
     model: ReceiverFilter | None = solver.filter
     if model is None:
         return point_solution(solver.point, rows) if fixed else _NOTHING
