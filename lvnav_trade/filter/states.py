@@ -364,8 +364,8 @@ def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) 
         offset += 1
 
     delayed = offset
-    estimates_noise = card.previous_noise == "estimated"
-    noise_names = [NOISE_STATES[name] for name in _differences(card, sources)] if estimates_noise else []
+    # read for differences only: a setting that is not read is refused as one without effect
+    noise_names = [NOISE_STATES[name] for name in _differences(card, sources) if card.previous_noise == "estimated"]
     noise_blocks = _extra_blocks(noise_names, imu, receiver, channels, offset)
     n_delayed = _count_states(noise_blocks) + n_clone
     offset += n_delayed

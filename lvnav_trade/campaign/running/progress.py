@@ -53,8 +53,9 @@ class Plain(Progress):
         if tenth > self.tenth:
             self.tenth = tenth
             items = self.done - self.first
-            seconds = time.monotonic() - self.begun
-            if not items:  # only the first item is done yet
+            if items:
+                seconds = time.monotonic() - self.begun
+            else:  # only the first item is done yet
                 items = self.first
                 seconds = self.begun - self.start
             remaining = seconds * (self.total - self.done) / max(items, 1)
