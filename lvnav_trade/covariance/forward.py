@@ -38,7 +38,7 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
     """
     sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
     has_nees = np.all(sigma > 0.0, axis=1)
-    # E[e' P^-1 e] = tr(P^-1 E[e e']); the scaling of both matrices leaves the trace unchanged
+    # E[e' P^-1 e] = tr(P^-1 E[e e']); the scaling of both matrices does not change the trace
     scale = sigma[has_nees, :, None] * sigma[has_nees, None, :]
     ratio = np.linalg.solve(formal[has_nees] / scale, total[has_nees] / scale)
     expected = np.full(len(formal), np.nan)

@@ -97,7 +97,7 @@ def _started_at(prepared: Prepared, epoch: int) -> Prepared:
 
 
 def _unaided_after(prepared: Prepared, epoch: int) -> Prepared:
-    """Return the case whose filter gets no sample from an epoch on, so that it goes on by prediction alone."""
+    """Return the case whose filter gets no sample from an epoch on, so that it only predicts."""
     return _with_samples(prepared, np.arange(prepared.t_epoch.size) < epoch)
 
 

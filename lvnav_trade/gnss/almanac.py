@@ -35,7 +35,7 @@ class AlmanacRecord(NamedTuple):
 class _AlmanacField(NamedTuple):
     name: str  # of the field of the record
     label: str  # several beginnings of a YUMA line, by |, where writers differ
-    bounds: NumberBounds  # refuse what no orbit can have, not what is merely unusual
+    bounds: NumberBounds  # refuse impossible orbits, not unusual orbits
     unit: float = 1.0
 
 
@@ -63,7 +63,7 @@ _YUMA = (
 # The lines of a satellite; a blank line follows.
 _SEM: tuple[tuple[_AlmanacField, ...], ...] = (
     (_AlmanacField("prn", "PRN", _PRN),),
-    (),  # the satellite's serial number, which some files leave blank
+    (),  # the satellite's serial number, blank in some files
     (),  # index of its range accuracy
     (
         _AlmanacField("eccentricity", "eccentricity", _ECCENTRICITY),

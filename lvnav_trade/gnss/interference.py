@@ -156,7 +156,7 @@ def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: 
     errors = np.zeros((*true.distance.shape, 2))
     for _, card, mask, start, _ in active(faults, Spoofing, trajectory.course, t):
         theta = frames.earth_angle(trajectory.theta0, t)
-        # false position and velocity relative to the true ones
+        # false position and velocity relative to the true position and velocity
         earth_velocity = np.einsum("nij,i->nj", frames.rotation_i_n(r_i, theta), np.array(card.velocity))
         offset = earth_velocity * (t - start)[:, None]
         velocity = earth_velocity + np.cross([0.0, 0.0, OMEGA], offset)

@@ -93,7 +93,7 @@ class _RinexField(NamedTuple):
     name: str
     label: str
     line: int  # of the record; that of the epoch is 0
-    column: int  # 0 to 3; on the first line 1 to 3, behind the epoch
+    column: int  # 0 to 3; on the first line 1 to 3, after the epoch
     bounds: NumberBounds
 
 
@@ -351,7 +351,7 @@ def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
     values = _values(record, form, _KEPLERIAN)
     ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
     if record.name[0] != "E":
-        values["data_source"] = 0.0  # for GPS the field tells codes on L2
+        values["data_source"] = 0.0  # for GPS the field gives the codes on L2
     if record.name[0] == "C":
         toc += BDT_BEHIND  # its records are in BeiDou time, whose weeks begin with those of GPS
     return Ephemeris(

@@ -1,4 +1,4 @@
-"""Channels of a receiver: which satellite is searched for, tracked or lost, and whether its phase goes on."""
+"""Channels of a receiver: which satellite is searched for, tracked or lost, and whether its phase is continuous."""
 
 from collections.abc import Iterator
 from typing import Literal, NamedTuple

@@ -211,7 +211,7 @@ Imu = Annotated[Annotated[ImuCard, Tag("one_unit")] | Annotated[ImuSet, Tag("sev
 
 
 def _sizes(card: ImuSet, sensor: str) -> Floats:
-    """Return the sigma of each IMU (n_unit,) whose inverse square weights its axes; ones for equal weights."""
+    """Return the sigma of each IMU (n_unit,) whose inverse square weights its axes; 1 for equal weights."""
     cards = [getattr(unit, sensor) for unit in card.units]
     if card.weights == "equal":
         return np.ones(len(cards))

@@ -113,7 +113,7 @@ def from_rotation(x, y, z):
 def normalise(q0, q1, q2, q3):
     """Return a quaternion of nearly unit length, normalised by one Newton step of 1 / sqrt(q q').
 
-    The norm must be within rounding or integration errors of 1: the step leaves a relative error of second order.
+    The norm must be within rounding or integration errors of 1: a relative error of second order remains.
     """
     scale = 1.5 - 0.5 * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
     return scale * q0, scale * q1, scale * q2, scale * q3

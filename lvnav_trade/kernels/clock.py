@@ -6,7 +6,7 @@ SPEED_OF_LIGHT = 299792458.0
 
 
 def spectral_densities(h0: float, h_minus2: float) -> tuple[float, float]:
-    """Return the white-noise densities that drive bias (m^2/s) and drift (m^2/s^3) of a clock held in metres.
+    """Return the white-noise densities that drive bias (m^2/s) and drift (m^2/s^3) of a clock in metres.
 
     Parameters
     ----------
@@ -16,7 +16,8 @@ def spectral_densities(h0: float, h_minus2: float) -> tuple[float, float]:
     Notes
     -----
     Brown and Hwang, Introduction to Random Signals and Applied Kalman Filtering, 4th ed., section 9.3: h0/2 and
-    2 pi^2 h_minus2 for a clock held in seconds. In metres both carry c squared; Canepa and Servidia, eq. 2.2, print c.
+    2 pi^2 h_minus2 for a clock in seconds. In metres both have the factor c squared; Canepa and Servidia, eq. 2.2,
+    print c.
     """
     return SPEED_OF_LIGHT**2 * 0.5 * h0, SPEED_OF_LIGHT**2 * 2.0 * math.pi**2 * h_minus2
 

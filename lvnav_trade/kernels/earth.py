@@ -1,7 +1,7 @@
 """The Earth as a formula: WGS-84 constants, gravitation of zonal harmonics and its gradient.
 
-The scalar formulas use only + - * / and `sqrt`, so that they step one run or eight lanes of runs alike. They hold in
-any frame whose z axis is the Earth's polar axis, Earth-fixed or inertial.
+The scalar formulas use only + - * / and `sqrt`, so that they step one run or eight lanes of runs alike. They are
+valid in any frame whose z axis is the Earth's polar axis, Earth-fixed or inertial.
 """
 
 import math

@@ -215,7 +215,7 @@ def _select(typingctx, condition, a, b):
 
 
 def where(condition, a, b):
-    """Return `a` in the runs where the condition holds, `b` in the others."""
+    """Return `a` in the runs where the condition is true, `b` in the others."""
     return a if condition else b
 
 

@@ -154,7 +154,7 @@ def _compensate_step(further, previous, increments, first, algorithm):
     The equations are those of `strapdown.integrate`. With products of pairs, the product across steps is that of the
     last increment of one step and the first of the next.
 
-    first : first row of the step in `increments`; previous : as in `mechanise`, updated in place
+    first : index of the first increment of the step; previous : as in `mechanise`, updated in place
     """
     n = algorithm.subsamples
     wx, wy, wz, fx, fy, fz = increment_sums(increments, first, n)

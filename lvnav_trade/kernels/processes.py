@@ -165,8 +165,8 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
 
     Parameters
     ----------
-    increments : (n, 6) rad, m/s; n_tick rows from `at` on are set
-    at, first_tick, n_tick : first row, first tick and number of ticks
+    increments : (n, 6) rad, m/s; those of n_tick ticks from `at` on are set
+    at, first_tick, n_tick : index of the first increment, first tick and number of ticks
     dtheta, dvel : (n_imu, 3) rad, m/s, increments of an ideal IMU, body axes
     gyro, accel : (24,) tables of `gather`
     noise : (8,) standard deviation of white noise per tick and axis (gyro, accel), then quantisation steps (0: none)

@@ -165,7 +165,7 @@ def advance(P, moved, sums, dt, motion):
     w = motion
     f = motion + 3
     half = 0.5 * dt
-    # first nine rows of M = (Phi - I) P, column by column; the others are zero
+    # first nine rows of M = (Phi - I) P, column by column; the other rows are zero
     for j in range(n):
         w0, w1, w2 = _upper(P, w, j), _upper(P, w + 1, j), _upper(P, w + 2, j)
         f0, f1, f2 = _upper(P, f, j), _upper(P, f + 1, j), _upper(P, f + 2, j)

@@ -82,7 +82,7 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
 
 
 def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
-    """Return the rows of `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
+    """Return `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
     y = np.stack([item.y for item in injections])
     error = np.stack([item.error for item in injections])
     target = orbit_of(nominal[None])[0]

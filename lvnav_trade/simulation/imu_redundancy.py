@@ -336,7 +336,7 @@ def _set_ratios(work, units, redundancy, sensor, window):
 @jit
 def check(work, units, redundancy, tick):
     """Test the IMUs after a tick that ends a test window; exclude the failed IMU, or record an alarm. Hand over from
-    the prime IMU at its stated tick.
+    the prime IMU at its given tick.
     """
     if tick + 1 == redundancy.hand_over:
         _hand_over(work, units, redundancy, tick)

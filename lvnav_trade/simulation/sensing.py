@@ -307,7 +307,7 @@ def _solve(work, receiver, solver, signals, epoch):
         signals.n_used[epoch],
         work.ranges,
     )
-    if not signals.frozen[epoch]:  # behind a frozen output the receiver continues internally
+    if not signals.frozen[epoch]:  # while its output is frozen the receiver continues internally
         for i in range(6):
             work.solution[i] = receiver.solution[i]
 

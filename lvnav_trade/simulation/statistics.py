@@ -67,7 +67,7 @@ class BlockSummary(NamedTuple):
     mean_square : (n_run, n_interval, n_column). Mean over time of the squared error (trapezoidal rule).
     changes : (n_change, 5). Mode changes, as in RunBlock.
     decisions : (n_decision, 4). Fault decisions, as in RunBlock.
-    injections : (n_run, n). How guided ascents end, as in RunBlock; no rows without guidance.
+    injections : (n_run, n). Ends of guided ascents, as in RunBlock; empty without guidance.
     lost : (n_draw, 4). Draws of the vehicles that do not reach their cut-off, as in RunBlock.
     histogram : (n_hist, n_column, N_BIN). Counts of `bins` after blocks are merged.
     """

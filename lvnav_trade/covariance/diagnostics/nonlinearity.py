@@ -42,7 +42,7 @@ class Nonlinearity(NamedTuple):
     state : Index of that state.
     transition : Largest difference between the first-order part and the filter's transition, likewise.
     rows : Largest second-order part of a predicted measurement, in sigmas of its innovation; in an open loop, of its
-        prediction. NaN without rows.
+        prediction. NaN without measurements.
     """
 
     time: float
@@ -364,7 +364,7 @@ def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) ->
 
 
 def _present_rows(prepared: Prepared, epoch: int) -> list[int]:
-    """Return the receiver rows that the filter processes at an epoch."""
+    """Return the indices of the scalar measurements of the receiver that the filter processes at an epoch."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
     rows = []
@@ -375,7 +375,7 @@ def _present_rows(prepared: Prepared, epoch: int) -> list[int]:
 
 
 def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
-    """Return the formal sigma of the innovations of the rows in `work`; noise: factor on the noise variance."""
+    """Return the formal sigma of the innovations of `_present_rows`; noise: factor on the noise variance."""
     model, signals = prepared.model, prepared.signals
     sigma = []
     for row in _present_rows(prepared, epoch):

@@ -126,7 +126,7 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
     """Return the protection levels of a case, by one linear covariance for every satellite that its filter uses.
 
     Integrity risk and false-alarm probability are divided equally between the three axes of position and of velocity,
-    so both hold for all six together (union bound).
+    so both apply to all six together (union bound).
 
     Parameters
     ----------

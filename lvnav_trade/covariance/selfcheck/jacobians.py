@@ -29,7 +29,7 @@ LEAST = 1e-6
 
 
 class EpochMeasurements(NamedTuple):
-    """Measurement rows of an epoch.
+    """Scalar measurements of an epoch.
 
     names : (n_row,). Measurement of each row.
     H : (n_row, n_state). Jacobian.
@@ -103,7 +103,7 @@ def _deviations(rows: Floats, differences: Floats, groups: Bools) -> tuple[Float
 
 
 def _checked_epochs(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
-    """Yield epochs with a function that returns their rows: of the receiver, then of each sensor."""
+    """Yield epochs with a function that returns their measurements: of the receiver, then of each sensor."""
     model, signals = prepared.model, prepared.signals
     measured = [epoch for epoch in range(prepared.t_epoch.size) if n_measured(model, signals, epoch) > 0]
     for epoch in _spread(np.array(measured, dtype=np.int64)):
@@ -153,7 +153,7 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
 
 
 def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
-    """Return the receiver rows that the filter processes."""
+    """Return the scalar measurements of the receiver that the filter processes."""
     model, signals = prepared.model, prepared.signals
     delayed = prepared.options.delayed
     previous_epoch = place_previous_epoch(prepared, work, epoch, d)
@@ -207,7 +207,7 @@ def _dense_rows(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) 
 
 
 def _sample_checks(prepared: Prepared) -> list[CheckResult]:
-    """Return the check of the rows of IMU samples, against the increments of an IMU with such parameters."""
+    """Return the check of the Jacobian of IMU samples, against the increments of an IMU with such parameters."""
     size = sizes(prepared)
     worst, where = 0.0, ""
     for time in np.linspace(prepared.reference.t[0], prepared.reference.t[-1], EPOCHS + 2)[1:-1]:

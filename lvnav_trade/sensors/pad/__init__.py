@@ -1,1 +1,1 @@
-"""Sensors of a vehicle that stands on its pad."""
+"""Sensors of a vehicle at rest on its pad."""

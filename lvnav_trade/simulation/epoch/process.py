@@ -8,9 +8,9 @@ unscented filter, solver. An open loop is closed there.
 
 The order is defined here. Whether a measurement is processed depends on
 
-- `n_measured` (filter/ekf.py): number of rows of the receiver at an epoch;
-- `is_present` (filter/policies/epoch_differences.py): whether the filter processes a row;
-- `take_reference` (below): a reference satellite, whose rows determine the clock;
+- `n_measured` (filter/ekf.py): number of scalar measurements of the receiver at an epoch;
+- `is_present` (filter/policies/epoch_differences.py): whether the filter processes a scalar measurement;
+- `take_reference` (below): a reference satellite, whose measurements determine the clock;
 - `Sensors.on` and `FilterModel.measured`: whether a sensor measures, and whether the filter processes it;
 - `permitted` (filter/policies/integrity/state.py): exclusion by the fault monitor;
 - `process_epoch`: the mode logic, if the filter has one.
@@ -141,7 +141,7 @@ def take_reference(work, case, joint, monitor, epoch, limit, starts):
 
 @inlined
 def _relinearise(work, parts, case, epoch):
-    """Correct the total state of a direct filter after a scalar measurement, and linearise the remaining rows there.
+    """Correct the total state of a direct filter after a scalar measurement, and linearise the others there.
 
     A solution with a reported covariance is one vector measurement, so it is linearised once.
     """
@@ -187,9 +187,9 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
 
 @inlined
 def process_receiver(work, parts, case, joint, iteration, epoch, gate_squared, starts):
-    """Decorrelate the receiver's rows, test them for faults and update; an iterated filter repeats the update.
+    """Decorrelate the receiver's measurements, test them for faults and update; an iterated filter repeats the update.
 
-    iteration : IterationWork, whose rows are linearised at the result of the last update, or None; the others as in
+    iteration : IterationWork, linearised at the result of the last update, or None; the others as in
     `update_receiver`
     """
     options = case.options
@@ -205,8 +205,8 @@ def process_receiver(work, parts, case, joint, iteration, epoch, gate_squared, s
 
 @inlined
 def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
-    """Update by the rows of sensor k. A direct filter (True, or None) corrects the total state after each of them, and
-    linearises the remaining rows there.
+    """Update by the scalar measurements of sensor k. A direct filter (True, or None) corrects the total state after
+    each of them, and linearises the others there.
     """
     first = ekf.row_of(case.model, work, case.sensors.channel[k])
     sensors = case.sensors

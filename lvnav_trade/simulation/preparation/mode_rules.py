@@ -102,7 +102,7 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> M
 def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate: float) -> FaultTests:
     """Return the thresholds of the tests for faults.
 
-    The number of tests is the number of receiver rows on the nominal flight.
+    The number of tests is the number of scalar measurements of the receiver on the nominal flight.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate
 def satellites_taken(rules: ModeRules | None, n_used: Ints, chain: SolutionErrorModel | None) -> Ints:
     """Return the number of satellites that the filter uses at the epochs, (n_epoch,).
 
-    It is zero where a sample fails the input checks, so that linear covariance has no row there either.
+    It is zero where a sample fails the input checks, so that linear covariance has no measurement there either.
 
     Parameters
     ----------

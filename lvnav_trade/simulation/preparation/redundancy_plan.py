@@ -69,7 +69,7 @@ def redundant_of(
     profiles
         Deterministic errors of the IMUs.
     hand_over
-        Tick of a hand-over at a stated time; -1 without.
+        Tick of a hand-over at a given time; -1 without.
     """
     if units is None or isinstance(card, ImuCard) or (card.parity is None and card.selection == "mean"):
         return units

@@ -205,7 +205,7 @@ def received_of(
     rates = np.asarray(line.sight.rate + rate_error)
     position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
     velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
-    if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
+    if not solves(scenario):  # otherwise the receiver continues internally while its output is frozen
         freeze_output(failed.frozen, used, n_used, ranges, rates, position, velocity)
     return TrueSignals(
         used=used,
