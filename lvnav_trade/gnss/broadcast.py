@@ -200,7 +200,17 @@ def _system_constant(is_galileo: Bools, is_beidou: Bools, gps: float, galileo: f
 
 
 class IntegratedStates(NamedTuple):
-    """One broadcast state per satellite, (n_sat,) and (n_sat, 3), SI; `start` (s) counts from a reference."""
+    """One broadcast state per satellite.
+
+    names : (n_sat,). Names of the satellites.
+    systems : (n_sat,). Letters of their systems.
+    start : (n_sat,) s. Times of the states, from a reference such as the lift-off.
+    r_e : (n_sat, 3) m. Position at that time, Earth-fixed axes.
+    v_e : (n_sat, 3) m/s. Velocity relative to the Earth, Earth-fixed axes.
+    a_e : (n_sat, 3) m/s^2. Acceleration by Moon and Sun, Earth-fixed axes.
+    clock_bias : (n_sat,) s.
+    clock_drift : (n_sat,) s/s.
+    """
 
     names: tuple[str, ...]
     systems: tuple[str, ...]  # letters

@@ -23,9 +23,11 @@ class DelayGeometry(NamedTuple):
 
     day_of_year : scalar or (n_epoch,). 1.0 at the start of the year.
     seconds_of_day : scalar or (n_epoch,) s. GPS time of day.
-    latitude, longitude : (n_epoch,) rad. Geodetic position of the receiver.
+    latitude : (n_epoch,) rad. Geodetic latitude of the receiver.
+    longitude : (n_epoch,) rad. Longitude of the receiver.
     height : (n_epoch,) m. Height of the receiver above the ellipsoid.
-    azimuth, elevation : (n_epoch, n_sat) rad. Directions of the straight lines to the satellites.
+    azimuth : (n_epoch, n_sat) rad. Azimuth of the straight lines to the satellites.
+    elevation : (n_epoch, n_sat) rad. Elevation of these lines.
     """
 
     day_of_year: float | Floats
@@ -38,9 +40,15 @@ class DelayGeometry(NamedTuple):
 
 
 def troposphere_delay(model: delay_cards.TroposphereModel, geometry: DelayGeometry) -> Floats:
-    """Return the tropospheric delay (n_epoch, n_sat) in m. It increases pseudoranges and carrier ranges alike.
+    """Return the tropospheric delay, (n_epoch, n_sat) m. It increases pseudoranges and carrier ranges alike.
 
     Only `ray_traced` and `any_elevation` are valid below zero elevation; other models use their lowest elevation there.
+
+    Parameters
+    ----------
+    model : card of a troposphere model
+    geometry : DelayGeometry
+        Positions of the antenna and directions of the satellites at the epochs.
     """
     elevation = np.asarray(geometry.elevation, dtype=float)
     height = _column(geometry.height)

@@ -16,7 +16,12 @@ COMPRESS_MAGIC = b"\x1f\x9d"  # files .Z of the older program `compress`
 
 
 class NumberBounds(NamedTuple):
-    """Allowed range of a number, both ends included, and the function that reads it."""
+    """Allowed range of a number.
+
+    low : Smallest number, included.
+    high : Largest number, included.
+    read : Function that returns the number of a text, or raises ValueError.
+    """
 
     low: float
     high: float

@@ -145,7 +145,11 @@ def read_positions(path: str | Path) -> PreciseFile:
 
 
 class _Node(NamedTuple):
-    """Position (m, frame e) and clock offset (s) of a satellite at a node; NaN if missing."""
+    """State of a satellite at a node.
+
+    r_e : m. Position, frame e; NaN if missing.
+    clock : s. Clock offset; NaN if missing.
+    """
 
     r_e: tuple[float, float, float]
     clock: float

@@ -154,7 +154,13 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
 
 
 def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:
-    """Return the autocovariance of the sum of Gauss-Markov processes at lags (n,) s."""
+    """Return the autocovariance (n,) of the sum of independent Gauss-Markov processes: sum of s^2 exp(-|lag| / T).
+
+    Parameters
+    ----------
+    processes : sequence of Process
+    lags : (n,) s
+    """
     lags = np.abs(np.asarray(lags, dtype=float))
     terms = [process.sigma**2 * np.exp(-lags / process.time_constant) for process in processes]
     return np.asarray(sum(terms))

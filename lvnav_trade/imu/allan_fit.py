@@ -34,7 +34,8 @@ class Coefficient(NamedTuple):
     """A noise coefficient, SI.
 
     value : Estimate; 0 if the stream does not show the coefficient.
-    low, high : 95 % confidence interval; if the stream does not show it, 0 and the 95 % upper bound.
+    low : Lower bound of the 95 % confidence interval; 0 if the stream does not show it.
+    high : Upper bound of the interval; if the stream does not show it, the one-sided 95 % upper bound.
     shown : Whether the stream shows the coefficient.
     """
 

@@ -70,7 +70,9 @@ class StationSight(NamedTuple):
     values : (n, 3) m, rad, rad. Range, azimuth, elevation.
     partials : (n, 3, 3). Their derivatives by the vehicle's position.
     place : (n, 3) m. Position of the station.
-    north, east, up : (n, 3). Axes of the station.
+    north : (n, 3). Unit vector to the north at the station.
+    east : (n, 3). Unit vector to the east at the station.
+    up : (n, 3). Unit vector upwards at the station.
     """
 
     values: Floats

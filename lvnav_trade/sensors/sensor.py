@@ -61,7 +61,12 @@ class Check(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Evidence for a model as printed in the report: name, tests that verify it, omitted effects."""
+    """Evidence for a model as printed in the report.
+
+    name : Name of the model.
+    checks : Tests that verify it.
+    omits : Omitted effects.
+    """
 
     name: str
     checks: tuple[Check, ...]

@@ -40,7 +40,8 @@ class ErrorSpans(NamedTuple):
 class ErrorSums(NamedTuple):
     """Sums over the errors of a block of runs.
 
-    total, squares : (n * n_column,). Sums of errors and of their squares.
+    total : (n * n_column,). Sums of errors.
+    squares : (n * n_column,). Sums of the squares of errors.
     sigma_squares : (n * n_column,). Sums of the squares of the filter's standard deviations.
     bins : (n_run, n * n_column). Bin of each error.
     worst : (n_run, n_span, n_column). Largest magnitude of an error in each span.

@@ -316,7 +316,17 @@ def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
 
 
 def scaled(scenario: Scenario, source: str, factor: float) -> Scenario:
-    """Return the scenario with the sigma of an error source multiplied; a `matched` filter model follows."""
+    """Return the scenario with the sigma of an error source multiplied; a `matched` filter model follows.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    source
+        Name of the error source.
+    factor
+        Factor on its sigma.
+    """
     for path, power in _fields(scenario, source):
         scenario = _multiply(scenario, path, factor**power)
     return scenario

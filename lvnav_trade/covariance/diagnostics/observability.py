@@ -48,9 +48,14 @@ class ObservabilityInterval(NamedTuple):
 
 @jit
 def fold(triangle, row):
-    """Add a row (n,) to the triangular factor (n, n) of the rows so far, by Givens rotations; the row is overwritten.
+    """Add a row to the triangular factor of the rows so far, by Givens rotations.
 
     LAPACK is not used, because the last bits of a long factorisation depend on the number of threads.
+
+    Parameters
+    ----------
+    triangle : (n, n) triangular factor, updated in place
+    row : (n,) overwritten
     """
     n = row.shape[0]
     for k in range(n):

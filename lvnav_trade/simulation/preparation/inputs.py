@@ -157,7 +157,8 @@ class InitialState(NamedTuple):
 class HistoryTruth(NamedTuple):
     """True motion at the ticks of the history times.
 
-    r, v : (n_hist, 3) m, m/s. Position and velocity, frame i.
+    r : (n_hist, 3) m. Position, frame i.
+    v : (n_hist, 3) m/s. Velocity, frame i.
     q : (n_hist, 4). Attitude quaternion, body to i.
     axes : (n_hist, 3, 3). Rotation from frame i to the reporting frame.
     t : (n_hist,) s since lift-off.
@@ -200,9 +201,12 @@ class Sensors(NamedTuple):
 class ReportedSamples(NamedTuple):
     """Inputs of the reported errors of IMU samples.
 
-    rate, force : (n_imu, 3) rad/s, m/s^2. True mean angular rate and specific force over each tick, body axes.
-    par, bias : (2,), (6,). Parameter blocks of the biases of gyro and accelerometer, and their states, -1 none.
-    raw, variance : (6,) SI squared. Error variance and noise variance of a sample in the filter model.
+    rate : (n_imu, 3) rad/s. True mean angular rate over each tick, body axes.
+    force : (n_imu, 3) m/s^2. True mean specific force over each tick, body axes.
+    par : (2,). Parameter blocks of the biases of gyro and accelerometer, -1 none.
+    bias : (6,). States of these biases, gyro first, -1 none.
+    raw : (6,) SI squared. Error variance of a sample in the filter model: noise and initial bias.
+    variance : (6,) SI squared. Noise variance of a sample in the filter model.
     """
 
     rate: Floats
@@ -218,7 +222,8 @@ class ReportedSolution(NamedTuple):
 
     point : (n_epoch, 6) m, m/s. True position and velocity of the point that the receiver solves for, frame i.
     first_output : First column of the outputs.
-    first_channel, n_channel : Channels of the innovations of the receiver's filter; none without a filter.
+    first_channel : First channel of the innovations of the receiver's filter.
+    n_channel : Number of these channels; 0 without a filter.
     """
 
     point: Floats

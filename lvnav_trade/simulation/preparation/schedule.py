@@ -39,7 +39,13 @@ def _history_ticks(t_hist: Floats, events: Floats, start: float, rate: float, n_
 
 
 class _Windows(NamedTuple):
-    """Windows of a flight, (n_window,) each: first tick, number of ticks; epoch, history time at the end (-1 none)."""
+    """Windows of a flight, (n_window,) each.
+
+    first_tick : First tick.
+    n_tick : Number of ticks.
+    epoch : Epoch at the end, -1 none.
+    hist : History time at the end, -1 none.
+    """
 
     first_tick: Ints
     n_tick: Ints

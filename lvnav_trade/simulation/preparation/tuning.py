@@ -52,7 +52,11 @@ def weights(
 
 
 class TickWindows(NamedTuple):
-    """Windows of IMU ticks, (n_window,) each: first tick, and number of ticks."""
+    """Windows of IMU ticks, (n_window,) each.
+
+    first_tick : First tick.
+    n_tick : Number of ticks.
+    """
 
     first_tick: Ints
     n_tick: Ints

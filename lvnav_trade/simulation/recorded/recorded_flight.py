@@ -183,7 +183,11 @@ def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
 
 
 class LogReplay(NamedTuple):
-    """Case prepared for a replay of a log, and notes on omitted parts of the log."""
+    """Case prepared for a replay of a log.
+
+    prepared : Prepared case.
+    notes : Notes on omitted parts of the log.
+    """
 
     prepared: Prepared
     notes: tuple[str, ...] = ()
