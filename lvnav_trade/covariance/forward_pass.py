@@ -39,7 +39,19 @@ class PassOutcome(NamedTuple):
 
 
 def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> PassOutcome:
-    """Run a forward pass and return its results; not aided: without processing measurements."""
+    """Run a forward pass and return its results.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    true
+        Its error components.
+    tape
+        Tape for the updates; without length nothing is recorded.
+    aided
+        Whether measurements are processed.
+    """
     work = new_nominal(prepared)
     parts = _new_parts(prepared)
     joint = new_joint(prepared, true, tape)

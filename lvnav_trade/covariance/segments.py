@@ -43,7 +43,14 @@ def segments_of(prepared: Prepared, true: Components, passed: PassOutcome) -> li
     A restart discards all estimates. The error is then that of the inertial system, with all its correlations, as
     before a first start. A restart is therefore computed as the first start of a filter that got no sample before.
 
-    passed : results of a pass of the case itself
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    true
+        Its error components.
+    passed
+        Results of a pass of the case itself.
     """
     no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
     mode = _mode_log(prepared, passed)

@@ -288,10 +288,18 @@ def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, flo
 
 
 def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bool) -> Orbits:
-    """Propagate almanac elements by `elapsed` (n_sat,) s to the reference time.
+    """Propagate almanac elements to the reference time.
 
     The node counts from Greenwich at the start of the week. All BeiDou satellites, including geostationary satellites,
     use the algorithm of GPS (BDS-SIS-ICD, table 5-16).
+
+    Parameters
+    ----------
+    records : list of AlmanacRecord
+    elapsed : (n_sat,) s
+        Reference time minus time of applicability.
+    is_beidou : bool
+        Whether the satellites are of BeiDou; otherwise of GPS.
     """
     gm = GM_BEIDOU if is_beidou else GM_GPS
     earth_rate = EARTH_RATE_BEIDOU if is_beidou else EARTH_RATE_GPS

@@ -133,6 +133,7 @@ def parameter_block(block, kind, driven_by, sums, seconds):
     Parameters
     ----------
     block : (9,) by rows, set here
+    kind : ATT_GYRO, VEL_GYRO or VEL_ACCEL
     driven_by : driver of the parameter
     sums : (18,) integrals of the strapdown over the window
     seconds : s, length of the window

@@ -57,7 +57,15 @@ class RedundancyWork(NamedTuple):
 
 
 def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
-    """Return the arrays of redundant IMUs: one run, or `lanes` runs on the last axis."""
+    """Return the arrays of redundant IMUs.
+
+    Parameters
+    ----------
+    n_unit, n_triad
+        Number of IMUs and of their triads.
+    lanes
+        Number of runs on the last axis; 0 for one run without this axis.
+    """
     shapes = {
         "out": (n_unit,),
         "when": (n_unit,),

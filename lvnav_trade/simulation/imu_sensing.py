@@ -74,7 +74,16 @@ def _add_profiles(tables, unit, units, tick):
 
 @jit
 def _set_true_tables(work, imus, unit, units, tick):
-    """Set the error tables from true parameters and profiles, for the process step that starts at a tick."""
+    """Set the error tables from true parameters and profiles, for the process step that starts at a tick.
+
+    Parameters
+    ----------
+    work : Work, of which `true_tables` is set
+    imus : ImuArrayWork of an IMU array, updated in place; None for one IMU
+    unit : ImuTruth
+    units : ImuArray; None for one IMU
+    tick : first tick of the process step
+    """
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
         _add_profiles(work.true_tables, unit, units, tick)

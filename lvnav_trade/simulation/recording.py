@@ -133,7 +133,16 @@ def _record_backup(work, backup, first, history, hist):
 
 @jit
 def _record_states(work, imus, history, shared, units, model, hist):
-    """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
+    """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes.
+
+    Parameters
+    ----------
+    work : Work, updated in place; the error state is zero afterwards
+    imus, units : ImuArrayWork and ImuArray; None for one IMU
+    history, shared : HistoryTruth, CorrelatedErrors
+    model : FilterModel
+    hist : index of the history time
+    """
     x = work.x
     P = work.P
     err = work.err[hist]
@@ -182,7 +191,16 @@ def _motion_errors(work, motion, vehicle, tick):
 
 @jit
 def _record_samples(work, motion, samples, model, tick, hist):
-    """Write the errors of the last IMU sample: raw, and corrected by the estimated bias (ReportedSamples, or None)."""
+    """Write the errors of the last IMU sample: raw, and corrected by the estimated bias.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    motion : ImuSampleWork, with the sample
+    samples : ReportedSamples, or None
+    model : FilterModel
+    tick, hist : tick of the sample, history time
+    """
     if samples is not None:
         err = work.err[hist]
         sigma = work.sigma[hist]
@@ -206,7 +224,16 @@ def _record_samples(work, motion, samples, model, tick, hist):
 
 @jit
 def _record_solution(work, solution_error, report, history, model, hist):
-    """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
+    """Write the error of the receiver's last solution in reporting axes: velocity, position, clock.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    solution_error : LastSolutionError
+    report : ReportedSolution, or None
+    history, model : HistoryTruth, FilterModel
+    hist : index of the history time
+    """
     if report is not None:
         axes = history.axes[hist]
         err = work.err[hist]

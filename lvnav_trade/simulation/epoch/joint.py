@@ -212,7 +212,9 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     joint : Joint
     h : Jacobian row
     innovation : innovation of the nominal flight, the same in every run
+    signals : Signals
     place : place of the stored state that a delayed measurement is compared with
+    epoch, channel : indices
     whitened : whether the measurement is from a decorrelated solution
     """
     state, scratch, true = joint.state, joint.scratch, joint.true
