@@ -21,7 +21,7 @@ _HEADINGS = {
     NOT_FLOWN: "Statements whose campaign has no results yet.",
 }
 _SUMMARY_TEXTS = {
-    HOLDS: "hold in every evaluation",
+    HOLDS: "hold in every evaluation by which they are tested",
     FAILS: "do not hold here",
     UNDECIDED: "are undecided",
     NOT_SET_UP: "are not set up",
