@@ -28,7 +28,8 @@ def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_number
     blocks = verdicts(pd.DataFrame([*ROWS[1:], *further], columns=COLUMNS))
     assert isinstance(blocks[0], Text)
     assert blocks[0].text == (
-        "Of 5 statements 1 hold in every evaluation by which they are tested, 1 do not hold here, 1 are not set up, 1 are not flown yet, "
+        "Of 5 statements 1 hold in every evaluation by which they are tested, 1 do not hold here, 1 are not set up, "
+        "1 are not flown yet, "
         "1 hold in part: for some readings or some of their conditions."
     )
     tables = [block for block in blocks if isinstance(block, Table)]
