@@ -1,7 +1,7 @@
 """Run the tests of each room in a process of its own: `python -m tests.by_room 2` runs two rooms at a time.
 
-Compiled kernels remain in the memory of a process until it ends. One process for all tests grows to 5 GB; a room needs
-1 GB at most.
+Compiled kernels remain in the memory of a process until it ends. One process for all tests grows to 5 GB, that of a
+room to 0.1 to 2.5 GB.
 """
 
 from __future__ import annotations
