@@ -261,14 +261,16 @@ def _extra_blocks(
         if labels:
             card = imu if name in RELATIVE.values() else receiver
             field = BY_SATELLITE.get(name, name)
-            time_constant = getattr(card, f"{field}_time", None) or math.inf
+            time_constant = NO_MEMORY
+            if name not in as_noise:  # noise has no correlation time: one that is given is refused as without effect
+                time_constant = getattr(card, f"{field}_time", None) or math.inf
             block = ExtraBlock(
                 name,
                 labels,
                 offset,
                 member,
                 getattr(card, field, 0.0),
-                NO_MEMORY if name in as_noise else time_constant,
+                time_constant,
                 EXTRAS[name],
                 walk=getattr(card, f"{field}_walk", 0.0),
                 correlation=getattr(card, f"{field}_correlation", 0.0),

@@ -32,6 +32,10 @@ SIMULATED = "the receiver's solution is simulated, not solved from ranges"
 GROWN = "{altitude: [0 km, 9 km], factor: [1, 2], of: [pseudorange]}"
 INERTIAL = "filter.measurements=[]"
 SOLVER = "kind: bancroft, range_sigma: 1 m, rate_sigma: 0.1 m/s"
+MODEL = (
+    "pseudorange_sigma: 1 m, range_rate_sigma: 1 m/s, position_sigma: 1 m, velocity_sigma: 1 m/s, clock_h0: 0, "
+    "clock_h_minus2: 0"
+)
 CLOCKLESS = "no effect: only a filter that measures ranges has a clock"
 TWO_FREQUENCIES = "filter.corrections.ionosphere: no effect: ranges of two frequencies have no ionospheric delay"
 SMOOTHED = f"receiver.solution={{{SOLVER}, reported: true, smoothing: {{time: 9 s}}}}"
@@ -80,6 +84,11 @@ def refused(*sets: str) -> list[str]:
         (("filter.corrections={ionosphere: {kind: content}}", "receiver.frequencies=L1_L2"), TWO_FREQUENCIES),
         (("filter.extra_states=[ionosphere_scale]", "atmosphere={ionosphere: {kind: content}, ionosphere_scale: 0.2}",
           "receiver.frequencies=L1_L2"), "atmosphere"),
+        (("filter.as_noise=[range_bias]", f"filter.receiver={{{MODEL}, range_bias: 2 m}}"), ""),
+        (("filter.extra_states=[range_bias]", f"filter.receiver={{{MODEL}, range_bias: 2 m, range_bias_time: 9 s}}"),
+         ""),
+        (("filter.as_noise=[range_bias]", f"filter.receiver={{{MODEL}, range_bias: 2 m, range_bias_time: 9 s}}"),
+         "filter.receiver.range_bias_time: no effect: no state or measurement of the filter is of it"),
         ((f"receiver.noise_by=[{GROWN}]", SOLUTION), "receiver.noise_by.0: no effect: none of these measurements"),
         ((f"receiver.noise_by=[{GROWN}]",), ""),
         ((INERTIAL, f"receiver.solution={{{SOLVER}, reported: true}}"), ""),
