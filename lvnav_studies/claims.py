@@ -112,7 +112,7 @@ class Statement(PublishedStatement):
         return value
 
     def case_of(self, name: str) -> Levels:
-        """Return the levels that a term is of, those of the whole statement among them."""
+        """Return the levels of a term, including those of the whole statement."""
         return self.case | self.terms[name].case
 
     def _faults(self) -> Iterator[str]:
@@ -137,7 +137,7 @@ class Statement(PublishedStatement):
 
 
 class Elsewhere(PublishedStatement):
-    """A statement that a number answers which no campaign has, such as one of the benchmark; remark: its origin."""
+    """Statement that is tested by a number from outside the campaigns, such as a benchmark; remark: its origin."""
 
     value: float = Field(description="the number that was found")
     at_least: float | None = None

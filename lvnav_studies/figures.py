@@ -1,4 +1,4 @@
-"""The figure of a statement along the axis that decides it."""
+"""Figure of the value of a statement along one of the axes."""
 
 from collections.abc import Mapping
 from typing import Any

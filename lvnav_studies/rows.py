@@ -25,7 +25,7 @@ from lvnav_trade.api.measures import (
 )
 
 _SMALLER = " < "
-# Innovation channels whose name ends with an axis, not with what of a satellite.
+# First words of innovation channels that are named by quantity and axis; other names are satellite and measurement
 _BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
 
 
@@ -34,7 +34,7 @@ def claim_rows(tables: Tables, claims: Mapping[str, Any]) -> list[dict[str, Any]
 
     Orders: published is empty, ours the largest ratio of a case to the next, which must lie in the band. Innovations:
     ours the largest autocorrelation. Statements: a row for each choice of the axes that they leave open, ours the value
-    of the expression. What these results cannot give keeps its row, with a remark.
+    of the expression. A claim that these results cannot test is a row with a remark.
     """
     makers: dict[str, Rows] = {
         "orderings": _ordering,
@@ -102,7 +102,10 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
 
 
 def _most_correlated(tables: Tables, case: str, words: str) -> tuple[float, str]:
-    """Return the largest autocorrelation of the channels of a case that `words` name, and where it is."""
+    """Return the largest magnitude of the autocorrelation over the channels of a case that `words` name, and its place.
+
+    The place is the channel and the lag in words. Without such a channel they are NaN and empty.
+    """
     rows = whiteness(tables)
     rows = rows[rows.case == tables.labels[case]]
     rows = rows[[_is_named(name, words) for name in rows.channel]]

@@ -33,12 +33,12 @@ STATEMENTS, STUDY = "statements", "study"
 
 
 class Publication(StudyScript):
-    """A study that answers a publication.
+    """Study of a publication.
 
     Attributes
     ----------
     claims : mapping of str to InputFile of Claims
-        What is claimed of each campaign, from the files ``statements/CAMPAIGN.yaml``.
+        Claims on each campaign by its name, from the files ``statements/CAMPAIGN.yaml``.
     of_study : OfStudy
         Statements that belong to no campaign, from ``statements/study.yaml``.
     """
@@ -57,9 +57,9 @@ class Publication(StudyScript):
         folder : str or Path
             Folder of the study.
         figures : mapping of str to StudyFigure, optional
-            Further figures by name; ``bound`` is there.
+            Further figures by name, in addition to ``bound``.
         metrics : sequence of Metric
-            Metrics that statements name and the package does not have.
+            Metrics of the statements that the package does not have.
         blocks : callable, optional
             Makes further tables and figures of a campaign.
         """
@@ -95,7 +95,7 @@ class Publication(StudyScript):
                 yield file.mistake(path, text)
 
     def mistakes_in_flight(self, campaign: Campaign, events: Mapping[str, Mapping[str, float]]) -> Iterator[Mistake]:
-        """Yield the events that are named and that no flight has."""
+        """Yield the named events that do not occur in the flight of a case."""
         file = self.claims.get(campaign.name)
         if file is not None:
             for path, text in dict.fromkeys(faults_in_flight(file.content, events)):
@@ -125,7 +125,7 @@ class Publication(StudyScript):
         return pd.DataFrame(published_rows(name, tables, tables.campaign, self), columns=COLUMNS)
 
     def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
-        """Return the rows of statements that no campaign answers, or that has not been run."""
+        """Return the rows of statements without campaign, and of those of campaigns that have not been run."""
         statements = {campaign.name: self.of(campaign.name).statements for campaign in unflown}
         return further_rows(self.of_study, statements)
 

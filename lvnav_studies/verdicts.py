@@ -36,8 +36,9 @@ _COLUMNS = (
 
 
 def further_rows(study: OfStudy, unflown: Mapping[str, Sequence[Statement]]) -> list[dict[str, Any]]:
-    """Return a row for each statement that no campaign answers, for those of campaigns without results (by their name),
-    and for those that a number from elsewhere answers.
+    """Return the rows of statements without campaign, of campaigns without results, and of numbers from elsewhere.
+
+    unflown : statements of the campaigns without results, by name of the campaign
     """
     rows = [_unanswered_row(statement, NOT_SET_UP, statement.remark) for statement in study.not_set_up]
     for campaign, statements in unflown.items():
@@ -84,7 +85,7 @@ def _number_row(statement: Elsewhere) -> dict[str, Any]:
 def verdicts(frame: pd.DataFrame) -> list[Block]:
     """Return how many numbered statements hold, and a table of the rows of each verdict; nothing without rows.
 
-    What is not flown yet does not count against a statement that other campaigns answer.
+    Rows of campaigns without results do not count for a statement that other campaigns answer.
     """
     if frame.empty:
         return []

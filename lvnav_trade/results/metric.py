@@ -144,7 +144,7 @@ class Metric:
     def faults(self, stated: Any) -> Iterator[str]:
         """Yield an error message for each setting of a statement that is missing or has no effect for this metric.
 
-        stated: `published.MeasuredMetric`, whose type is above this package.
+        stated: `published_cards.MeasuredMetric`; its type is above this package.
         """
         return iter(())
 

@@ -117,7 +117,7 @@ def compare(
     confidence : float, optional
         Confidence of the verdicts; by default that of the base's campaign, or else 0.95.
     mapping : mapping of str to str, optional
-        See `paired_changes.match`.
+        See `matching.match`.
 
     Raises
     ------

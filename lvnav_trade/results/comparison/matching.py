@@ -89,9 +89,10 @@ def _find_pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> lis
     """
     _check_names(base, mapping)
     _check_names(candidate, mapping.values())
+    digests = {label: digest for digest, label in candidate.labels.items()}
     partners = {}
     for case in base.labels:
-        partner = _find_partner(base, case, candidate, mapping)
+        partner = _find_partner(base, case, candidate, digests, mapping)
         if partner is not None:
             partners[case] = partner
     if not partners and len(base.labels) == len(candidate.labels) == 1:
@@ -108,7 +109,9 @@ def _find_pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> lis
     return pairs
 
 
-def _find_partner(base: Tables, case: str, candidate: Tables, mapping: dict[str, str]) -> str | None:
+def _find_partner(
+    base: Tables, case: str, candidate: Tables, digests: dict[str, str], mapping: dict[str, str]
+) -> str | None:
     """Return the case of the candidate that belongs to a case of the base; None if there is none.
 
     Parameters
@@ -119,6 +122,8 @@ def _find_partner(base: Tables, case: str, candidate: Tables, mapping: dict[str,
         Digest of a case of the base.
     candidate : Tables
         Results of the candidate.
+    digests : dict of str to str
+        Digests of the cases of the candidate, by label.
     mapping : dict of str to str
         Case or level of the candidate, by case or level of the base.
     """
@@ -127,7 +132,6 @@ def _find_partner(base: Tables, case: str, candidate: Tables, mapping: dict[str,
     mapped_levels = {axis: mapping.get(level, level) for axis, level in levels.items()}
     if mapped_case or mapped_levels == levels:
         name = mapped_case or label
-        digests = {candidate_label: digest for digest, candidate_label in candidate.labels.items()}
         return digests.get(name) or (name if name in candidate.labels else None)
     for digest, candidate_levels in candidate.levels.items():
         if candidate_levels == mapped_levels:

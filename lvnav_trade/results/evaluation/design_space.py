@@ -38,7 +38,7 @@ BINS = 5  # parts of a numeric axis, with as many designs in each
 _FINE = 12  # bins of a numeric axis whose means give its share of the variance
 _FEWEST = 8  # smallest number of designs for an effect, and for a bin
 CONFIDENCE = 0.95
-"""Of all intervals of designs that are drawn at random."""
+"""Confidence of the intervals for randomly drawn designs."""
 OVERCONFIDENT = 2.0
 """Expected NEES per state above which a filter counts as overconfident: its sigma is too small by its root."""
 
@@ -76,15 +76,18 @@ def _verdict_columns(tables: Tables) -> dict[str, str]:
 
 @once
 def effects(tables: Tables) -> pd.DataFrame:
-    """Return the dependence of the error of each requirement on each axis over all designs; empty without many designs.
-    Without requirements: how attitude, velocity and position at injection do.
+    """Return the dependence of the error of each requirement on each axis over all designs.
 
-    rank_correlation: Spearman's, of numeric axes. low, high: its 95 % interval (Bonett and Wright 2000), of designs
-    that are drawn at random; a grid is no sample.
+    Without requirements the errors are those of attitude, velocity and position at injection. The table is empty
+    without a design space.
+
+    rank_correlation: Spearman's, of numeric axes. low, high: its 95 % interval (Bonett and Wright 2000) for randomly
+    drawn designs; NaN for a grid, which is not a sample.
     first_order: share of the variance of the error's logarithm that the axis explains alone, by the means over bins of
     the axis with equal numbers of designs, without the share expected by chance.
-    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`fitted`),
-    of samples over numeric axes alone; predicted: how well the fit predicts left-out designs (1: exactly).
+    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`fitted`);
+    NaN unless the designs are a sample over numeric axes only. predicted: share of the variance of left-out designs
+    that the fit predicts.
     """
     rows: list[dict[str, Any]] = []
     if tables.has_designs:
@@ -223,8 +226,7 @@ def regions(tables: Tables) -> pd.DataFrame:
     """Return the fraction of designs that meet each requirement, and all of them, in each part of each axis.
 
     A part is a level, or a fifth of the designs by a numeric axis, from `low` to `high` in `unit`. share_low,
-    share_high: exact binomial 95 % interval, of designs that are drawn at random. No rows of results without many
-    designs.
+    share_high: exact binomial 95 % interval for randomly drawn designs. The table is empty without a design space.
     """
     rows: list[dict[str, Any]] = []
     columns = _verdict_columns(tables)

@@ -139,7 +139,7 @@ def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> 
     for requirement in requirements:
         name = requirement["name"]
         error, probability, verdict = requirement_columns(requirement)
-        column_meanings[error] = f"{name}: error that the fraction of flights asked for stays below"
+        column_meanings[error] = f"{name}: quantile of the error at the required probability"
         column_meanings[probability] = f"{name}: probability by linear covariance that the limit is kept"
         column_meanings[verdict] = f"{name}: verdict"
     rows = []

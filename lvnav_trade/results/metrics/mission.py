@@ -146,7 +146,7 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs |
 
 
 def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
-    """Return `mission.drawn_of` at an event; None if the state there is not stored."""
+    """Return `mission_errors.drawn_of` at an event; None if the state there is not stored."""
     from lvnav_trade.results.mechanics.mission_errors import drawn_of
 
     state = case.state(event)
@@ -156,7 +156,7 @@ def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
 
 
 def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
-    """Return `mission.expected_of` at an event; None if the state there is not stored."""
+    """Return `mission_errors.expected_of` at an event; None if the state there is not stored."""
     from lvnav_trade.results.mechanics.mission_errors import expected_of
 
     state = case.state(event)

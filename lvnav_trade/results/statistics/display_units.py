@@ -118,8 +118,7 @@ def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
         cards.append(None if name == _NAMELESS else name)
     are_usable = all(isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name for name in cards)
     are_from_files = all(_CARD_LABEL.fullmatch(str(label)) for label in labels)
-    are_unique = len(set(cards)) == len(cards)
-    if not (labels and are_usable and are_from_files and are_unique):
+    if not (labels and are_usable and are_from_files) or len(set(cards)) < len(cards):
         return {}
     return {str(label): str(name) for label, name in zip(labels, cards, strict=True)}
 

@@ -89,7 +89,7 @@ def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str
     statement : mapping
         Statement with the phase `during`.
     column : str
-        Column of the table `worst`: largest error, or RMS.
+        Column of the table `interval_errors`: largest error, or RMS.
 
     Returns
     -------

@@ -31,7 +31,7 @@ _RESOLVED_BYTES = 2**26  # limit, far above the size of the largest resolved cam
 
 
 class Tables:
-    """Results of one campaign; each table of `schema.TABLES` is an attribute, which is read on first use.
+    """Results of one campaign; each table of `dictionary.TABLES` is an attribute, which is read on first use.
 
     Attributes
     ----------
