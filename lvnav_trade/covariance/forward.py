@@ -360,7 +360,7 @@ def forward(work, parts, case, joint, flight, record):
     Parameters
     ----------
     work : Nominal, at the start of the flight; updated in place
-    parts : Parts, arrays of the optional features; updated in place
+    parts : OptionalState, arrays of the optional features; updated in place
     case : FilterCase
     joint : Joint, whose `out` gets the results and whose `tape` the record for a backward pass
     flight : NominalFlight

@@ -1,4 +1,4 @@
-"""The inertial measurement unit: error model, arrays of several, redundancy, Allan deviation.
+"""The inertial measurement unit: error model, IMU arrays, redundancy, Allan deviation.
 
 Read `error_model.py` first.
 """

@@ -280,7 +280,7 @@ def covariance(squares: Floats, m: Sequence[int], n: int, dt: float) -> Floats:
     ----------
     squares : (4,)
         Squared coefficients of the processes, in the order of `NAMES`.
-    m : sequence of int, n_factor
+    m : (n_factor,)
         Averaging times in samples.
     n : int
         Number of samples of the stream.

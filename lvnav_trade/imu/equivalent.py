@@ -79,7 +79,7 @@ def _fused_matrix(imu: ImuSet, sensor: int, scale_field: str, skew_field: str = 
 def _instability_drive(imu: ImuSet, sensor: int) -> float:
     """Return the driving noise sigma^2 / T of the fused bias instability, mean over the axes.
 
-    That of independent Gauss-Markov processes adds up and gives T of their sum.
+    Driving noises of independent Gauss-Markov processes add up; with the total sigma they give T of the sum.
     """
     total = 0.0
     for _, A, card in _fused_axes(imu, sensor):

@@ -160,7 +160,7 @@ def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
     sorted_readings = np.sort(mean + errors, axis=1)
     median = sorted_readings[:, list(_ranks(n))].mean(axis=1)
     total = float(np.var(median - errors @ gains))
-    # averaged over white noise, what remains of the residual is its lasting part
+    # the lasting part of the residual is its mean over the white noise
     constant = lasting * _normals(n, FEW)
     averaged = _expected((mean + constant).T, white) - constant @ gains
     constant_part = float(np.var(averaged))

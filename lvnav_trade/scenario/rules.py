@@ -86,7 +86,7 @@ def _unmeasured(scenario: Scenario) -> Iterator[RuleBreach]:
 SETTINGS: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_control, _repeated_fault, _unmeasured)
 
 
-# --- what physics refuses ---------------------------------------------------------------------------------------------
+# --- combinations that physics excludes -------------------------------------------------------------------------------
 
 
 def _delay(scenario: Any) -> Any:

@@ -15,7 +15,7 @@ def _measure(work, parts, case, key, epoch):
 
     Parameters
     ----------
-    work, parts : Work, Parts; updated in place
+    work, parts : Work, OptionalState; updated in place
     case : FilterCase
     key : (2,) key words of the campaign's seed
     epoch : index
@@ -36,7 +36,7 @@ def fly(work, parts, case, truth, key):
     Parameters
     ----------
     work : Work, arrays of truth, filter and results; updated in place
-    parts : Parts, arrays of the optional features; updated in place
+    parts : OptionalState, arrays of the optional features; updated in place
     case : FilterCase
     truth : Truth, which the filter does not read
     key : (2,) key words of the campaign's seed

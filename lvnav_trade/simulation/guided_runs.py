@@ -46,14 +46,14 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     plan = prepared.plan
     if plan is None:
         return NO_INJECTIONS, NO_LOST
-    times = steering_times(plan, prepared.record.t)
-    t = prepared.record.t[times]
+    steering = steering_times(plan, prepared.record.t)
+    t = prepared.record.t[steering]
     k0, k1 = seed_words(seed)
     results: list[Injection] = []
     lost: list[tuple[float, ...]] = []
     for run, error in enumerate(in_inertial_axes(prepared, errors), start=first_run):
         draws = draw(plan.card, seed, run)
-        result = inject(plan, draws, NavigationErrors(t, error[times]), DrawKeys(k0, k1, np.uint64(run)))
+        result = inject(plan, draws, NavigationErrors(t, error[steering]), DrawKeys(k0, k1, np.uint64(run)))
         results.append(result)
         if result.outcome == INJECTED:
             continue
@@ -82,7 +82,7 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
 
 
 def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
-    """Return `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
+    """Return injections as in `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
     y = np.stack([item.y for item in injections])
     error = np.stack([item.error for item in injections])
     target = orbit_of(nominal[None])[0]

@@ -296,7 +296,7 @@ def record(work, parts, case, transition_errors, history, tick, hist):
 
     Parameters
     ----------
-    work, parts, case : Work, Parts, FilterCase
+    work, parts, case : Work, OptionalState, FilterCase
     transition_errors : TransitionErrors, which gets the errors of the transition; None to record estimation errors
     history : HistoryTruth, true motion at the history times
     tick : last tick before the history time

@@ -369,7 +369,7 @@ def observe(work, parts, case, solver, key, epoch):
 
     Parameters
     ----------
-    work, parts : Work, Parts; updated in place
+    work, parts : Work, OptionalState; updated in place
     case : FilterCase
     solver : Solver of a receiver that computes its solution; None if it is simulated directly or not used
     key : (2,) key words of the seed

@@ -30,7 +30,7 @@ def begin_filter(work, parts, options):
 
     Parameters
     ----------
-    work, parts : Work, Parts; updated in place
+    work, parts : Work, OptionalState; updated in place
     options : Options
     """
     begin_mode_logic(parts.mode_state)
@@ -46,7 +46,7 @@ def _advance(work, parts, case, vehicle, w):
 
     Parameters
     ----------
-    work, parts, case : Work, Parts, FilterCase
+    work, parts, case : Work, OptionalState, FilterCase
     vehicle : VehicleModel of a filter that processes every IMU sample as a measurement, or None
     w : index of the window
     """
@@ -71,7 +71,7 @@ def propagate(work, parts, case, w):
 
     Parameters
     ----------
-    work, parts : Work, Parts; updated in place
+    work, parts : Work, OptionalState; updated in place
     case : FilterCase
     w : index of the window
     """
@@ -130,7 +130,7 @@ def update(work, parts, case, epoch):
 
     Parameters
     ----------
-    work, parts : Work, Parts; updated in place
+    work, parts : Work, OptionalState; updated in place
     case : FilterCase
     epoch : index
     """

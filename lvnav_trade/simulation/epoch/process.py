@@ -1,4 +1,4 @@
-"""One epoch of the filter, for both engines: what enters, in what order, with which Jacobian, variance, delay and mode.
+"""One epoch of the filter, for both engines: its measurements, their order, Jacobians, variances, delays, mode logic.
 
 Monte Carlo calls it for one run or eight lanes. Linear covariance calls it on the nominal flight, where the error state
 stays zero; the joint covariance (Joint, None in a run) follows every update with the gain of the filter
@@ -190,8 +190,8 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
 def process_receiver(work, parts, case, joint, iteration, epoch, gate_squared, starts):
     """Decorrelate the receiver's measurements, test them for faults and update; an iterated filter repeats the update.
 
-    iteration : IterationWork, linearised at the result of the last update, or None; the others as in
-    `update_receiver`
+    iteration : IterationWork of an iterated filter, which linearises at the result of the last update; None otherwise
+    work, parts, case, joint, epoch, gate_squared, starts : as in `update_receiver`
     """
     options = case.options
     decorrelate(work, parts, case, parts.receiver, options.late, epoch)
@@ -301,7 +301,7 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
     Parameters
     ----------
     work : Work of one run or eight lanes, or Nominal of the nominal flight, with the measurements; updated in place
-    parts : Parts, arrays of the optional features
+    parts : OptionalState, arrays of the optional features
     case : FilterCase
     joint : Joint, which follows the updates on the nominal flight; None in a run
     open_loop : OpenLoop of the run; None in a closed loop

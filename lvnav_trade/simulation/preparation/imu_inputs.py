@@ -111,8 +111,8 @@ class ImuRedundancy(NamedTuple):
 
     middle : Whether the middle value of the IMUs is used in place of their mean.
     prime : Whether the first IMU that is not excluded is used alone.
-    excludes : Whether an IMU is excluded when the test fails; otherwise the detection is reported.
-    hands_over : Whether it is the prime IMU that is excluded then.
+    excludes : Whether an IMU is excluded when the test fails; otherwise the detection is only reported.
+    hands_over : Whether the prime IMU is excluded when the test fails.
     hand_over : Tick from which the first IMU is excluded in any case; -1 without.
     ticks : Ticks summed for a test; 0 without tests.
     weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment; 0 without an axis.

@@ -80,7 +80,7 @@ def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stor
     is_repeated[first_at_tick] = False
     hist = np.full(end.size, -1)
     hist[np.searchsorted(end, hist_tick[~is_repeated])] = np.flatnonzero(~is_repeated)
-    # a window before tick 0 is needed only to record the start
+    # the empty window at tick 0 is needed only if a history time is there
     is_needed = (end > 0) | (hist >= 0)
     windows = np.stack([first, end - first, epoch, hist], axis=1)[is_needed]
     repeated_tick = hist_tick[is_repeated]

@@ -173,9 +173,12 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
 
     Parameters
     ----------
-    scenario, trajectory : card and flight
-    t_epoch : (n_epoch,) s since lift-off
-    start : s since lift-off, of the flight
+    scenario, trajectory
+        Validated model of the case, and its true flight.
+    t_epoch
+        (n_epoch,) s since lift-off.
+    start
+        s since lift-off. Start of the flight.
 
     Raises
     ------

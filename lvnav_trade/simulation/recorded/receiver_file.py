@@ -343,12 +343,12 @@ def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
 
 
 def _axis_misses(C_e_n: Floats, moved_v: Floats, moved_r: Floats, miss: Floats) -> Floats:
-    """Return the median over windows of the miss over the path along north, east, down (3,), 0 without motion.
+    """Return the miss divided by the path along north, east, down (3,), as a median over windows; 0 without motion.
 
     Parameters
     ----------
     C_e_n
-        (n, 3, 3). Rotation of each window.
+        (n, 3, 3). Rotation from Earth axes to north, east, down at the start of each window.
     moved_v, moved_r
         (n, 3) m. Displacements by velocities and by positions, Earth axes.
     miss

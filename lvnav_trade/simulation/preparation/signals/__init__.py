@@ -1,4 +1,4 @@
-"""What a receiver gives on the nominal flight, and its errors that are common to all runs.
+"""Receiver measurements on the nominal flight, and the receiver errors that all runs have in common.
 
-Read `receiver_measurements.py` first; `solution.py` has a receiver that solves for itself.
+Read `receiver_measurements.py` first; `solution.py` is for a receiver that computes its own solution.
 """

@@ -36,7 +36,8 @@ def by_channel(
     n_epoch
         Number of epochs.
     own
-        Values of the receiver: for each observable, or for position and velocity; a number or (n_epoch, n_sat).
+        Values of the receiver: for each observable, a number or (n_epoch, n_sat); or for position and velocity, a
+        number or (n_epoch, 1).
     devices, field
         Sensors other than the receiver, and the field of `Sensor` with their values.
     """
