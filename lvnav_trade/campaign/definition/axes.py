@@ -100,11 +100,12 @@ def combinations(
     base : mapping, optional
         Base scenario as plain data. Constraints use its value of an axis at level None.
     """
+    names = axis_names(axes)  # once: a design space has up to 100 000 cases
     sizes = [len(axis.values or axis.cards or ()) for axis in axes]
     crossed = [number for number, axis in enumerate(axes) if axis.crossed]
     remaining: dict[Chosen, None] = {}
     for chosen in levels(design, sizes, crossed):
-        applied, labels = _applied_levels(axes, chosen)
+        applied, labels = _applied_levels(axes, names, chosen)
         if any(excluded and _has(labels, excluded) for excluded in exclude):
             continue
         if all(_satisfies(constraint, axes, applied, base or {}) for constraint in constraints):
@@ -112,11 +113,13 @@ def combinations(
     return list(remaining)
 
 
-def _applied_levels(axes: Sequence[Axis], chosen: Sequence[int | None]) -> tuple[Chosen, dict[str, str]]:
+def _applied_levels(
+    axes: Sequence[Axis], names: Sequence[str], chosen: Sequence[int | None]
+) -> tuple[Chosen, dict[str, str]]:
     """Return the levels of a case and their labels; an axis whose `when` is not satisfied has the value of the base."""
-    labels = choice(axes, chosen)
+    labels = _labels(axes, names, chosen)
     applied: list[int | None] = []
-    for axis, name, index in zip(axes, axis_names(axes), chosen, strict=True):
+    for axis, name, index in zip(axes, names, chosen, strict=True):
         level = index if _has(labels, axis.when) else None
         if level is None:
             labels[name] = BASE_LABEL
@@ -220,8 +223,12 @@ def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
 
 def choice(axes: Sequence[Axis], chosen: Sequence[int | None]) -> dict[str, str]:
     """Return the label of the level of a case, by name of the axis."""
+    return _labels(axes, axis_names(axes), chosen)
+
+
+def _labels(axes: Sequence[Axis], names: Sequence[str], chosen: Sequence[int | None]) -> dict[str, str]:
     labels = {}
-    for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True):
+    for name, axis, index in zip(names, axes, chosen, strict=True):
         labels[name] = BASE_LABEL if index is None else level_label(axis, index)
     return labels
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.axes import Scenarios, cases, level_label, levels, put
+from lvnav_trade.campaign.definition import axes as definition
+from lvnav_trade.campaign.definition.axes import Scenarios, cases, combinations, level_label, levels, put
 from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.load import load
@@ -61,6 +62,21 @@ def test_crossing_is_of_one_at_a_time(study) -> None:
     study.append("axes:\n  - {path: initial.tilt, values: [0.1 deg, 0.2 deg], crossed: true}\n")
     with pytest.raises(InputError, match="crossed has no effect"):
         load(study.path)
+
+
+def test_the_names_of_axes_are_computed_once_for_all_cases(monkeypatch) -> None:
+    """A design space has up to 100 000 cases."""
+    calls = []
+
+    def counted(axes):
+        calls.append(axes)
+        return names_of(axes)
+
+    names_of = definition.axis_names
+    monkeypatch.setattr(definition, "axis_names", counted)
+    axes = [Axis(path=path, values=("1 deg/h", "2 deg/h")) for path in ("imu.gyro.bias", "imu.gyro.in_run")]
+    assert len(combinations("grid", axes)) == 4
+    assert len(calls) == 1
 
 
 def test_a_design_without_axes_has_one_case() -> None:
