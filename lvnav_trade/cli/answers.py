@@ -103,7 +103,7 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> VerbResult:
     """
     from lvnav_trade.campaign.reading.flights import KINDS
 
-    failures = results.failures
+    verdicts, failures = results.requirements, results.failures  # each access computes the table again
     remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
     page = results.folder / "report.html" if report else None
     covariance = [
@@ -121,19 +121,19 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> VerbResult:
         "failures": failures,
         **remarks,
         "covariance": covariance,
-        "requirements": json.loads(results.requirements.to_json(orient="records")),  # pandas writes NaN as null
+        "requirements": json.loads(verdicts.to_json(orient="records")),  # pandas writes NaN as null
     }
-    lines = _campaign_lines(results, failures, remarks, report)
+    lines = _campaign_lines(results, verdicts, failures, remarks, report)
     summary = ""
-    if len(results.requirements):
-        counts = results.requirements.verdict.value_counts(sort=False)
+    if len(verdicts):
+        counts = verdicts.verdict.value_counts(sort=False)
         summary = ", ".join(f"{verdict} {count}" for verdict, count in counts.items()) + "; "
     location = f"report: {page}" if page else f"results: {results.folder}"
     return VerbResult("\n".join([*lines, summary + location]), content, results.exit_code)
 
 
 def _campaign_lines(
-    results: Any, failures: Sequence[str], remarks: Mapping[str, Sequence[str]], report: bool
+    results: Any, verdicts: Any, failures: Sequence[str], remarks: Mapping[str, Sequence[str]], report: bool
 ) -> list[str]:
     """Return the lines on a finished campaign: remarks, verdicts, failed runs, summary of a design space.
 
@@ -143,6 +143,8 @@ def _campaign_lines(
     ----------
     results : api.Results
         Results of the campaign.
+    verdicts : pandas.DataFrame
+        Verdict on every requirement in every case.
     failures : sequence of str
         Failed runs, a line each.
     remarks : mapping of str to sequence of str
@@ -155,11 +157,11 @@ def _campaign_lines(
 
     lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
     space = results.tables.manifest.get("space") or {}
-    if len(results.requirements) and not space:
+    if len(verdicts) and not space:
         location = "requirements.csv, the report" if report else "requirements.csv, --json"
-        verdicts = in_words(results.requirements)
-        verdicts = verdicts.assign(by=verdicts.by.replace("LinCov", "linear covariance"))
-        lines.insert(1 if remarks["beyond_limits"] else 0, _verdicts(verdicts, location))
+        printed = in_words(verdicts)
+        printed = printed.assign(by=printed.by.replace("LinCov", "linear covariance"))
+        lines.insert(1 if remarks["beyond_limits"] else 0, _verdicts(printed, location))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     if space:

@@ -132,3 +132,24 @@ def test_json_has_plain_values_of_linear_covariance_and_nothing_of_the_engine(
     assert json.loads(json.dumps(content["covariance"])) == [
         {"case": "a0", "event": "injection", "rows": [["position", 3.0, 2.0, "m"]], "error": ""}
     ]
+
+
+class _CountedResults:
+    """Results without runs, which count how often the table of verdicts is computed."""
+
+    folder = Path("results")
+    failures: tuple[str, ...] = ()
+    tables = SimpleNamespace(manifest={"space": {}})
+    exit_code = 0
+    computed = 0
+
+    @property
+    def requirements(self) -> pd.DataFrame:
+        self.computed += 1
+        return pd.DataFrame({"verdict": []})
+
+
+def test_the_table_of_verdicts_is_computed_once() -> None:
+    results = _CountedResults()
+    answers.answer_of(results, [], report=False)
+    assert results.computed == 1
