@@ -1,4 +1,4 @@
-"""Public functions: every verb of the command line as a function of the same name, and what they return.
+"""Public functions: every verb of the command line as a function of the same name, with the types of their results.
 
 Names are those of the command line with an underscore for a hyphen: ``lvnav-trade export-vectors`` is
 `export_vectors`. A function returns a record with named fields instead

@@ -149,7 +149,7 @@ def _si_number(text: str, column: str) -> float:
     """Return a quantity in the unit of the compared column; InputError if the dimensions differ."""
     _, unit = unit_at_end(column)
     if not unit:
-        raise InputError(f"{quoted(text)}: {column or 'what it is compared with'} has no unit")
+        raise InputError(f"{quoted(text)}: {column or 'the other side of the comparison'} has no unit")
     try:
         return parse(text, unit)
     except ValueError as error:

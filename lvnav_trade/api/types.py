@@ -356,5 +356,5 @@ class MetricNames(Displayed):
     tables: Mapping[str, str]
 
     def _shown(self) -> DisplayContent:
-        tables = pd.DataFrame(list(self.tables.items()), columns=["table", "what it holds"])
+        tables = pd.DataFrame(list(self.tables.items()), columns=["table", "content"])
         return DisplayContent("", (), {"Metrics": self.metrics, "Tables": tables})

@@ -195,7 +195,7 @@ def _flag(name: str, annotation: Any) -> inspect.Parameter:
 
 
 def _options_of(argument: inspect.Parameter) -> list[inspect.Parameter]:
-    """Return an argument of a verb, or the fields of the record that it is."""
+    """Return the options of an argument of a verb: the argument itself, or the fields of a record."""
     record = argument.annotation
     if not hasattr(record, "_fields"):
         return [argument]

@@ -128,7 +128,7 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
 
 @verb("demo")
 def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Strict = False) -> VerbResult:
-    """Show the cases, their cost, and what is already done."""
+    """Show the cases, their cost and the stored runs."""
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
 

@@ -394,6 +394,6 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "seed: 7",
         "axes: [1,",
-        "campaign.yaml:4:13: is not YAML: expected ',' or ']', but got ':' (in what begins on line 2)",
+        "campaign.yaml:4:13: is not YAML: expected ',' or ']', but got ':' (in the block that begins on line 2)",
     ),
 }

@@ -18,8 +18,7 @@ from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
 
 Cache = dict[int, tuple[BaseModel, Any]]
-"""Contents of cards by their identity. The cards themselves are stored too, so that no new card has the same identity.
-"""
+"""Contents of cards by `id` of the card. The cards are stored too, so that no new card gets the same `id`."""
 
 
 def case_id(scenario: Scenario, seed: int, history: float, known: Cache | None = None) -> str:

@@ -80,7 +80,7 @@ def _event_errors(campaign: Campaign, times: Mapping[str, float]) -> Iterator[Mi
 
 
 def _requirement_errors(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
-    """Yield the requirements on a backup strapdown that a case does not have, and in phases without length."""
+    """Yield the requirements on a backup strapdown if a case has none, and those in phases without length."""
     for index, requirement in enumerate(campaign.requirements):
         if requirement.metric.startswith(BACKUP) and not case.scenario.filter.backup:
             message = f"{requirement.metric!r}: a case has no such strapdown (filter.backup)"

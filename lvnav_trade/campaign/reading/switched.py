@@ -68,7 +68,7 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
 
 
 def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
-    """Yield that the hand-over of a prime IMU is at no time of the flight; events: times (s)."""
+    """Yield an input error if the hand-over of a prime IMU is not during the flight; events: times (s) by name."""
     text = getattr(scenario.imu, "hand_over", None)
     if text is None:
         return

@@ -65,7 +65,7 @@ class Scope(NamedTuple):
     """Part of a campaign to compute; the defaults are the whole campaign."""
 
     shard: Shard | None = None
-    """Only its share of the blocks is computed and stored, without tables, for a campaign with `shards`."""
+    """Shard to compute: its share of the blocks is stored, without tables; a run with `shards` merges them."""
     shards: Sequence[Path] = ()
     """Folders of shards, whose blocks are copied before anything is computed."""
     space: DesignStage | None = None

@@ -326,7 +326,10 @@ class _Run:
             on_answers([by_case[case.id] for case in self.cases], self.cases)
 
     def _process_cases(self, name: str, function: Any, items: Sequence[Any], what: str) -> set[str]:
-        """Compute one work item per case; return the digests of the cases that lost it, `what` names it in messages."""
+        """Compute one work item per case; return the digests of the cases whose item is lost.
+
+        what: name of the item in messages.
+        """
         if not items:
             return set()
         self.progress.stage(name, len(items))

@@ -154,8 +154,10 @@ class Status(NamedTuple):
             "running": f"running, {self.holder}",
             "unfinished": self.resumable or "unfinished; the same command resumes",
             "damaged": f"damaged; {self.resumable or 'the same command mends it'}",
-            "finished": "finished" if not self.lost else "finished, but for what was lost; the same command goes on",
+            "finished": "finished",
         }[self.state]
+        if self.state == "finished" and self.lost:
+            state = "finished, except for lost work items; the same command computes them"
         summary = f"{self.folder}: {state}: {self.stored} of {self.asked} runs are stored"
         if self.failed:
             summary += f", {self.failed} of them failed"

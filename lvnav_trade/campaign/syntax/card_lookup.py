@@ -125,7 +125,7 @@ class CardInfo(NamedTuple):
     """Entry in the list of cards."""
 
     name: str  # by which a campaign names it, such as imu/tactical_fog
-    title: str  # what it describes
+    title: str  # name of the card in words
     source: str  # origin of its numbers
     file: str
 

@@ -71,5 +71,5 @@ def syntax_message(error: MarkedYAMLError, text: str, line: int) -> str:
     if error.context_mark and error.problem_mark:
         first_line = error.context_mark.line + 1
         if first_line != line:
-            message += f" (in what begins on line {first_line})"
+            message += f" (in the block that begins on line {first_line})"
     return message

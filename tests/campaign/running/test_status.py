@@ -102,7 +102,7 @@ def test_what_was_lost_is_reported(folder: Path) -> None:
     lost = {"lost": ["imu=fine, runs 0 to 39: ZeroDivisionError: x"], "workers_died": 1}
     path.write_text(json.dumps(json.loads(path.read_text()) | lost))
     text = status(folder).text.splitlines()
-    assert text[0].startswith(f"{folder}: finished, but for what was lost; the same command goes on: ")
+    assert text[0].startswith(f"{folder}: finished, except for lost work items; the same command computes them: ")
     assert text[1:3] == ["workers that died: 1", "lost: imu=fine, runs 0 to 39: ZeroDivisionError: x"]
 
 

@@ -53,7 +53,7 @@ def test_rows_of_a_table_are_lines() -> None:
         (b"a: &x\n  b: *x\n", "odd.yaml:1:4: a.b: an alias that contains itself"),
         (
             b"a: {b: 1,\n  c: {d: 2}\ne: 3\n",
-            "odd.yaml:3:1: is not YAML: expected ',' or '}', but got a word (in what begins on line 1)",
+            "odd.yaml:3:1: is not YAML: expected ',' or '}', but got a word (in the block that begins on line 1)",
         ),
         (b"? [a, b]\n: 1\n", "odd.yaml:1:3: a key should be a word"),
     ],
