@@ -380,7 +380,7 @@ def _reaches(card: VehicleAscent, payload: float) -> bool:
     guess = _first_guess(light)
     kick = light.kick_angle or _moderate_kick(light, guess)
     solution = _reach(light, kick, guess, 80)
-    if float(np.linalg.norm(solution.fun)) > _SMALL:
+    if not float(np.linalg.norm(solution.fun)) <= _SMALL:  # nor may it be NaN
         return False
     aim = _aim(light, solution.x, kick)
     return propellant_left(light, aim, light.inserting) >= 0.0

@@ -365,6 +365,6 @@ def _guess_attitude(columns: Sequence[_Column], read_values: _Reader) -> list[Gu
         "form": "euler",
         "frame": "ned",
         "columns": [column.title for column in euler],
-        "unit": _angle_unit(euler[0], read_values(euler)),
+        "unit": euler[0].unit or _angle_unit(euler[0], read_values(euler)),
     }
     return [Guess("attitude", content, "against north, east and down, assumed: confirm")]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import elements_from_state
+from lvnav_trade.trajectory.ascent import targeting
 from lvnav_trade.trajectory.ascent.launch import achieved
 from lvnav_trade.trajectory.ascent.legs import fly_ascent
 from lvnav_trade.trajectory.ascent.targeting import propellant_left, solve
@@ -72,6 +74,15 @@ def test_a_far_too_heavy_payload_is_refused_with_the_missing_delta_v_and_what_ca
 
     assert lacking == pytest.approx(ideal(carried) - ideal(9000.0), abs=10.0)
     assert lacking > 1000.0
+
+
+def test_a_payload_whose_targeting_ends_in_no_number_does_not_reach_the_orbit(monkeypatch):
+    card = ascent_card(kick_angle="3 deg")
+    solution = targeting._reach(card, card.kick_angle, targeting._first_guess(card), 80)
+    assert targeting._reaches(card, card.vehicle.payload)
+    solution.fun = np.full(4, np.nan)
+    monkeypatch.setattr(targeting, "_reach", lambda *_: solution)
+    assert not targeting._reaches(card, card.vehicle.payload)
 
 
 def test_an_orbit_beyond_even_the_empty_vehicle_is_refused_with_the_least_that_is_missing():

@@ -82,6 +82,14 @@ def test_a_frame_that_no_name_says_is_that_in_which_the_first_rows_rest(
     assert named["position"]["frame"] == "j2000"
 
 
+def test_angles_with_a_unit_in_their_titles_are_not_read(rows, tmp_path: Path) -> None:
+    columns = np.column_stack([rows[:, :4], np.full((len(rows), 3), np.nan)])
+    titles = ["t", "lat", "lon", "alt", "yaw_deg", "pitch_deg", "roll_deg"]
+    assert content(written(tmp_path, titles, columns))["attitude"] == {
+        "form": "euler", "frame": "ned", "columns": titles[4:], "unit": "deg",
+    }  # fmt: skip
+
+
 def test_columns_that_are_missing_are_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"flight.csv: no column of time \(one of t, time, .*\); it has a, b$"):
         guess(written(tmp_path, ["a", "b"], np.zeros((20, 2))))
