@@ -274,11 +274,11 @@ class SteeredCard(units.Card):
             yield f"envelope.{idle[0]} has no effect: only the rates of pitch and yaw are filtered; leave it out"
 
     def misfits(self, stages: int) -> Iterator[str]:
-        """Yield what does not fit a vehicle of so many stages."""
+        """Yield the faults of the card for a vehicle with this number of stages."""
         yield from _misfits(self.rotation, self.controller, stages)
 
     def misguided(self, guidance: str) -> Iterator[str]:
-        """Yield what has no effect, or contradicts, where the trajectory's guidance steers."""
+        """Yield the settings without effect, and the contradictions, under a guidance that steers by navigation."""
         if self.realisation != 0:
             yield f"control.realisation has no effect with guidance: {guidance}, every run is a launch; leave it out"
         if self.controller.guidance is not None:
@@ -308,7 +308,7 @@ class ControlledCard(units.Card):
     rate_gain: float = Field(1.0, gt=0.0, description="factor on the rate gain of every stage")
 
     def misfits(self, stages: int) -> Iterator[str]:
-        """Yield what does not fit a vehicle of so many stages."""
+        """Yield the faults of the card for a vehicle with this number of stages."""
         yield from _misfits(self.rotation, self.controller, stages)
 
 

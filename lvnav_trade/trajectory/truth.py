@@ -128,9 +128,9 @@ class Trajectory:
 
     def _reached(self, t: Floats) -> Floats:
         """Return altitude (m), speed (m/s, relative to the Earth) and dynamic pressure (Pa) at t (n,) s, (3, n)."""
-        flight = motion(self, t)
-        height = frames.geodetic_from_ecef(flight.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
-        speed = np.linalg.norm(frames.earth_velocity(flight.r_i, flight.v_i), axis=1)
+        true = motion(self, t)
+        height = frames.geodetic_from_ecef(true.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
+        speed = np.linalg.norm(frames.earth_velocity(true.r_i, true.v_i), axis=1)
         density = np.array([atmosphere(h)[0] for h in height.tolist()])
         return np.stack([height, speed, 0.5 * density * speed**2])
 
@@ -202,7 +202,7 @@ def attitude_spline(t: Floats, q: Floats) -> BSpline:
 
 
 def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
-    """Return the true motion at times t (n,), s since lift-off. At a jump of force it is the value just after the jump.
+    """Return the true motion at times t (n,), s since lift-off; at a jump of force, the motion just after the jump.
 
     ValueError if a time lies outside the trajectory, where the splines would extrapolate.
     """

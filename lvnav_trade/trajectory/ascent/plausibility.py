@@ -11,7 +11,7 @@ from lvnav_trade.quantities.units import AccelerationLimit, AngularRateLimit
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, FlightCard
 from lvnav_trade.trajectory.truth import BEYOND, WARNING, Trajectory, motion
 
-_STEP = 0.05  # s at most between the times at which a flight is looked at
+_STEP = 0.05  # s; longest interval between the times at which a trajectory is evaluated
 
 
 class _Limit(NamedTuple):

@@ -310,7 +310,7 @@ def rebuild(card: RecordedAscent) -> Trajectory:
             **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
         }
     )
-    # Noise of a velocity: that of the speed, and gravity in an interval times altitude noise over the way in it
+    # Noise of a velocity: that of the speed, plus that of gravity along the path over an interval, g dh / v
     noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)
     missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
     flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])

@@ -1,4 +1,4 @@
-"""Trajectories from files of the user's own: columns of numbers to a true flight.
+"""Trajectories from the user's files: from columns of numbers to a true trajectory.
 
 Read `columns.py` first (the card), then `table_flight.py`.
 """

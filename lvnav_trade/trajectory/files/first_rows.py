@@ -90,7 +90,7 @@ class AttitudeInterpretation(NamedTuple):
 
 def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the interpretations of attitude columns by frame, scalar and sense, that of the card first."""
-    # dictionaries without values: the card's own setting comes first, and once
+    # keys of dictionaries, so that the setting of the card comes first and only once
     frames = dict.fromkeys([attitude["frame"], *_FRAMES])
     if attitude["form"] == "euler":
         for frame in frames:

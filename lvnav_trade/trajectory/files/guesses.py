@@ -218,7 +218,7 @@ def is_clock(title: str) -> bool:
 
 
 def _parse_title(title: str) -> _Column:
-    """Return name, unit and frame that a title contains."""
+    """Return a column with the name, unit and frame in its title."""
     text = title.strip().lower()
     match = _WITH_UNIT.fullmatch(text)
     name = match[1].strip() if match else text
@@ -240,7 +240,7 @@ def _titles(columns: Sequence[_Column]) -> str:
 def _find_columns(columns: Sequence[_Column], name_lists: Sequence[Sequence[str]]) -> list[_Column] | None:
     """Return a column for each of several lists of names; None if a column is missing.
 
-    The first name of a list that a column has decides.
+    Names that come first in a list have precedence.
     """
     chosen = []
     for names in name_lists:

@@ -59,7 +59,7 @@ def rotation_to_date(epoch: str) -> Floats:
     longitude, obliquity, node = _nutation(t)
     mean_obliquity = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * _ARCSEC
     nutation = _about_x(-mean_obliquity - obliquity) @ _about_z(-longitude) @ _about_x(mean_obliquity)
-    # Equation of the equinoxes, from the true equinox to the mean one
+    # Equation of the equinoxes, from the true to the mean equinox
     node_terms = 0.00264 * math.sin(node) + 0.000063 * math.sin(2.0 * node)
     equinoxes = longitude * math.cos(mean_obliquity) + node_terms * _ARCSEC
     return np.asarray(_about_z(equinoxes) @ nutation @ _precession(t))

@@ -147,7 +147,7 @@ class SoundingFlight(FlightCard):
 def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: float, end: float) -> PPoly | None:
     """Return the roll angle (rad) from start to end (s) with an initial spin of zero; None without any spin.
 
-    The spin rate is constant between the steps, and goes over to the next rate along 6 x^5 - 15 x^4 + 10 x^3.
+    The spin rate is constant between the steps. In a step it changes to the next rate by 6 x^5 - 15 x^4 + 10 x^3.
     """
     if not steps:
         return None
@@ -343,7 +343,7 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
     if apogee is None:
         assert rail is not None
         return rail, None
-    # before the search, refuse a rocket that does not leave its rail
+    # A rocket that does not leave its rail is refused before the search.
     _SoundingIntegration(card, rail or math.radians(80.0)).leave_rail(card.stages[0])
 
     def excess_height(elevation: float) -> float:

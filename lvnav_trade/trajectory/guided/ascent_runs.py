@@ -97,7 +97,7 @@ def _make_pilot(
     control = plan.card.control
     if control is None:
         return GuidedPilot(plan, vehicle, run_deviations, navigation)
-    # These settings change runs, and not the launch that they have in common.
+    # The excluded settings change the runs, but not the launch that they have in common.
     launch = _cached_launch(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
     draws = draws or DrawKeys(np.uint64(0), np.uint64(0), np.uint64(0))
     density = density_of(plan.card, sigmas)

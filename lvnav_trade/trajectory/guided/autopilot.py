@@ -9,7 +9,7 @@ from lvnav_trade.quantities.records import Floats, Ints
 TRUE, RAW, FILTERED = 0, 1, 2
 BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
 IDEAL, MODELLED, OF_THE_RUN = 0, 1, 2
-"""Attitude that the controller sees: the true one, that of a navigation of its own, that of the run's navigation."""
+"""Attitude that the controller uses: the true attitude, that of a separate navigation, that of the run's navigation."""
 NEXT, MOTOR, JUST_IGNITED, STACK, N_COUNT = range(5)
 """Counters of a run: next tick, burning stage (0: none, -1: not known yet), whether it just changed, lowest stage."""
 

@@ -20,7 +20,7 @@ from lvnav_trade.trajectory.guided.pilots import PathSegment, TurningPilot
 from lvnav_trade.trajectory.truth import Commands, Phase, Trajectory, attitude_spline, motion, position_spline
 
 _SEED = 0  # a launch is drawn from its number alone
-_LOAD_STEP = 0.05  # s between the times at which the largest load is looked for
+_LOAD_STEP = 0.05  # s between the times at which the load is evaluated
 
 
 @remembered(2)
@@ -40,7 +40,7 @@ def flown_ascent(card: VehicleAscent) -> Trajectory:
 
 
 def fly_launch(ascent: SolvedAscent, launch: Launch, card: SteeredCard) -> Trajectory:
-    """Return the trajectory of one launch, whose motors burn as long as on the nominal ascent.
+    """Return the trajectory of one launch, with the burn times of the nominal ascent.
 
     The attitude is that of the controlled loop; roll is that of the ascent. Knots are one tick apart.
 

@@ -1,4 +1,4 @@
-"""The vehicle and the day of one run: spreads of the vehicle card times draws, and the vehicle that they make."""
+"""Vehicle and wind of one run: draws, times the dispersions of the vehicle card."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, DispersionsCa
 from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Stage, VehicleAscent
 from lvnav_trade.trajectory.guided.guided_dynamics import Wind
 
-NO_RUN = -1  # number of a run without draws
+NO_RUN = -1  # number of a run without random draws
 WIND_STEP, WIND_TOP = 500.0, 30e3
 """Metres between heights of the wind, and above which there is none: the air there is a hundredth of that at sea level.
 """

@@ -33,7 +33,7 @@ ThrustIntegrals = tuple[float, float, float, float, float, float]
 
 
 class Target(NamedTuple):
-    """Where the burn ends.
+    """Target state at the end of the burn.
 
     radius : m.
     speed : m/s.
@@ -126,9 +126,9 @@ def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
 
 @making_arrays
 def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal: Floats) -> Floats:
-    """Return the position to go (3,) m whose component downrange is that of the thrust.
+    """Return the position to go (3,) m with the downrange component that the thrust produces.
 
-    The range at cut-off is free: the component of rgo downrange follows from S = rgo lambda_v.
+    The range at cut-off is free: the downrange component of rgo follows from S = rgo . lambda_v.
 
     lambda_v : (3,). Unit vector along the velocity to go.
     S : m. Double integral of the specific force.
@@ -152,6 +152,7 @@ def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegral
 
     lambda_v : (3,). Unit vector of the thrust at the reference time.
     lambda_dot : (3,) 1/s. Its rate.
+    thrust : Thrust integrals over the burn.
     """
     L, J, H, S, Q, P = thrust
     start = lambda_v - lambda_dot * (J / L)

@@ -21,7 +21,7 @@ from lvnav_trade.trajectory.guided.explicit import LAMBDA, REFERENCE, STARTED, T
 
 Vector = tuple[float, float, float]
 WHOLE, CUT_OFF, EMPTY, DIVERGED = 0, 1, 2, 3
-"""How a piece ends: as planned, by the cut-off, out of propellant, or because guidance diverges."""
+"""End of a piece: at its planned time, at the cut-off, out of propellant, or because guidance diverges."""
 _REFINED = 4  # secant steps to the cut-off within a step
 
 
@@ -63,7 +63,7 @@ class Wind(NamedTuple):
 
 
 class Cutoff(NamedTuple):
-    """What ends the last burn: the cut-off, or an empty stage.
+    """Conditions for the end of the last burn: the cut-off, or an empty stage.
 
     by_energy : Whether the cut-off is at an energy; else it is at a time.
     energy : J/kg. Specific two-body energy of the navigated state at the cut-off.
@@ -85,7 +85,7 @@ class GuidanceLaw(NamedTuple):
     cycle : s. Interval of its passes.
     freeze : s. Time to go below which its law is no longer updated.
     exhaust : m/s. Exhaust speed as it is known before lift-off.
-    target : Orbit at the end of the burn.
+    target : State at the end of the burn.
     state : (N_LAW_STATE,). State of the law from pass to pass, see `steer`; updated.
     schuler : Whether it predicts gravity by the Schuler approximation.
     """
@@ -105,7 +105,7 @@ class AscentInputs(NamedTuple):
 
     programme : Attitude programme.
     navigation : Navigation errors.
-    drag : Air and drag of the vehicle.
+    drag : Drag of the vehicle.
     wind : Wind over height.
     misalignment : (2,) rad. Of the thrust, down and to the right.
     law : Explicit guidance.
@@ -348,9 +348,10 @@ def _distance_to_end(t: float, h: float, y: Floats, inputs: AscentInputs, cutoff
 def _step_to_end(
     t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
-    """Return length (s) and final state of a step of at most h (s), and its end: at cut-off, depletion or neither.
+    """Return length (s) and final state of a step of at most h (s), and the reason for its end.
 
-    Within the step both are found by secants on integrations of a part of it.
+    The reason is CUT_OFF, EMPTY or WHOLE. Cut-off and depletion within the step are found by the secant method on its
+    length.
     """
     length = h
     state = step(t, h, y, engine, inputs)
@@ -377,9 +378,12 @@ def _step_to_end(
 def fly_last(
     t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
-    """Return time (s), state (7,) and reason at the end of a piece of the last burn, which lasts to `end` at most.
+    """Return time (s), state (7 or 10,) and reason at the end of a piece of the last burn.
 
+    t, end : s since lift-off. Start, and latest end.
     most : s. The longest step.
+
+    The reason is WHOLE, CUT_OFF, EMPTY or DIVERGED.
     """
     law = inputs.law
     next_pass = t

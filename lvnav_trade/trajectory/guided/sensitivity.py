@@ -1,9 +1,9 @@
 """Derivatives of an injection along the reference flight: by navigation errors, and by the sources of the vehicle.
 
 The reference flight is that of the vehicle without draws and with a perfect navigation. Its pieces are simulated again
-with one number changed at a time, and their derivatives are multiplied from the cut-off back to lift-off. So the flight
-itself is the only statement of the model. The time of the cut-off gives way: the flight ends when the navigated energy
-is that of the target.
+with one number changed at a time, and their derivatives are multiplied from the cut-off back to lift-off. No second
+model of the flight is needed. The time of the cut-off is free: the flight ends when the navigated energy reaches that
+of the target.
 """
 
 import math
@@ -256,7 +256,7 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
     (n_t, n_number, 9)
         By navigation errors.
     (n_height, 2, n_number)
-        By the wind (m/s), zero above the table of the wind.
+        By the wind (m/s) at the heights of its table; zero at heights that the flight does not pass.
     """
     n_motion = at_cutoff.by_state.shape[1]
     by_end = np.zeros((len(INJECTION), n_motion + N_LAW_STATE))  # by motion and state of guidance

@@ -1,7 +1,7 @@
-"""Flight of a piece of an ascent under attitude control: nozzle, air and thrusters turn the body, thrust follows it.
+"""Motion over a piece of an ascent under attitude control: nozzle, air and thrusters turn the body and its thrust.
 
-Forces, air, wind, events, the law of the last stage and the cut-off are those of `guided_dynamics.py`. Each tick of the
-IMU the axes of `loop.py` turn the body, and a step of second order moves it.
+Forces, air, wind, events, the law of the last stage and the cut-off are those of `guided_dynamics.py`. At each tick of
+the IMU, `loop.py` turns the body about both axes, and a step of second order moves it.
 """
 
 import math
@@ -71,12 +71,12 @@ class Gusts(NamedTuple):
 
 
 class AttitudeControl(NamedTuple):
-    """Attitude control, body and gusts of a run; its surroundings are separate.
+    """Attitude control, body and gusts of a run; its `AscentInputs` are separate.
 
     control : The controlled attitude.
     craft : The body.
     gusts : Gusts over height.
-    path : (n_record, 7). True state at every recorded tick; without rows if nothing is recorded; set.
+    path : (n_tick, 7). True state at every tick, as in `forces_and_rates`; no rows if the path is not recorded; set.
     """
 
     control: ControlledAttitude
