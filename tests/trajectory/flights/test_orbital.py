@@ -20,6 +20,7 @@ from lvnav_trade.quantities.frames import (
     matrices,
     unit,
 )
+from lvnav_trade.quantities.reads import FieldReads
 from lvnav_trade.trajectory.flights.orbital import OrbitalFlight, orbit
 from lvnav_trade.trajectory.truth import Trajectory, motion, reference
 from tests.potential import potential_j4
@@ -165,6 +166,16 @@ def test_a_leg_cuts_no_corner_where_the_air_begins():
     assert flight.events["entry"] < flight.end
     assert place(flight, flight.events["entry"])[2] == pytest.approx(100e3, abs=1.0)
     assert 90e3 <= place(flight, flight.end)[2] < 92e3
+
+
+@pytest.mark.parametrize(("area", "is_read"), [("1 m^2", True), ("0 m^2", False)])
+def test_the_drag_table_has_an_effect_with_a_reference_area_alone(area, is_read):
+    card = OrbitalFlight.model_validate(
+        orbital_settings(reference_area=area, legs=[{"name": "coast", "duration": "10 s"}], descent=None)
+    )
+    reads = FieldReads(card)
+    orbit(reads.card)
+    assert {"mach" in reads.paths, "drag_coefficient" in reads.paths} == {is_read}
 
 
 @pytest.mark.parametrize(
