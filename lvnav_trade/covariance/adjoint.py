@@ -275,7 +275,7 @@ def _solution_back(back, y, chain, true, epoch, time_bin):
 
 @jit
 def _add_metrics(back, entering, hist):
-    """Add the weights of the metrics at a history time to the adjoint; return whether the metrics have any.
+    """Add the weights of the metrics at a history time to the adjoint; return whether there are weights at that time.
 
     Parameters
     ----------

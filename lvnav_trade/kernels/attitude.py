@@ -6,7 +6,7 @@ from lvnav_trade.kernels.lanes import where
 
 @jit
 def cross(ax, ay, az, bx, by, bz):
-    """Return the vector product a x b as three components, in the axes and with the units of a and b."""
+    """Return the three components of the vector product a x b, in the axes of a and b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
@@ -111,9 +111,9 @@ def from_rotation(x, y, z):
 
 @jit
 def normalise(q0, q1, q2, q3):
-    """Return a quaternion of nearly unit length, normalised by one Newton step of 1 / sqrt(q q').
+    """Return a quaternion of nearly unit length, normalised by one Newton step for 1 / |q|.
 
-    The norm must be within rounding or integration errors of 1: a relative error of second order remains.
+    The norm may differ from 1 by rounding and integration errors e: an error of order e^2 remains.
     """
     scale = 1.5 - 0.5 * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
     return scale * q0, scale * q1, scale * q2, scale * q3

@@ -62,7 +62,7 @@ def _offsets(struct: Any) -> list[int]:
     return [struct.get_element_offset(target_data, index, context) for index in range(len(struct.elements))]
 
 
-class RecordModel(TupleModel):  # type: ignore[misc]  # numba has no types
+class RecordModel(TupleModel):  # type: ignore[misc]  # numba publishes no types
     """Data model of a record of this package: passed by address."""
 
     def get_argument_type(self) -> Any:

@@ -42,7 +42,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_number_functions)
 
 
-class Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+class Library(JITCodeLibrary):  # type: ignore[misc]  # numba publishes no types
     """Compiled form of a function. A kernel that only kernels call (a part) has only what its callers need.
 
     A caller optimises again whatever it calls, at all depths. A part is therefore optimised lightly and has no machine
@@ -151,7 +151,7 @@ def _seldom_collected() -> Iterator[None]:
         gc.set_threshold(*usual)
 
 
-class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
+class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba publishes no types
     """A kernel as Python calls it. Kernels call its twin `inner`, which has no Python wrapper.
 
     The wrapper unpacks and checks every array of every record among the arguments. For a small function with the

@@ -210,8 +210,8 @@ def turning(code, px, py, pz, vx, vy, vz):
 def _quaternion(m):
     """Return the quaternion of a rotation matrix, nine entries by rows, from its largest component for accuracy.
 
-    The squares of the components are t_k / 4. The row of q q' with the largest t, divided by its root, is the
-    quaternion (Shepperd, J. Guidance and Control 1, 1978).
+    The matrix 4 q q' has the diagonal t_k = 4 q_k^2. The quaternion is the row with the largest t, divided by 2 sqrt(t)
+    (Shepperd, J. Guidance and Control 1, 1978).
     """
     t0 = 1.0 + m[0] + m[4] + m[8]
     t1 = 1.0 + m[0] - m[4] - m[8]

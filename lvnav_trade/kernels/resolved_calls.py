@@ -12,7 +12,7 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.typing import Context
 
 
-class RememberingContext(Context):  # type: ignore[misc]  # numba has no types
+class RememberingContext(Context):  # type: ignore[misc]  # numba publishes no types
     """Numba's typing context with a cache of resolved calls.
 
     If numba learns of another implementation, the function type is a new object, so a cached result is never outdated.

@@ -85,7 +85,7 @@ def _gradient(block, factor, x, y, z):
     Parameters
     ----------
     block : (9,) by rows, set here
-    factor : factor, any unit
+    factor : multiplies the gradient
     x, y, z : m, position, frame i
     """
     xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
@@ -101,7 +101,7 @@ def _column(block, factor, sums, ux, uy, uz):
     Parameters
     ----------
     block : (9,) by rows, set here
-    factor : factor, 1
+    factor : number without unit
     sums : (18,) integrals of the strapdown over the window
     ux, uy, uz : driver of the parameter, body axes
     """

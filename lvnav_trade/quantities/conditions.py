@@ -211,7 +211,7 @@ class FlightProfile:
             low = np.where(is_before, middle, low)
             high = np.where(is_before, high, middle)
         edges = [-np.inf, *high.tolist(), np.inf]
-        intervals = tuple(pairwise(edges))  # in turn with and without the condition
+        intervals = tuple(pairwise(edges))  # the condition is true in every other interval
         return intervals[0 if is_met[0] else 1 :: 2]
 
     def holding(self, conditions: Conditions) -> Intervals:

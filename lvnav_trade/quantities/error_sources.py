@@ -82,10 +82,10 @@ _OTHERS = {
 
 def _all_sources() -> dict[str, Source]:
     sources = {}
-    for label, triad in (("gyro", "gyro"), ("accelerometer", "accel")):
+    for label, sensor in (("gyro", "gyro"), ("accelerometer", "accel")):
         for term, field in _IMU.items():
             key = f"{label} {term}"
-            sources[key] = Source(key, key, _linear(f"imu.{triad}.{field}"))
+            sources[key] = Source(key, key, _linear(f"imu.{sensor}.{field}"))
     for key, fields in _OTHERS.items():
         sources[key] = Source(key, key, fields)
     return sources

@@ -33,7 +33,7 @@ def antenna(out: Any, nav: Any, rate: Any, lever: Any, sign: float) -> None:
         Position (m), velocity (m/s), lever arm C l (m), its rate C (w x l) (m/s), and the derivative of the velocity by
         the rate state (m), 3 x 3 by rows.
     nav : (10,)
-        Navigation state: position (m), velocity (m/s), quaternion.
+        Navigation state: quaternion body to i, velocity (m/s), position (m), frame i.
     rate : (3,) rad/s
         Body rate, body axes.
     lever : (3,) m

@@ -171,7 +171,7 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
     prepared
         Prepared case.
     seconds
-        s. Length of the stream; without curves if it is too short for one averaging time.
+        s. Length of the stream; no curve is returned if it is too short for one averaging time.
     seed
         Seed of the draws.
     """

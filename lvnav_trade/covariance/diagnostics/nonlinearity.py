@@ -102,7 +102,7 @@ def nonlinearity(
 def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tuple[Floats, Floats]:
     """Return the deviation of the first-order part from a linear propagation, and the second-order part, (n, 9).
 
-    Both are in formal sigmas, zero for a state without.
+    Both are in formal sigmas of the states, and zero for a state without formal sigma.
 
     Parameters
     ----------
