@@ -42,8 +42,8 @@ def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
     assert text.text == (
         "Of 6 published results that count, 3 are reproduced: 2 of 5 numbers are reproduced, 3 are not; 1 of 1 orders "
         "and statements on innovations are reproduced, 0 are not. Separately, of 2 numbers within their band that are "
-        "of one published run, 1 lie between the 1 % and 99 % quantiles of our runs. Not counted: 1 results fixed by "
-        "our inputs (1 hold)."
+        "of one published run, 1 lie between the 1 % and 99 % quantiles of our runs. Not counted: 1 result fixed by "
+        "our inputs (1 holds)."
     )
     assert [row[0] for row in important.rows] == ["main", "far", "out"]
     assert [row[-1] for row in important.rows] == ["why main", "why far", "why out"]
@@ -77,7 +77,7 @@ def test_rows_that_are_not_published_are_counted_apart_and_have_a_table() -> Non
     assert isinstance(text, Text)
     assert text.text.startswith("Of 6 published results that count, 3 are reproduced")
     assert text.text.endswith(
-        "Not counted: 1 results fixed by our inputs (1 hold); 2 results whose statement or bound is ours (1 hold)."
+        "Not counted: 1 result fixed by our inputs (1 holds); 2 results whose statement or bound is ours (1 holds)."
     )
     assert [row[0] for row in headline(rows, ("limit of ours",))[1].rows] == ["far", "out", "main"]
     tables = below(rows)
@@ -112,7 +112,7 @@ def test_second_readings_and_verifications_have_tables_of_their_own() -> None:
     text = headline(rows, ())[0]
     assert isinstance(text, Text)
     assert text.text.startswith(
-        "Not counted: 1 second comparisons with a published number (0 hold); 1 results that cannot fail"
+        "Not counted: 1 second comparison with a published number (0 hold); 1 result that cannot fail"
     )
 
 
