@@ -171,7 +171,7 @@ def test_a_leg_cuts_no_corner_where_the_air_begins():
 @pytest.mark.parametrize(("area", "is_read"), [("1 m^2", True), ("0 m^2", False)])
 def test_the_drag_table_has_an_effect_with_a_reference_area_alone(area, is_read):
     card = OrbitalFlight.model_validate(
-        orbital_settings(reference_area=area, legs=[{"name": "coast", "duration": "10 s"}], descent=None)
+        orbital_settings(reference_area=area, legs=[{"name": "coast", "duration": "10 s"}], descent=None, assumed={})
     )
     reads = FieldReads(card)
     orbit(reads.card)
