@@ -47,6 +47,8 @@ RUNS = {
 """What each small version leaves out."""
 LONG = {
     "adaptation",
+    "antenna_failure",
+    "delay_by_satellites",
     "hil_causes",
     "imu_temperature",
     "receiver_limits",

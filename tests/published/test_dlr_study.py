@@ -31,11 +31,15 @@ LONG = {
     "fdir",
     "fdir_alarms",
     "fdir_divergence",
+    "fdir_sizes",
     "smoothed_solution",
     "smoothing_locus",
     "strapdown_drift",
     "strapdown_outage",
     "strapdown_rates",
+    "troposphere_locus",
+    "troposphere_residuals",
+    "troposphere_stanag",
 }
 """Each takes 7 to 16 s: kernels of its own, or dense histories. `make slow` flies them."""
 BY_COVARIANCE = (

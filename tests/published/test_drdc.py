@@ -81,6 +81,7 @@ def test_twenty_launches_say_whether_errors_are_as_the_filter_assumes(tmp_path):
     assert set(found.verdict) <= {"as modelled", "smaller"}
 
 
+@pytest.mark.slow  # two campaigns of a quarter of a minute
 def test_launches_of_a_mission_count_as_one_case(tmp_path):
     """Two launches of the real mission: their rates differ, and a row of both has the runs of both."""
     settings = ("axes.0.values=[0, 1]", "monte_carlo.runs=8", "report.sections=[references]")
@@ -99,6 +100,7 @@ def test_launches_of_a_mission_count_as_one_case(tmp_path):
     assert frame.loc["sigma over the phase, rate roll, boost", "verdict"] == FAILS
 
 
+@pytest.mark.slow  # kernels of its own
 def test_all_states_are_observable_only_with_a_time_constant_of_the_position_bias(tmp_path):
     tables = flown("observability", tmp_path, "covariance.window=10 s")
     frame = publication("drdc").table(tables)

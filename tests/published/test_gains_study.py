@@ -78,8 +78,8 @@ HOLD = {
     "landing": ("winged landing, lost",),
 }
 """Beginnings of the items that hold with eight runs too."""
-QUICK = ("polar", "transfer_orbit")
-"""The small versions that `make test` flies; the others take up to two minutes each."""
+QUICK = ("transfer_orbit",)
+"""The small version that `make test` runs; the others take up to two minutes each."""
 CONDITIONS = (
     "low noise", "high noise", "intermittent loss", "bursts of wild samples", "latency", "recorded errors", "3-sigma",
     "times Q", "loss of 300 s before injection",
@@ -170,6 +170,7 @@ def test_process_noise_of_the_ensemble_makes_the_filter_honest(tmp_path: Path) -
     assert slow == 1.0  # of 24 axes; one in 400 is beyond
 
 
+@pytest.mark.slow  # half a minute
 def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> None:
     results = flown("design_validation", tmp_path)
     verdicts = METRICS["requirements"](results.tables)

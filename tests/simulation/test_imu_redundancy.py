@@ -32,6 +32,7 @@ def two(*faults, **fields):
     return prepare_hop(with_units(scenario, [{}] * 2, **fields).model_copy(update={"faults": faults}))
 
 
+@pytest.mark.slow  # kernels of their own
 def test_two_units_detect_a_failure_that_they_cannot_isolate_and_go_on_with_the_mean():
     reporting, silent = two(STEP, parity={"after_detection": "report"}), two(STEP)
     found, other = run_block(reporting, 5, 0, RUNS), run_block(silent, 5, 0, RUNS)

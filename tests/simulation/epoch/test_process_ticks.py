@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.simulation.epoch.process import sample_window
@@ -10,6 +11,7 @@ from lvnav_trade.simulation.montecarlo import run_block
 from tests.both_engines.modelled import MODEL, PUBLISHED, modelled
 
 
+@pytest.mark.slow  # two large kernels
 def test_samples_leave_the_same_covariance_in_a_run_and_on_the_nominal_flight():
     assert callable(sample_window)
     prepared = modelled(MODEL, PUBLISHED)

@@ -85,6 +85,7 @@ def test_it_measures_where_the_flight_meets_its_conditions_and_nowhere_else():
     np.testing.assert_array_equal(sensor.on, expected)
 
 
+@pytest.mark.slow  # kernels of its own
 def test_both_engines_take_an_altimeter_only_when_it_measures_and_agree():
     prepared = prepare_hop(radar(rate="0.5 Hz", until="15 s"))
     cov, block = covariance(prepared), run_block(prepared, 7, 0, N_RUN)
@@ -303,10 +304,9 @@ def test_a_latency_that_is_not_compensated_acts_in_both_engines_as_an_error():
     assert np.linalg.norm(covariance(now).mean[-1, :3]) < 1e-9
 
 
-@pytest.mark.parametrize("feedback", [pytest.param("closed", marks=pytest.mark.slow), "open"])  # a kernel each
-@pytest.mark.parametrize(
-    "latency", [LATENCY, pytest.param(0.333, marks=pytest.mark.slow), pytest.param(1.4, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow  # a kernel each
+@pytest.mark.parametrize("feedback", ["closed", "open"])
+@pytest.mark.parametrize("latency", [LATENCY, 0.333, 1.4])
 def test_a_buffered_sensor_is_compared_with_the_state_of_its_time(feedback, latency):
     """333 ms are between two ticks, 1.4 s are more than an interval of the filter."""
     case = referenced(latency=f"{latency} s", sigma="0.5 mrad")

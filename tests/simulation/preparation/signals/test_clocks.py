@@ -117,7 +117,10 @@ def of_differences(clock, measurements, *changes):
     )
 
 
-@pytest.mark.parametrize("measurements", [["pseudorange", "tdcp"], ["carrier_phase", "delta_pseudorange"]])
+@pytest.mark.parametrize(
+    "measurements",
+    [pytest.param(["pseudorange", "tdcp"], marks=pytest.mark.slow), ["carrier_phase", "delta_pseudorange"]],
+)
 def test_both_engines_difference_every_observable_of_a_satellite(measurements):
     case = of_differences("differenced", measurements)
     taken = case.signals.reference
