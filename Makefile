@@ -14,7 +14,7 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow browser bounds lowest test-lowest bench docs study-conae study-dlr study-drdc study-gains recorded test-s3 trade wheelhouse clean
+.PHONY: help demo test quick lint unit smoke slow browser bounds lowest test-lowest bench docs study-conae study-dlr study-drdc study-gains recorded test-s3 trade wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
@@ -55,11 +55,14 @@ demo: $(VENV)/.installed
 	$(call run,demo)
 	@test -s results/demo/report.html || { echo "the demo campaign left no report" >&2; exit 1; }
 
-test: lint smoke unit
+test: unit
 	@echo "all tests passed"
 
-# Each waits for the one before it, so that `make -j` neither mixes their output nor compiles a kernel twice: the small
-# campaign compiles the kernels that most tests fly with, which the processes of the tests would each do for themselves.
+# Style and types are checked while the small campaign runs. The other tests wait for it: it compiles kernels that most
+# of them use, which their processes would each compile again.
+quick: $(VENV)/.installed-test
+	@$(MAKE) --no-print-directory -j2 lint smoke
+
 lint: $(VENV)/.installed-test
 	@$(bin)/ruff check --quiet
 	@$(bin)/ruff format --check --quiet || { $(bin)/ruff format --check; exit 1; }
@@ -67,13 +70,13 @@ lint: $(VENV)/.installed-test
 	@$(bin)/lint-imports --no-logo > "$(VENV)/imports.log" 2>&1 || { cat "$(VENV)/imports.log"; exit 1; }
 	@echo "style, types and architecture: good"
 
-smoke: lint
+smoke: $(VENV)/.installed-test
 	$(call run,smoke)
 	@test -s results/smoke/report.html || { echo "the small campaign left no report" >&2; exit 1; }
 	$(call compare,tests/baseline/smoke,results/smoke)
 	@echo "a small campaign from end to end: good"
 
-unit: smoke
+unit: quick
 	@$(bin)/python -m tests.by_room $(JOBS)
 
 # The report in a browser and on paper, and the manual; needs chromium and poppler-utils (apt-get install chromium poppler-utils).

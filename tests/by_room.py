@@ -6,6 +6,7 @@ room to 0.1 to 2.5 GB.
 
 from __future__ import annotations
 
+import os
 import re
 import resource
 import subprocess
@@ -17,8 +18,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 TESTS = Path(__file__).parent
-LONG = ("simulation", "published", "trajectory", "campaign", "report", "filter", "covariance", "both_engines")
-"""Rooms that take longest. They start first, so that no processor waits at the end."""
+LONG = (
+    "simulation",
+    "campaign",
+    "trajectory",
+    "published",
+    "architecture",
+    "report",
+    "results",
+    "both_engines",
+    "filter",
+    "covariance",
+)
+"""Rooms that take longest start first, so that no processor waits at the end. `simulation` and `published` need many of
+the same kernels and would compile them twice at the same time."""
+ONE_PROCESSOR = {"LOKY_MAX_CPU_COUNT": "1"}
+"""A room draws its figures in its own process. Workers would load the package again, and the other rooms use the
+processors."""
 NO_TESTS = 5  # exit code of pytest if all tests are left out as slow
 
 
@@ -45,7 +61,7 @@ def rooms() -> dict[str, list[Path]]:
 def run(room: str, paths: list[Path]) -> Outcome:
     """Run the tests of a room; write what they measured, and everything if one fails."""
     command = [sys.executable, "-m", "pytest", "-m", "not slow", "--quiet", "--no-header", *map(str, paths)]
-    finished = subprocess.run(command, cwd=TESTS.parent, capture_output=True, text=True)
+    finished = subprocess.run(command, cwd=TESTS.parent, capture_output=True, text=True, env=os.environ | ONE_PROCESSOR)
     lines = (finished.stdout + finished.stderr).splitlines()
     failed = finished.returncode not in (0, NO_TESTS)
     shown = lines if failed else [line for line in lines if line.startswith(("measured:", "skipped tests: "))]
