@@ -47,8 +47,14 @@ def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
 
     The NEES of a run is correlated from time to time: its mean over a phase has the bound of a single time.
     """
-    low = np.nan if stated.get("at_least") is None else float(stated["at_least"])
-    high = np.nan if stated.get("at_most") is None else float(stated["at_most"])
+    if stated.get("at_least") is None:
+        low = np.nan
+    else:
+        low = float(stated["at_least"])
+    if stated.get("at_most") is None:
+        high = np.nan
+    else:
+        high = float(stated["at_most"])
     n = max(runs, 1)
     if stated.get("probability") is not None:
         freedom = 3.0 * n
@@ -260,12 +266,16 @@ def where_bound(
     points.sort(key=lambda point: point[0])
     for name in sorted(tested_by, key=lambda name: name != "true"):
         for (x0, first, level), (x1, second, _) in pairwise(points):
-            y0, y1 = getattr(first, name), getattr(second, name)
+            y0 = getattr(first, name)
+            y1 = getattr(second, name)
             for bound in (low, high):
                 if (y0 - bound) * (y1 - bound) < 0.0:
                     fraction = (bound - y0) / (y1 - y0)
                     # positive levels are mostly spaced by factors: interpolate their logarithm
-                    x = x0 * (x1 / x0) ** fraction if x0 > 0.0 else x0 + fraction * (x1 - x0)
+                    if x0 > 0.0:
+                        x = x0 * (x1 / x0) ** fraction
+                    else:
+                        x = x0 + fraction * (x1 - x0)
                     unit = _NUMBER.sub("", level, count=1)
                     suffix = "" if name == "true" else f" ({name.replace('_', ' ')})"
                     return f"{x:.3g}{unit}{suffix}"

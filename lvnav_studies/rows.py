@@ -80,9 +80,12 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
     channels = str(stated.get("channels") or "")
     bound = float(stated.get("largest", 0.15))
     is_white = stated["white"]
-    label, largest, text = "", np.nan, "no such case"
+    label = ""
+    largest = np.nan
+    text = "no such case"
     if case is not None:
-        label, text = label_of(tables, case, axes_of(stated)), "no runs"
+        label = label_of(tables, case, axes_of(stated))
+        text = "no runs"
         pool = members(tables, case, axes_of(stated))
         correlations = [_most_correlated(tables, member, channels) for member in pool]
         sizes = np.array([size for size, _ in correlations])

@@ -155,7 +155,9 @@ class Publication(StudyScript):
 
     def _draw_bound(self, result: StudyResult, figure: FigureEntry) -> Any:
         statement = self._statement(result.campaign.name, figure)
-        return None if statement is None else bound(result.tables, statement.model_dump(mode="json"))
+        if statement is None:
+            return None
+        return bound(result.tables, statement.model_dump(mode="json"))
 
     def _bound_faults(self, figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
         statement = self._statement(question.campaign.name, figure)

@@ -74,7 +74,8 @@ def advice(tables: Tables, row: Any) -> str:
     scenario = scenario_of(tables, digests[row.case])
     requirements = {str(requirement["name"]): requirement for requirement in tables.campaign["requirements"]}
     requirement = requirements[row.requirement]
-    together, limits = "", row.remark
+    together = ""
+    limits = row.remark
     if row.remark.startswith("together"):
         together, _, limits = row.remark.partition("; ")
     is_joint = "," in row.source
@@ -317,11 +318,16 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
             return ""
         if float(size) == 0.0:
             continue
-        unit = "deg" if path[-1] in _ANGLES else _DATASHEET.get(si_unit, si_unit)
+        if path[-1] in _ANGLES:
+            unit = "deg"
+        else:
+            unit = _DATASHEET.get(si_unit, si_unit)
         displayed = float(size) / parse(f"1 {unit}", si_unit)
         name = f"{path[-1]} " if len(fields) > 1 else ""
         parts.append(f"{name}from {number(displayed)} to {number(displayed * factor)} {unit}")
-    return f"{', '.join(parts)} (1 sigma)" if 0 < len(parts) <= _MOST_FIELDS else ""
+    if 0 < len(parts) <= _MOST_FIELDS:
+        return f"{', '.join(parts)} (1 sigma)"
+    return ""
 
 
 def _value_at(data: Any, path: tuple[str, ...]) -> Any:

@@ -127,7 +127,9 @@ def _evidence(row: Any) -> str:
 
 def _metric(requirement: dict[str, Any]) -> str:
     name = words(requirement["metric"])
-    return f"3D {name.removesuffix(' 3d')}" if name.endswith(" 3d") else name
+    if name.endswith(" 3d"):
+        return f"3D {name.removesuffix(' 3d')}"
+    return name
 
 
 def _limit(requirement: dict[str, Any], shown: str) -> str:
@@ -176,7 +178,10 @@ def _covariance_verdicts(tables: Tables, name: str, verdicts: pd.DataFrame) -> l
         chance = _chance(row.expected_probability)
         sentences.append(f"{row.case}: {row.verdict}, {chance} of flights expected to meet it")
     for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
-        cases = rows.case.iloc[0] if len(rows) == 1 else f"{len(rows)} cases"
+        if len(rows) == 1:
+            cases = rows.case.iloc[0]
+        else:
+            cases = f"{len(rows)} cases"
         sentences.append(f"{cases}: {verdict}, {reason}")
     return [say("covariance_alone", same=int(is_same.sum()), whole=len(frame), others=sentences)]
 

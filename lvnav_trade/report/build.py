@@ -367,7 +367,10 @@ def _check(names: Sequence[str]) -> None:
     for name in names:
         if name not in SECTIONS:
             near = difflib.get_close_matches(name, SECTIONS, 1)
-            hint = f" (did you mean {near[0]}?)" if near else f"; there are {', '.join(SECTIONS)}"
+            if near:
+                hint = f" (did you mean {near[0]}?)"
+            else:
+                hint = f"; there are {', '.join(SECTIONS)}"
             raise InputError(f"report.sections: no section {name!r}{hint}")
 
 

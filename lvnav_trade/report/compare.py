@@ -81,7 +81,9 @@ def _size(value: float, row: Any) -> str:
     """Return a value of a compared quantity with its unit."""
     if row.scale == "fraction of runs":
         return percent(value)
-    return f"{number(value)} {row.unit}" if row.unit else number(value)
+    if row.unit:
+        return f"{number(value)} {row.unit}"
+    return number(value)
 
 
 def _change(value: float, scale: str, form: str = "") -> str:
@@ -138,7 +140,9 @@ def content(comparison: ResultComparison) -> dict[str, Any]:
 
 
 def _json_value(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def junit(comparison: ResultComparison) -> str:

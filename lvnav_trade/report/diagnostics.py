@@ -160,7 +160,10 @@ def _source_scaling(tables: Tables, case: str, quantity: str, retuned: pd.DataFr
     retuned : rows of the metric `sensitivity`: error for factors on the sigma of a source, filter re-tuned
     """
     rows = tables.adjoint[tables.adjoint.case == case]
-    event = str(rows.event.iloc[0]) if len(rows) else final_event(tables, case)
+    if len(rows):
+        event = str(rows.event.iloc[0])
+    else:
+        event = final_event(tables, case)
     law = gaussian(tables, case, event, quantity, "3d")
     if law is None or not law.sources:
         return None

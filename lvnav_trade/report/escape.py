@@ -123,7 +123,9 @@ def render(template: str, **content: Any) -> str:
         "base64": lambda content: base64.b64encode(content).decode(),
     }
     text = environment.get_template(template).render(content)
-    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n" if template.endswith(".md.j2") else text
+    if template.endswith(".md.j2"):
+        return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+    return text
 
 
 def _shown(value: Any) -> Any:

@@ -259,7 +259,10 @@ def _whiteness(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 def agreement(tables: Tables) -> list[Block]:
     """Return the verdict of each case and the quantities that disagree."""
     cases = by_case(tables)
-    alpha = percent(float(cases.alpha_ratio.iloc[0])) if len(cases) else ""
+    if len(cases):
+        alpha = percent(float(cases.alpha_ratio.iloc[0]))
+    else:
+        alpha = ""
     sources = []
     for row in cases.itertuples():
         sources.append(f"{row.source} ({100 * row.share_ratio:.0f} %)" if row.source else "–")

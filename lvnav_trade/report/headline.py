@@ -93,7 +93,8 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     if frame.empty:
         return []
     rows = frame[evidence(frame)]
-    all_rows, failing = frame, rows[~held(rows)]
+    all_rows = frame
+    failing = rows[~held(rows)]
     if statements is not None:
         all_rows = pd.concat([frame, statements], ignore_index=True)
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
@@ -105,7 +106,9 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
 
 
 def _counted_sentence(rows: pd.DataFrame) -> str:
-    return f"{said(rows, counted(rows))}." if len(rows) else ""
+    if len(rows):
+        return f"{said(rows, counted(rows))}."
+    return ""
 
 
 def _fitted_sentence(rows: pd.DataFrame) -> str:
@@ -165,7 +168,9 @@ def _short(rows: pd.DataFrame, all_rows: pd.DataFrame) -> pd.DataFrame:
 def those_that_miss(frame: pd.DataFrame) -> list[Block]:
     """Return the counted rows that are not reproduced, with reasons."""
     rows = frame[evidence(frame) & ~held(frame)]
-    return [stated("out_of_band", short_cases(rows))] if len(rows) else []
+    if len(rows):
+        return [stated("out_of_band", short_cases(rows))]
+    return []
 
 
 def not_counted(frame: pd.DataFrame) -> list[Block]:

@@ -148,4 +148,6 @@ def _in_words(checks: pd.DataFrame) -> str:
 
 
 def _few(cases: str, count: int) -> str:
-    return cases if cases == "all" or count <= _FEW else f"{count} cases"
+    if cases == "all" or count <= _FEW:
+        return cases
+    return f"{count} cases"

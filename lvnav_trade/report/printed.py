@@ -60,7 +60,9 @@ def _find_row(cell: Cell | None, rows: pd.DataFrame) -> pd.Series | None:
 def _common_unit(rows: Sequence[pd.Series | None]) -> str:
     """Return the unit of a column in brackets; empty if the rows have no unit or several."""
     units = {str(row.unit) for row in rows if row is not None and not pd.isna(row.published)}
-    return f"({units.pop()})" if len(units) == 1 and units != {"-"} else ""
+    if len(units) == 1 and units != {"-"}:
+        return f"({units.pop()})"
+    return ""
 
 
 def _cells(row: pd.Series | None) -> tuple[str, str, str]:
@@ -147,4 +149,6 @@ def _levels(text: str) -> list[str]:
 
 def _level(text: str) -> str:
     level = text.partition("=")[2]
-    return text if not level or _UNCLEAR.match(level) else level
+    if not level or _UNCLEAR.match(level):
+        return text
+    return level

@@ -239,7 +239,9 @@ def _update_appendix(sections: dict[str, str], new: Collection[str]) -> None:
 
 def _first_cell(line: str) -> str:
     """Return the first cell of a table row; empty for any other line."""
-    return line[1:].partition("|")[0].strip() if line.startswith("|") else ""
+    if line.startswith("|"):
+        return line[1:].partition("|")[0].strip()
+    return ""
 
 
 def _merge_lines(

@@ -215,6 +215,7 @@ def _tuning(cases: pd.DataFrame) -> str:
     """Return the effect of tuning on the worst tuned case and on the worst validation case."""
     sentences = []
     for role, rows in cases.groupby("role", sort=False):
-        before, after = rows.ratio_before.max(), rows.ratio_after.max()
+        before = rows.ratio_before.max()
+        after = rows.ratio_after.max()
         sentences.append(f"{role}, worst of {len(rows)}: {before:.3g} before, {after:.3g} after")
     return "; ".join(sentences) + "."

@@ -96,7 +96,9 @@ def _without_intervals(tables: Tables, frame: pd.DataFrame, low: str) -> pd.Data
 
     low : column of the lower bound; the column of the upper bound has "high" in place of "low"
     """
-    return frame if tables.is_sampled else frame.drop(columns=[low, low.replace("low", "high")])
+    if tables.is_sampled:
+        return frame
+    return frame.drop(columns=[low, low.replace("low", "high")])
 
 
 def _ends(tables: Tables, swings: pd.DataFrame) -> pd.DataFrame:
@@ -133,7 +135,10 @@ def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
     about = tables.manifest.get("space") or {}
     verdicts = frame.verdict if "verdict" in frame else pd.Series(dtype=object)
     n_met = int((verdicts == "met").sum())
-    share = interval(n_met, len(frame)) if tables.is_sampled and len(frame) else None
+    if tables.is_sampled and len(frame):
+        share = interval(n_met, len(frame))
+    else:
+        share = None
     lines = [
         say(
             "space",
@@ -228,7 +233,10 @@ def _levels(tables: Tables, row: pd.Series) -> str:
     """Return the levels of a design as text, in the units of the campaign."""
     parts = []
     for column, value in row.items():
-        text = range_text(tables, str(column), value, value) if isinstance(value, float) else str(value)
+        if isinstance(value, float):
+            text = range_text(tables, str(column), value, value)
+        else:
+            text = str(value)
         parts.append(f"{axis_label(str(column))} {text}")
     return ", ".join(parts)
 
@@ -286,7 +294,9 @@ def _strongest_axis(tables: Tables, frame: pd.DataFrame) -> str:
         most_frequent = frame.limiting_requirement.mode()
         if len(most_frequent) and most_frequent.iloc[0]:
             effects = effects[effects.requirement == most_frequent.iloc[0]]
-    return str(effects.axis[effects.first_order.idxmax()]) if len(effects) else ""
+    if len(effects):
+        return str(effects.axis[effects.first_order.idxmax()])
+    return ""
 
 
 def _column(tables: Tables, frame: pd.DataFrame, name: str) -> dict[str, Any]:

@@ -328,7 +328,8 @@ def reproduce(study: StudyCard, answered: Sequence[StudyResult]) -> Section:
     """Return the command, seeds and digests of each campaign."""
     rows = []
     for result in answered:
-        campaign, manifest = result.tables.campaign, result.tables.manifest
+        campaign = result.tables.campaign
+        manifest = result.tables.manifest
         monte_carlo = campaign.get("monte_carlo") or {}
         rows.append(
             {

@@ -98,7 +98,8 @@ def _paired(tables: Tables, axis: str) -> list[Block]:
 def _shown_events(frame: pd.DataFrame) -> list[str]:
     """Return the events at which paired differences are shown: first, last, and each change by a factor of two."""
     worst = frame.groupby("event", sort=False).difference_ratio.max()
-    selection, level = [worst.index[0]], float(worst.iloc[0])
+    selection = [worst.index[0]]
+    level = float(worst.iloc[0])
     for name, value in worst.items():
         if value > 2.0 * level or value < 0.5 * level:
             selection.append(name)

@@ -96,7 +96,10 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
         others=others,
         by_covariance=bool((frame.by == COVARIANCE).all()),
     )
-    lead = say("name_of_all", requirements=len(names)) if is_several else f"{str(names[0]).capitalize()}."
+    if is_several:
+        lead = say("name_of_all", requirements=len(names))
+    else:
+        lead = f"{str(names[0]).capitalize()}."
     return [Text(text, lead)]
 
 

@@ -70,7 +70,8 @@ def overconfidence(tables: Tables) -> list[Block]:
 
 def _span(ratios: pd.Series) -> str:
     """Return the smallest and the largest ratio with two digits; one number if they are equal."""
-    low, high = f"{ratios.min():.2g}", f"{ratios.max():.2g}"
+    low = f"{ratios.min():.2g}"
+    high = f"{ratios.max():.2g}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -81,7 +82,8 @@ def _cure(tables: Tables, rows: pd.DataFrame) -> str:
     if not missing:
         return ""
     shares = [state.share for state in missing]
-    low, high = f"{100.0 * min(shares):.0f}", f"{100.0 * max(shares):.0f}"
+    low = f"{100.0 * min(shares):.0f}"
+    high = f"{100.0 * max(shares):.0f}"
     return say(
         "lacking",
         filters=len(rows),
@@ -214,7 +216,8 @@ def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
     for name in names:
         rows = frame[frame.requirement == name]
         window = rows.iloc[0]
-        start, end = window.first_s - window.t_s, window.last_s - window.t_s
+        start = window.first_s - window.t_s
+        end = window.last_s - window.t_s
         prefix = f"{name}, " if len(names) > 1 else ""
         heading = f"{prefix}worst from {start:+.3g} to {end:+.3g} s ({window.unit})"
         cells[heading] = {row.case: _worst_cell(row) + mark(row.by, is_by_covariance) for row in rows.itertuples()}

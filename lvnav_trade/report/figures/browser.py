@@ -86,7 +86,9 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
 
 def _finite_number(value: float | None) -> float | None:
     """Return a limit of an axis as a number for JSON, which has no infinity; None for a limit that is not set."""
-    return float(value) if value is not None and np.isfinite(value) else None
+    if value is not None and np.isfinite(value):
+        return float(value)
+    return None
 
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
@@ -99,7 +101,10 @@ def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
         encoded["ls"] = [2.0 * length for length in dashes[1]]
     if mark.style.get("hatch"):
         encoded["hatch"] = True
-    content = _thinned(mark.data) if mark.kind in ("line", "band") else mark.data
+    if mark.kind in ("line", "band"):
+        content = _thinned(mark.data)
+    else:
+        content = mark.data
     for name, values in content.items():
         if isinstance(values, np.ndarray):
             packed = np.asarray(values, dtype="<f4").tobytes()

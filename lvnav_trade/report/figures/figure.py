@@ -67,7 +67,8 @@ class Events(NamedTuple):
             groups[-1][1].append(number)
         labels = []
         for t, numbers in groups:
-            first, last = numbers[0], numbers[-1]
+            first = numbers[0]
+            last = numbers[-1]
             labels.append((t, str(first) if first == last else f"{first}-{last}"))
         return labels
 
@@ -190,12 +191,14 @@ class Panel:
 
     def bar(self, x: Any, height: Any, width: float, **style: Any) -> None:
         """Draw bars from zero up, centred at x."""
-        x, height = _floats(x), _floats(height)
+        x = _floats(x)
+        height = _floats(height)
         self.boxes(x - 0.5 * width, x + 0.5 * width, 0.0, height, **style)
 
     def barh(self, y: Any, length: Any, height: float, **style: Any) -> None:
         """Draw bars from zero to the right, centred at y."""
-        y, length = _floats(y), _floats(length)
+        y = _floats(y)
+        length = _floats(length)
         self.boxes(0.0, length, y - 0.5 * height, y + 0.5 * height, **style)
 
     def axhline(self, y: float, **style: Any) -> None:

@@ -176,4 +176,6 @@ def _validity_signs(tables: Tables) -> dict[str, str]:
 def _ratio_text(ratio: float) -> str:
     if np.isnan(ratio):
         return ""
-    return f"> {_WORST:g}" if ratio >= _WORST else f"{ratio:.2g}"
+    if ratio >= _WORST:
+        return f"> {_WORST:g}"
+    return f"{ratio:.2g}"

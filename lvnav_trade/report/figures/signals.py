@@ -120,7 +120,10 @@ def sky(tables: Tables, case: str) -> Figure:
     times = np.sort(rows.t_s.unique())
     moments = _moments(tables, case, rows)
     antennas = sorted(rows.antenna_number.dropna().unique())
-    lowest_rad = min(0.0, float(rows.elevation_rad[rows.tracked].min())) if rows.tracked.any() else 0.0
+    if rows.tracked.any():
+        lowest_rad = min(0.0, float(rows.elevation_rad[rows.tracked].min()))
+    else:
+        lowest_rad = 0.0
     edge = 90.0 + 15.0 * np.ceil(-np.degrees(lowest_rad) / 15.0)
     skies = []
     figure, grid = canvas(1, len(moments), 3.0 if len(moments) < 4 else 2.6)
@@ -233,7 +236,8 @@ def timeline(tables: Tables, case: str) -> Figure:
     """
     rows = pick(tables.satellites, case=case)
     changes = pick(tables.transitions, case=case)
-    start, end = float(rows.t_s.min()), float(rows.t_s.max())
+    start = float(rows.t_s.min())
+    end = float(rows.t_s.max())
     bars = _channel_intervals(changes, end) if len(changes) else _tracking_intervals(rows)
     names = sorted(bars.satellite.unique())
     figure, ax = panel(1.1 + 0.185 * max(4, len(names)))

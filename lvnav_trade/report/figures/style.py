@@ -97,7 +97,8 @@ def scale_up(ax: Panel, side: str, values: Iterable[float], from_zero: bool = Tr
     positive = [float(value) for value in values if 0.0 < value < np.inf]
     is_logarithmic = False
     if positive:
-        low, high = min(positive), max(positive)
+        low = min(positive)
+        high = max(positive)
         ax.spans[side] = low, high
         is_logarithmic = high > _LOGARITHMIC * low
     if is_logarithmic:

@@ -91,7 +91,8 @@ def _student_change(
     n = len(jackknife[0])
     scale = np.log if relative else np.asarray
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = scale(jackknife[0]), scale(jackknife[1])
+        first = scale(jackknife[0])
+        second = scale(jackknife[1])
         centre = float(scale(statistics[1]) - scale(statistics[0]))
         paired_variance = _jackknife_variance(second - first)
         unpaired_variance = _jackknife_variance(first) + _jackknife_variance(second)
@@ -323,7 +324,8 @@ def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: f
     n = len(base)
     more = int(np.sum(candidate & ~base))
     less = int(np.sum(base & ~candidate))
-    first, second = float(np.mean(base)), float(np.mean(candidate))
+    first = float(np.mean(base))
+    second = float(np.mean(candidate))
     unpaired_variance = first * (1.0 - first) + second * (1.0 - second)
     paired_variance = (more + less) / n - (second - first) ** 2
     effective_runs = float("nan")

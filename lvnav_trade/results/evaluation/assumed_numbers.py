@@ -83,7 +83,10 @@ def _value_at(data: Any, path: str) -> Any:
     """Return the value at a dotted path of plain data; None if there is none."""
     for step in path.split("."):
         if isinstance(data, list):
-            data = data[int(step)] if step.isdigit() and int(step) < len(data) else None
+            if step.isdigit() and int(step) < len(data):
+                data = data[int(step)]
+            else:
+                data = None
         else:
             data = data.get(step) if isinstance(data, Mapping) else None
     return data

@@ -36,7 +36,9 @@ class ConvergenceTimes(NamedTuple):
 def multiple_in(text: str) -> tuple[float, str] | None:
     """Return number and word of a limit such as ``3 sigma`` or ``3 rms``; None if it is a quantity."""
     number, _, word = text.strip().partition(" ")
-    return (float(number), word.strip()) if word.strip() in ("sigma", "rms") else None
+    if word.strip() in ("sigma", "rms"):
+        return (float(number), word.strip())
+    return None
 
 
 def converged(

@@ -199,11 +199,13 @@ def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, 
         return dict.fromkeys(FILTER_VERDICTS[1:], np.nan) | {"verdict": UNKNOWN, "moment": "run", "by": ""}
     low = float(np.fmin(rows.low.mean(), (1.0 + TOLERANCE) ** -2))
     high = float(np.fmax(rows.high.mean(), (1.0 + TOLERANCE) ** 2))
-    nees_ratio, moment = float(rows.value.mean()), "run"
+    nees_ratio = float(rows.value.mean())
+    moment = "run"
     if low <= nees_ratio <= high:
         for event, ratio in _required_event_nees(tables, case, rows):
             if not low <= ratio <= high:
-                nees_ratio, moment = ratio, event
+                nees_ratio = ratio
+                moment = event
                 break
     if nees_ratio > high:
         verdict = OVERCONFIDENT
@@ -272,7 +274,10 @@ def whiteness(tables: Tables) -> pd.DataFrame:
         }
         rows.append(row)
     frame = pd.DataFrame(rows, columns=_WHITENESS)
-    adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm) if len(frame) else frame.p_ratio
+    if len(frame):
+        adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm)
+    else:
+        adjusted = frame.p_ratio
     return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)
 
 

@@ -216,7 +216,9 @@ def nozzle_travel(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     rows = []
     for (case, burn, axis), group in tables.nozzle_travel.groupby(["case", "burn", "axis"], sort=False):
         travel = group.pivot(index="run_number", columns="controller_rate", values="travel_rad")
-        percent, low, high = np.nan, np.nan, np.nan
+        percent = np.nan
+        low = np.nan
+        high = np.nan
         if len(travel) > 1 and bool((travel > 0.0).all(axis=None)):
             reductions = reduction(travel[["raw"]].to_numpy(), travel[["filtered"]].to_numpy(), alpha)
             percent, low, high = (100.0 * float(fraction[0]) for fraction in reductions)

@@ -138,7 +138,10 @@ def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str)
         return pooled
     runs = np.stack([value.runs[:n_run] for value in pool])
     is_finite = np.all(np.isfinite(runs), axis=0)
-    levels = runs[:, is_finite].mean(axis=1) if is_finite.any() else np.empty(0)
+    if is_finite.any():
+        levels = runs[:, is_finite].mean(axis=1)
+    else:
+        levels = np.empty(0)
     return pooled._replace(runs=runs.mean(axis=0), levels=levels)
 
 

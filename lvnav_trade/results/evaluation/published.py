@@ -202,12 +202,15 @@ def _tested_number(stated: Mapping[str, Any], value: ExpressionValue) -> str:
     statistic = str(stated.get("statistic"))
     if statistic == "formal":
         return "formal"
-    return "true" if statistic == "lincov" or np.isnan(value.monte_carlo) else "monte_carlo"
+    if statistic == "lincov" or np.isnan(value.monte_carlo):
+        return "true"
+    return "monte_carlo"
 
 
 def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a published number for a case; None: no case has the levels of the number."""
-    value, unit = float(published["value"]), str(published["unit"])
+    value = float(published["value"])
+    unit = str(published["unit"])
     ours = SingleValue(np.nan, "no such case")
     label = ""
     if case is not None:
@@ -239,7 +242,8 @@ def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any
 
 def _single_value(tables: Tables, case: str, published: Mapping[str, Any]) -> SingleValue:
     """Return our number for a published one: of a case, or its reduction against another metric or case."""
-    other_metric, other_levels = published.get("than"), published.get("against")
+    other_metric = published.get("than")
+    other_levels = published.get("against")
     if other_metric is not None:
         larger = in_own_unit(tables, case, {**published, "metric": other_metric})
         return _reduction_percent(in_own_unit(tables, case, published), larger)
@@ -275,7 +279,8 @@ def _expression_value(tables: Tables, case: str | None, published: Mapping[str, 
     """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
     if case is None:
         return None
-    other_metric, other_levels = published.get("than"), published.get("against")
+    other_metric = published.get("than")
+    other_levels = published.get("against")
     if other_metric is None and other_levels is None:
         return value_of("a", {"a": evaluate(tables, case, published, str(published["unit"]))})
     other_cases = [case]

@@ -172,7 +172,9 @@ def dominating(values: Floats, k: int) -> int:
         Index of the row.
     """
     better = np.all(values <= values[k], axis=1) & np.any(values < values[k], axis=1)
-    return int(np.argmax(better)) if better.any() else -1
+    if better.any():
+        return int(np.argmax(better))
+    return -1
 
 
 def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:

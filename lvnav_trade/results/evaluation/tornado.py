@@ -52,7 +52,9 @@ def swings(tables: Tables) -> pd.DataFrame:
         for name, column in errors_of(tables, frame).items():
             rows += [{"requirement": name, **row} for row in _requirement_swings(frame, column)]
     frame = pd.DataFrame(rows, columns=SWINGS)
-    return frame if tables.is_sampled else frame.assign(low_si=np.nan, high_si=np.nan)
+    if tables.is_sampled:
+        return frame
+    return frame.assign(low_si=np.nan, high_si=np.nan)
 
 
 def _requirement_swings(frame: pd.DataFrame, column: str) -> Iterator[dict[str, Any]]:
@@ -140,7 +142,8 @@ def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
     values = levels.to_numpy(dtype=float)
     u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
     columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
-    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
+    lowest = int(np.argmin(values))
+    highest = int(np.argmax(values))
     ends = [
         _End("low", "", float(values[lowest]), lowest),
         _End("high", "", float(values[highest]), highest),

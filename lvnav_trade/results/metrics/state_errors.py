@@ -156,7 +156,10 @@ class StateError(Metric):
             """Return the root of the mean over time of squares."""
             return float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
 
-        run_rms = rows.rms_si if rows.run_count.iloc[0] else np.nan * rows.rms_si
+        if rows.run_count.iloc[0]:
+            run_rms = rows.rms_si
+        else:
+            run_rms = np.nan * rows.rms_si
         run_roots = of_each(tables, case, stated, str(rows.unit.iloc[0]))
         return MetricValue(
             formal=root_mean(rows.lincov_formal_si**2),

@@ -131,7 +131,10 @@ class TrackError(Metric):
         state = case.state(event)
         if state is None or len(case.axes("velocity")) != len(state.v_i):
             return None
-        direction_i = state.v_i if self.is_along else np.cross(state.r_i, state.v_i)
+        if self.is_along:
+            direction_i = state.v_i
+        else:
+            direction_i = np.cross(state.r_i, state.v_i)
         return np.asarray(state.turn.T @ (direction_i / np.linalg.norm(direction_i)))
 
     def _signed_errors(self, case: CaseResults, event: str) -> Floats:

@@ -171,7 +171,9 @@ def _run_columns(runs: Injections, factor: float) -> dict[str, Any]:
 
 def _standard_deviation(values: Floats) -> float:
     """Return the standard deviation of a sample (n,); NaN for fewer than two values."""
-    return float(values.std(ddof=1)) if values.size > 1 else np.nan
+    if values.size > 1:
+        return float(values.std(ddof=1))
+    return np.nan
 
 
 def injection_sources(tables: Tables) -> pd.DataFrame:

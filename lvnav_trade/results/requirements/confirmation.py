@@ -78,7 +78,10 @@ def _navigation_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
             if errors is None or not expected.lincov_true_si > 0.0:
                 continue
             has_failed = not np.isfinite(errors).all()
-            rms = np.inf if has_failed else float(np.sqrt(np.mean(errors**2)))
+            if has_failed:
+                rms = np.inf
+            else:
+                rms = float(np.sqrt(np.mean(errors**2)))
             statistics.append((len(errors), expected.lincov_true_si, expected.lincov_mean_si, rms, factor))
             row = {
                 "case": spot_tables.labels[case],
@@ -151,7 +154,10 @@ def unconfirmed(tables: Tables) -> dict[str, str]:
 
 
 def _disagreement_text(row: Any) -> str:
-    moment = row.event if " at " in row.event else f"at {row.event.replace('_', ' ')}"
+    if " at " in row.event:
+        moment = row.event
+    else:
+        moment = f"at {row.event.replace('_', ' ')}"
     if row.unit:
         result = f"{row.error} is {row.ratio:.3g} times what linear covariance predicts"
     else:

@@ -80,7 +80,8 @@ class RequirementCase(NamedTuple):
         -----
         The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
         """
-        sample, redraw = self.distribution.drawn, self.distribution.redraw
+        sample = self.distribution.drawn
+        redraw = self.distribution.redraw
         if sample is not None:
             if redraw is not None and sources:
                 sample = redraw.sample(sources, factor)
@@ -95,7 +96,8 @@ class RequirementCase(NamedTuple):
 
         For a metric that is not Gaussian it is the part of the mean square that disappears without these sources.
         """
-        sample, redraw = self.distribution.drawn, self.distribution.redraw
+        sample = self.distribution.drawn
+        redraw = self.distribution.redraw
         if sample is not None and redraw is not None:
             without_sources = redraw.sample(sources, 0.0)
             return 1.0 - float(np.mean(without_sources**2) / np.mean(sample**2))
@@ -106,7 +108,10 @@ class RequirementCase(NamedTuple):
     def shares(self) -> dict[str, float]:
         """Return the share of each error source in the mean square."""
         redraw = self.distribution.redraw
-        names = tuple(self.distribution.law.sources) if redraw is None else redraw.sources
+        if redraw is None:
+            names = tuple(self.distribution.law.sources)
+        else:
+            names = redraw.sources
         return {name: self.share((name,)) for name in names}
 
 
@@ -208,7 +213,8 @@ def improvements(tables: Tables) -> pd.DataFrame:
     for requirement, case, requirement_case in _requirement_cases(tables):
         if isinstance(requirement_case, str) or not requirement_case.has_sources:
             continue
-        name, label = requirement["name"], tables.labels[case]
+        name = requirement["name"]
+        label = tables.labels[case]
         verdict = str(by_runs[name, label])
         if verdict in ("violated", "undecided") and not why_not_applicable(tables, case):
             improvement = _improvement(requirement_case)

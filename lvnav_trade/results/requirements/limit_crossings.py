@@ -128,7 +128,9 @@ def _read_quantities(values: Sequence[Any]) -> tuple[str, list[float]] | None:
             return None
         numbers.append(float(quantity[1]))
         units.add(quantity[2] or "")
-    return (units.pop(), numbers) if len(units) == 1 else None
+    if len(units) == 1:
+        return (units.pop(), numbers)
+    return None
 
 
 class BaseLevel(NamedTuple):
@@ -164,7 +166,10 @@ def base_level(tables: Tables, name: str) -> BaseLevel:
 def _field(base: Any, path: str) -> Any:
     """Return the value of a field of the base scenario, by its dotted path."""
     for key in path.removeprefix("base.").split("."):
-        base = base[int(key)] if isinstance(base, list) else (base or {}).get(key)
+        if isinstance(base, list):
+            base = base[int(key)]
+        else:
+            base = (base or {}).get(key)
     return base
 
 
@@ -186,10 +191,13 @@ def _base_value(tables: Tables, path: str, unit: str) -> float | None:
     quantity = _QUANTITY.fullmatch(str(value))
     if quantity is None:
         return None
-    number, base_unit = float(quantity[1]), quantity[2] or ""
+    number = float(quantity[1])
+    base_unit = quantity[2] or ""
     if base_unit == unit:
         return number
-    return number / parse(f"1 {unit}", base_unit) if base_unit and unit else None
+    if base_unit and unit:
+        return number / parse(f"1 {unit}", base_unit)
+    return None
 
 
 @once
@@ -352,7 +360,8 @@ def _tornado_bars(tables: Tables, requirement: str, estimates: pd.DataFrame) -> 
                 error_by_level[levels[axis]] = error
         low_level = min(error_by_level, key=error_by_level.__getitem__)
         high_level = max(error_by_level, key=error_by_level.__getitem__)
-        low, high = error_by_level[low_level], error_by_level[high_level]
+        low = error_by_level[low_level]
+        high = error_by_level[high_level]
         yield {
             "requirement": requirement,
             "case": base_label,

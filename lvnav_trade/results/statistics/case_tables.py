@@ -182,7 +182,9 @@ class CaseTables(CaseResults):
         if during:
             first, last = phase(self.tables, self.case, during)
             rows = rows_between(rows, first, last)
-            return float(rows.level_si.max()) if len(rows) else float("nan")
+            if len(rows):
+                return float(rows.level_si.max())
+            return float("nan")
         t = instant(self.tables, self.case, at)
         if rows.empty or not np.isfinite(t):
             return float("nan")

@@ -58,7 +58,9 @@ def in_people(value: Any) -> str:
         return _abridge([in_people(item) for item in value])
     quantity = split(value)
     if quantity is None:
-        return f"{value:.6g}" if isinstance(value, float) else str(value)
+        if isinstance(value, float):
+            return f"{value:.6g}"
+        return str(value)
     number, unit = quantity
     sheets = _SHEETS.get(unit, ((unit, 1.0),))
     not_above = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]

@@ -273,4 +273,6 @@ def time_mean(t: np.ndarray, value: np.ndarray) -> float:
         Values at these times.
     """
     duration = t[-1] - t[0]
-    return float(np.trapezoid(value, t) / duration) if duration > 0.0 else float(value[0])
+    if duration > 0.0:
+        return float(np.trapezoid(value, t) / duration)
+    return float(value[0])

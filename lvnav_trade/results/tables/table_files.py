@@ -208,7 +208,10 @@ def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.A
     if array.size == 0:
         array = array.astype(dtype)  # numpy converts an empty list to real numbers
     array = np.ascontiguousarray(array.astype(dtype, casting="same_kind", copy=False))
-    content = np.packbits(array, bitorder="little") if kind == pa.bool_() else array
+    if kind == pa.bool_():
+        content = np.packbits(array, bitorder="little")
+    else:
+        content = array
     return pa.Array.from_buffers(kind, array.size, [None, pa.py_buffer(content)])
 
 
