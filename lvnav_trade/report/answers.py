@@ -169,15 +169,18 @@ def _covariance_verdicts(tables: Tables, name: str, verdicts: pd.DataFrame) -> l
     frame = frame[frame.requirement == name]
     if frame.empty:
         return []
-    run_verdict = frame.case.map(verdicts.set_index("case").verdict)
+    verdict_by_case = verdicts.set_index("case").verdict
+    run_verdict = frame.case.map(verdict_by_case)
     is_same = frame.verdict == run_verdict
-    differing = frame[~is_same | (len(frame) <= _FEW)]
+    are_few = len(frame) <= _FEW
+    differing = frame[~is_same | are_few]
     applies = ~differing.verdict.isin(["not applicable", "not confirmed"])
     sentences = []
     for row in differing[applies].itertuples():
         chance = _chance(row.expected_probability)
         sentences.append(f"{row.case}: {row.verdict}, {chance} of flights expected to meet it")
-    for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
+    groups = differing[~applies].groupby(["verdict", "reason"], sort=False)
+    for (verdict, reason), rows in groups:
         if len(rows) == 1:
             cases = rows.case.iloc[0]
         else:

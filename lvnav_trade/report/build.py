@@ -181,12 +181,16 @@ def _csv_tables(tables: Tables, shown_tables: Tables, detailed: Tables) -> dict[
     shown_tables : results with the labels of the report
     detailed : results for the tables that take long to compute, with the labels of the report
     """
-    frames = {name: METRICS[name](detailed if name in _DETAILED else shown_tables) for name in CSV}
+    frames = {}
+    for name in CSV:
+        source = detailed if name in _DETAILED else shown_tables
+        frames[name] = METRICS[name](source)
     if shown_tables is not tables:
         labels = {shown_tables.labels[case]: label for case, label in tables.labels.items()}
         for name, frame in frames.items():
             if "case" in frame and name != "designs":
-                frames[name] = frame.assign(case=frame.case.map(labels))
+                stored_labels = frame.case.map(labels)
+                frames[name] = frame.assign(case=stored_labels)
     frames["designs"] = METRICS["designs"](tables)
     frames["models"] = registered.evidence(tables)
     return {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}

@@ -155,7 +155,8 @@ def csv_text(frame: pd.DataFrame) -> str:
             escaped = {name: _csv_cell(name) for name in column.unique()}
             safe.isetitem(place, column.map(escaped))
         elif not pd.api.types.is_numeric_dtype(dtype):
-            safe.isetitem(place, [_csv_cell(value) for value in column])
+            cells = [_csv_cell(value) for value in column]
+            safe.isetitem(place, cells)
     return str(safe.to_csv(index=False, float_format="%.6g"))
 
 

@@ -101,7 +101,9 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     sentences = [_counted_sentence(rows), _fitted_sentence(rows), _single_sentence(rows), _apart_sentence(all_rows)]
     blocks: list[Block] = [Text(" ".join(sentence for sentence in sentences if sentence))]
     if len(failing):
-        blocks.append(stated("most_important", _short(most_important(failing, important), all_rows)))
+        failing_results = most_important(failing, important)
+        short_rows = _short(failing_results, all_rows)
+        blocks.append(stated("most_important", short_rows))
     return blocks
 
 
@@ -144,7 +146,8 @@ def _apart_sentence(rows: pd.DataFrame) -> str:
         n_hold = int(held(marked).sum())
         if len(marked):
             name = plural(len(marked), singular, several)
-            counts.append(f"{len(marked)} {name} ({n_hold} {plural(n_hold, 'holds', 'hold')})")
+            verb = plural(n_hold, "holds", "hold")
+            counts.append(f"{len(marked)} {name} ({n_hold} {verb})")
     return f"Not counted: {'; '.join(counts)}." if counts else ""
 
 

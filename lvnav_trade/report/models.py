@@ -120,7 +120,8 @@ def evidence(tables: Tables) -> pd.DataFrame:
             continue
         users = "all" if len(labels) == len(cases) else "; ".join(labels)
         for check in entry["checks"] or [{"by": "", "shown": "", "test": ""}]:
-            rows.append((entry["name"], users, len(labels), *map(check.get, _CHECK), entry["omits"]))
+            check_texts = map(check.get, _CHECK)
+            rows.append((entry["name"], users, len(labels), *check_texts, entry["omits"]))
     return pd.DataFrame(rows, columns=["model", "cases", "case_count", *_CHECK, "omits"])
 
 

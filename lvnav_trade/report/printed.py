@@ -51,10 +51,15 @@ def _find_row(cell: Cell | None, rows: pd.DataFrame) -> pd.Series | None:
     if cell is None:
         return None
     prefix = f"{cell.campaign}: " if cell.campaign else ""
-    matching = rows[(rows["item"] == cell.item) & rows["case"].str.startswith(prefix)]
+    is_of_campaign = rows["case"].str.startswith(prefix)
+    matching = rows[(rows["item"] == cell.item) & is_of_campaign]
     for axis, level in cell.case.items():
-        matching = matching[[f"{axis}={level}" in _levels(text) for text in matching["case"]]]
-    return matching.iloc[0] if len(matching) else None
+        level_text = f"{axis}={level}"
+        has_level = [level_text in _levels(text) for text in matching["case"]]
+        matching = matching[has_level]
+    if len(matching):
+        return matching.iloc[0]
+    return None
 
 
 def _common_unit(rows: Sequence[pd.Series | None]) -> str:

@@ -385,7 +385,10 @@ def _campaign_lines(text: str, rows: pd.DataFrame) -> list[dict[str, Any]]:
         counted = rows[is_of_campaign & evidence(rows)]
         for name in ("cases", "runs", "failed runs"):
             cells[name] = int(cells[name])
-        cells["as published"] = f"{int(held(counted).sum())} of {len(counted)}" if len(counted) else "–"
+        cells["as published"] = "–"
+        if len(counted):
+            n_held = int(held(counted).sum())
+            cells["as published"] = f"{n_held} of {len(counted)}"
         recounted.append(cells)
     return recounted
 

@@ -91,11 +91,14 @@ def solved(
     if not answers.monotone.all():
         blocks.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
     if has_curve:
-        blocks.append(Picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
+        boundary = plots.boundary(answers, names)
+        blocks.append(Picture("boundary", boundary, note("boundary", "figures")))
     else:
-        blocks.append(Picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
+        ratios = plots.ratios(scanned, answers, names[0])
+        blocks.append(Picture("solve", ratios, note("solve", "figures")))
     if len(confirmed):
-        blocks += [Text(note("solve_confirmed")), table(_words(confirmed), "Runs on both sides of each answer.")]
+        blocks.append(Text(note("solve_confirmed")))
+        blocks.append(table(_words(confirmed), "Runs on both sides of each answer."))
     return blocks
 
 

@@ -135,10 +135,7 @@ def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
     about = tables.manifest.get("space") or {}
     verdicts = frame.verdict if "verdict" in frame else pd.Series(dtype=object)
     n_met = int((verdicts == "met").sum())
-    if tables.is_sampled and len(frame):
-        share = interval(n_met, len(frame))
-    else:
-        share = None
+    share = interval(n_met, len(frame)) if tables.is_sampled and len(frame) else None
     lines = [
         say(
             "space",
@@ -193,16 +190,22 @@ def _design_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     totals = [name for name in ("cost", "mass_kg") if name in frame and frame[name].nunique() > 1]
     blocks: list[Block] = []
     if len(compliant):
-        best = compliant.sort_values([*totals[:1], "error_ratio"], kind="stable").head(_ROWS)
-        order = f"by {totals[0].partition('_')[0]}, then error" if totals else "by error"
-        blocks.append(stated("space_best", _shown(tables, best), order=order))
+        ordered = compliant.sort_values([*totals[:1], "error_ratio"], kind="stable")
+        best = _shown(tables, ordered.head(_ROWS))
+        order = "by error"
+        if totals:
+            order = f"by {totals[0].partition('_')[0]}, then error"
+        blocks.append(stated("space_best", best, order=order))
     if len(misses):
         nearest = misses.sort_values("error_ratio", kind="stable").head(_ROWS)
         missed = stated("space_missed", _shown(tables, nearest))
-        blocks.append(Details(note("missed_title"), [missed]) if len(compliant) else missed)
+        if len(compliant):
+            blocks.append(Details(note("missed_title"), [missed]))
+        else:
+            blocks.append(missed)
     if totals and len(compliant):
-        front = _pareto_front(compliant, totals)
-        front_table = stated("space_front", _shown(tables, front.head(_ROWS)))
+        front = _pareto_front(compliant, totals).head(_ROWS)
+        front_table = stated("space_front", _shown(tables, front))
         blocks.append(Details(note("front_title"), [front_table]))
     return blocks
 

@@ -104,4 +104,6 @@ def _shown_events(frame: pd.DataFrame) -> list[str]:
         if value > 2.0 * level or value < 0.5 * level:
             selection.append(name)
             level = float(value)
-    return [str(name) for name in dict.fromkeys([*selection, worst.index[-1]])]
+    selection.append(worst.index[-1])
+    distinct_events = dict.fromkeys(selection)
+    return [str(name) for name in distinct_events]

@@ -201,11 +201,12 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
     is_by_covariance = bool((frame.by == COVARIANCE).all())
     has_multiple = {}
     for name, rows in frame.groupby("requirement"):
-        has_multiple[name] = bool((1.0 - rows.margin_ratio >= _MULTIPLE).any())
+        error_ratio = 1.0 - rows.margin_ratio
+        has_multiple[name] = bool((error_ratio >= _MULTIPLE).any())
     margins = {}
     for row in frame.itertuples():
-        sign = mark(row.by, is_by_covariance)
-        margins[row.case, row.requirement] = _signed(row, has_multiple[row.requirement]) + sign
+        margin = _signed(row, has_multiple[row.requirement])
+        margins[row.case, row.requirement] = margin + mark(row.by, is_by_covariance)
 
     ranking = METRICS["ranking"](tables).set_index("case")
     quantities = [name for name in ("velocity", "position", "attitude") if name in ranking]
@@ -314,12 +315,16 @@ def _agreement(tables: Tables) -> list[str]:
     sentences = []
     if len(tested):
         differing = tested[tested.verdict == "disagree"]
-        disagreements = [say("disagreement", case=row.case, row=row._asdict()) for row in differing.itertuples()]
+        disagreements = []
+        for row in differing.itertuples():
+            disagreements.append(say("disagreement", case=row.case, row=row._asdict()))
         level = float(tested.alpha_ratio.iloc[0])
         sentences.append(say("agreement", tested=len(tested), level=level, bad=disagreements))
     reasons = []
-    for reason, rows in cases[cases.verdict == "not applicable"].groupby("reason", sort=False):
-        reasons.append(f"{listed(list(rows.case), 2 * _FEW)} ({reason})")
+    inapplicable = cases[cases.verdict == "not applicable"]
+    for reason, rows in inapplicable.groupby("reason", sort=False):
+        labels = listed(list(rows.case), 2 * _FEW)
+        reasons.append(f"{labels} ({reason})")
     if reasons:
         sentences.append(f"Not applicable: {'; '.join(reasons)}.")
     return sentences

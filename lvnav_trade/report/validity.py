@@ -103,12 +103,15 @@ def short_lived(tables: Tables) -> list[Block]:
     """
     margins = METRICS["margins"](tables)
     blocks: list[Block] = []
-    for name, rows in METRICS["windows"](tables).groupby("requirement", sort=False):
-        compliant = set(margins[(margins.requirement == name) & (margins.verdict == "met")].case)
+    windows = METRICS["windows"](tables)
+    for name, rows in windows.groupby("requirement", sort=False):
+        is_met = (margins.requirement == name) & (margins.verdict == "met")
+        compliant = set(margins[is_met].case)
         rows = rows.assign(is_compliant=rows.case.isin(compliant))
         exceeding = rows[rows.verdict_changes & rows.is_compliant]
         if len(exceeding):
-            blocks.append(Text(_window_sentence(rows, exceeding, len(compliant)), "Warning:"))
+            sentence = _window_sentence(rows, exceeding, len(compliant))
+            blocks.append(Text(sentence, "Warning:"))
     return blocks + _not_evaluated(tables)
 
 
@@ -183,8 +186,10 @@ def _not_evaluated(tables: Tables) -> list[Block]:
     # Requirements of the same event, reason and cases share a text
     names_of: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
     keys = ["requirement", "event", "reason"]
-    for (name, event, reason), rows in METRICS["unevaluated"](tables).groupby(keys, sort=False):
-        names_of.setdefault((event, reason, tuple(rows.case)), []).append(name)
+    unevaluated = METRICS["unevaluated"](tables)
+    for (name, event, reason), rows in unevaluated.groupby(keys, sort=False):
+        key = (event, reason, tuple(rows.case))
+        names_of.setdefault(key, []).append(name)
     texts = []
     for (event, reason, cases), names in names_of.items():
         text = listed(names, 2 * _FEW, ", ")
@@ -212,7 +217,7 @@ def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
     names = list(dict.fromkeys(frame.requirement))
     if len(names) > _MOST_WINDOWS:
         return {}
-    cells = {}
+    cells: dict[str, dict[str, str]] = {}
     for name in names:
         rows = frame[frame.requirement == name]
         window = rows.iloc[0]
@@ -220,7 +225,10 @@ def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
         end = window.last_s - window.t_s
         prefix = f"{name}, " if len(names) > 1 else ""
         heading = f"{prefix}worst from {start:+.3g} to {end:+.3g} s ({window.unit})"
-        cells[heading] = {row.case: _worst_cell(row) + mark(row.by, is_by_covariance) for row in rows.itertuples()}
+        cells[heading] = {}
+        for row in rows.itertuples():
+            sign = mark(row.by, is_by_covariance)
+            cells[heading][row.case] = _worst_cell(row) + sign
     return cells
 
 

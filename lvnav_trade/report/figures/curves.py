@@ -24,13 +24,16 @@ def curves(tables: Tables, axis: str) -> Figure:
     crossings = crossings[(crossings.axis == axis) & (crossings.by == "linear covariance")]
     names = list(dict.fromkeys(frame.requirement))
     figure, grid = canvas(len(names), 1, 2.6)
+    axis_name = axis.replace("_", " ")
     for ax, name in zip(grid[:, 0], names, strict=True):
         rows = frame[frame.requirement == name]
-        _draw_curves(ax, rows, crossings[crossings.requirement == name])
+        requirement_crossings = crossings[crossings.requirement == name]
+        _draw_curves(ax, rows, requirement_crossings)
         axis_unit = rows.axis_unit.iloc[0] or "-"
+        unit = rows.unit.iloc[0]
         ax.set(
-            xlabel=f"{axis.replace('_', ' ')} ({axis_unit})",
-            ylabel=f"{name} ({rows.unit.iloc[0]})",
+            xlabel=f"{axis_name} ({axis_unit})",
+            ylabel=f"{name} ({unit})",
         )
     return figure
 
@@ -76,8 +79,9 @@ def tornado(tables: Tables, requirement: str) -> Figure:
         ax.text(row.low, height, f"{row.low_level} ", ha="right")
         ax.text(row.high, height, f" {row.high_level}", ha="left")
     axis_names = [name.replace("_", " ") for name in frame.axis]
+    unit = frame.unit.iloc[0]
     ax.set(
-        xlabel=f"{requirement} ({frame.unit.iloc[0]})",
+        xlabel=f"{requirement} ({unit})",
         yticks=named_ticks(axis_names),
         margin=0.25,
     )

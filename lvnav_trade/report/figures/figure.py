@@ -69,7 +69,8 @@ class Events(NamedTuple):
         for t, numbers in groups:
             first = numbers[0]
             last = numbers[-1]
-            labels.append((t, str(first) if first == last else f"{first}-{last}"))
+            label = str(first) if first == last else f"{first}-{last}"
+            labels.append((t, label))
         return labels
 
     def key(self) -> str:
@@ -93,7 +94,10 @@ class Events(NamedTuple):
         for name in names:
             fault_type, _, number = name.rpartition(" ")
             numbers_of_type.setdefault(fault_type, []).append(number)
-        texts = [f"{fault_type} {' '.join(numbers)}".strip() for fault_type, numbers in numbers_of_type.items()]
+        texts = []
+        for fault_type, numbers in numbers_of_type.items():
+            number_list = " ".join(numbers)
+            texts.append(f"{fault_type} {number_list}".strip())
         return ", ".join(texts)
 
 

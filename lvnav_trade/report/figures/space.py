@@ -67,7 +67,8 @@ def swings(tables: Tables, requirement: str) -> Figure:
     limit = limit_of(tables, requirement) * factor
     if np.isfinite(limit):
         ax.axvline(limit, color=GREY, ls="--", lw=1.0)
-    errors = np.concatenate([frame[name].dropna() * factor for name in ("error_si", "low_si", "high_si")])
+    columns = [frame[name].dropna() * factor for name in ("error_si", "low_si", "high_si")]
+    errors = np.concatenate(columns)
     scale_up(ax, "x", errors)
     if ax.axes.get("xscale") != "log":
         ax.set(xlim=(0.0, _ROOM * errors.max()))
@@ -138,12 +139,17 @@ def _region_centres(ax: Panel, tables: Tables, rows: pd.DataFrame, name: str) ->
     name : name of the axis
     """
     unit, factor = people_of(tables, name)
-    ax.set(xlabel=f"{axis_label(name)} ({unit})" if unit else axis_label(name))
+    label = axis_label(name)
+    if unit:
+        label = f"{label} ({unit})"
+    ax.set(xlabel=label)
     is_positive = bool((rows.low > 0.0).all())
     if is_positive and rows.high.max() > 20.0 * rows.low.min():
         ax.set(xscale="log")
-        return np.sqrt(rows.low * rows.high) * factor
-    return 0.5 * (rows.low + rows.high) * factor
+        geometric_mean = np.sqrt(rows.low * rows.high)
+        return geometric_mean * factor
+    mean = 0.5 * (rows.low + rows.high)
+    return mean * factor
 
 
 def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
@@ -196,6 +202,8 @@ def indices(frame: pd.DataFrame) -> Figure:
     for ax, gains in zip(grid[0], ("frozen", "retuned"), strict=True):
         for offset, order, number in ((0.2, "first", 0), (-0.2, "total", 1)):
             colour = line_of(number)["color"]
-            ax.barh(heights + offset, frame[f"{gains}_{order}"], 0.36, color=colour, label=order)
-        ax.set(yticks=ticks, xlabel=f"index, {gains.replace('retuned', 're-tuned')} (-)")
+            index = frame[f"{gains}_{order}"]
+            ax.barh(heights + offset, index, 0.36, color=colour, label=order)
+        gains_name = gains.replace("retuned", "re-tuned")
+        ax.set(yticks=ticks, xlabel=f"index, {gains_name} (-)")
     return figure

@@ -134,5 +134,7 @@ def _label_spans(panels: Iterable[Panel]) -> dict[str, tuple[float, float]]:
         label = ax.label("y")
         low, high = ax.spans["y"]
         least, most = spans.get(label, (np.inf, 0.0))
-        spans[label] = min(low, least), max(high, most)
+        least = min(low, least)
+        most = max(high, most)
+        spans[label] = (least, most)
     return spans

@@ -205,7 +205,9 @@ def _rate_gains(tables: Tables) -> dict[str, dict[str, float]]:
     for case, levels in tables.levels.items():
         other_levels = [level for axis, level in levels.items() if axis != "rate_gain"]
         setting = ", ".join(other_levels) or "all"
-        gains.setdefault(setting, {})[tables.labels[case]] = float(levels.get("rate_gain", 1.0))
+        label = tables.labels[case]
+        gain = float(levels.get("rate_gain", 1.0))
+        gains.setdefault(setting, {})[label] = gain
     return gains
 
 
@@ -215,9 +217,11 @@ def turning(tables: Tables, case: str) -> Figure:
     rows = pick(tables.motion_history, case=case, axis="pitch")
     figure, grid = canvas(2, 1, 2.4, sharex=True)
     for ax, (value, bound, label) in zip(grid[:, 0], _TURNING, strict=True):
-        ax.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
-        ax.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
-        ax.plot(rows.t_s, -rows[bound], lw=1.2, color=PALETTE[1])
+        t = rows.t_s
+        envelope = rows[bound]
+        ax.plot(t, rows[value], lw=0.5, color=PALETTE[0], label="true")
+        ax.plot(t, envelope, lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
+        ax.plot(t, -envelope, lw=1.2, color=PALETTE[1])
         ax.set(ylabel=label, margin=0.0)
     grid[1, 0].set(xlabel="time since lift-off (s)")
     return figure
