@@ -240,7 +240,9 @@ def fitted_quantile_change(
     low, in base and candidate alike.
     """
     squares = np.stack([base**2, candidate**2])
-    quantiles = _fitted_quantile(squares.mean(axis=1), squares.var(axis=1, ddof=1), probability)
+    mean = squares.mean(axis=1)
+    variance = squares.var(axis=1, ddof=1)
+    quantiles = _fitted_quantile(mean, variance, probability)
     with np.errstate(divide="ignore", invalid="ignore"):
         jackknife = _jackknife_quantile(base, probability), _jackknife_quantile(candidate, probability)
     statistics = float(quantiles[0]), float(quantiles[1])
@@ -364,7 +366,8 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
         a = 2.0 * n
         b = (2.0 * n - more + less) * difference - more - less
         c = -less * difference * (1.0 - difference)
-        nuisance = (np.sqrt(max(0.0, b * b - 4.0 * a * c)) - b) / (2.0 * a)
+        discriminant = max(0.0, b * b - 4.0 * a * c)
+        nuisance = (np.sqrt(discriminant) - b) / (2.0 * a)
         variance = n * (2.0 * nuisance + difference * (1.0 - difference))
         return float(more - less - n * difference - z * np.sqrt(max(variance, 0.0)))
 

@@ -356,9 +356,12 @@ def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.D
         places.append(matches[0] if matches else len(order))
     ranked = rows.assign(place=places, closeness=-_band_distance(rows))
     ranked = ranked.sort_values(["place", "closeness"], kind="stable").drop_duplicates("item")
-    first_of_place = ranked[ranked.place < len(order)].drop_duplicates("place")
-    remaining = ranked.drop(first_of_place.index).sort_values("closeness", kind="stable")
-    return pd.concat([first_of_place, remaining]).head(n)[list(rows.columns)]
+    has_place = ranked.place < len(order)
+    first_of_place = ranked[has_place].drop_duplicates("place")
+    remaining = ranked.drop(first_of_place.index)
+    remaining = remaining.sort_values("closeness", kind="stable")
+    important = pd.concat([first_of_place, remaining]).head(n)
+    return important[list(rows.columns)]
 
 
 def _band_distance(rows: pd.DataFrame) -> pd.Series:
@@ -372,4 +375,5 @@ def _band_distance(rows: pd.DataFrame) -> pd.Series:
         above = np.log(ours / rows.band_high.astype(float))
     outside = np.maximum(np.maximum(below, above), 0.0)
     has_no_number = ours.isna() | (ours <= 0.0)
-    return pd.Series(np.where(has_no_number, np.inf, outside), index=rows.index)
+    distance = np.where(has_no_number, np.inf, outside)
+    return pd.Series(distance, index=rows.index)

@@ -109,13 +109,16 @@ def _numeric_axis(
 def _levels(tables: Tables, name: str, axis: dict[str, Any]) -> tuple[list[str], list[Any]]:
     """Return labels and resolved values of the levels of an axis; for a sampled axis those of the cases."""
     if axis["values"] is not None:
-        return [str(label) for label in axis["labels"]], list(axis["values"])
+        labels = [str(label) for label in axis["labels"]]
+        return labels, list(axis["values"])
     labels = list(dict.fromkeys(levels[name] for levels in tables.levels.values()))
-    base_quantity = _QUANTITY.fullmatch(str(_field(tables.campaign.get("base"), axis["path"])))
+    base_value = _field(tables.campaign.get("base"), axis["path"])
+    base_quantity = _QUANTITY.fullmatch(str(base_value))
     if base_quantity is None or base_quantity[2] is None:
         return labels, list(labels)
     unit = base_quantity[2]
-    return labels, [f"{parse(label, unit)!r} {unit}" for label in labels]
+    values = [f"{parse(label, unit)!r} {unit}" for label in labels]
+    return labels, values
 
 
 def _read_quantities(values: Sequence[Any]) -> tuple[str, list[float]] | None:
@@ -308,7 +311,8 @@ def crossed(value: np.ndarray, error: np.ndarray, limit: float) -> Iterator[tupl
     for (x0, y0), (x1, y1) in pairwise(zip(value, error, strict=True)):
         are_finite = np.isfinite([y0, y1, limit]).all()
         if are_finite and (y0 < limit) != (y1 < limit):
-            crossing = x0 + (limit - y0) / (y1 - y0) * (x1 - x0)
+            fraction = (limit - y0) / (y1 - y0)
+            crossing = x0 + fraction * (x1 - x0)
             yield float(x0), float(x1), float(crossing)
 
 

@@ -120,8 +120,10 @@ def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
     instants = [("start", start), *events, ("end", end)]
     spans = [("flight", max(start, 0.0), end)]
     for (first, t_first), (second, t_second) in pairwise(instants):
-        if t_second - t_first > SAME_TIME:
-            spans.append((f"{first} to {second}", t_first, t_second))
+        duration = t_second - t_first
+        if duration > SAME_TIME:
+            name = f"{first} to {second}"
+            spans.append((name, t_first, t_second))
     spans += [(event, t, t) for event, t in events]
     return spans
 
