@@ -222,7 +222,8 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
             if not isinstance(law, str):
                 event = law.distribution.moment.replace(" ", "_")
             place = f" at {words(event)}"
-        rows = budget[(budget.case == label) & (budget.event == event) & (budget.metric == f"{quantity}_error")]
+        is_of_case = (budget.case == label) & (budget.event == event)
+        rows = budget[is_of_case & (budget.metric == f"{quantity}_error")]
         if rows.empty or why_not_applicable(tables, case):
             continue
         top = rows.iloc[0]

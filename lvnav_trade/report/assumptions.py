@@ -69,7 +69,8 @@ def ranked_by_assumptions(tables: Tables) -> list[Block]:
         return []
     is_resource = frame.field.str.contains(_RESOURCES)
     sentences = []
-    for rows, consequence in ((frame[~is_resource], _ORDER), (frame[is_resource], _COST_ALONE)):
+    groups = ((frame[~is_resource], _ORDER), (frame[is_resource], _COST_ALONE))
+    for rows, consequence in groups:
         if len(rows):
             sentences.append(f"{_marked_fields(rows)}. {consequence}")
     subject = "cost and performance" if is_resource.all() else "the cases"
@@ -91,7 +92,8 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
         rows = rows[[source in sources for source in field_sources]]
     if rows.empty:
         return []
-    text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are only as reliable as these numbers. {_ALONG}"
+    fields = _fields(list(rows.field))
+    text = f"{fields}. Errors of the achieved orbit are only as reliable as these numbers. {_ALONG}"
     marks = " and ".join(mark.replace("_", " ") for mark in dict.fromkeys(rows.mark))
     lead = f"The achieved orbit depends on {marks} dispersions of the vehicle."
     return [Text(text[0].upper() + text[1:], lead)]
@@ -104,7 +106,8 @@ def _marked_fields(frame: pd.DataFrame) -> str:
         fields = []
         for mark, rows in device_rows.groupby("mark", sort=False):
             count = f"in {rows.marked.max()} of {rows.cases.iloc[0]} cases"
-            fields.append(f"{_fields(list(rows.field))} ({mark} {count})")
+            field_names = _fields(list(rows.field))
+            fields.append(f"{field_names} ({mark} {count})")
         name = _NAMES.get(str(device), f"Sensor {str(device).partition('.')[2]}")
         devices.append(f"{name}: {'; '.join(fields)}")
     return ". ".join(devices)
@@ -165,7 +168,8 @@ def _device_table(tables: Tables, device_type: str, frame: pd.DataFrame) -> Tabl
         lines.setdefault(line, []).append(str(case))
     table_rows = []
     for line, cases in lines.items():
-        table_rows.append((*line, cases_in_words(tables, dict.fromkeys(cases))))
+        case_text = cases_in_words(tables, dict.fromkeys(cases))
+        table_rows.append((*line, case_text))
     title = device_type[0].upper() + device_type[1:]
     return Table(
         head=(device_type, *terms, "cases"),

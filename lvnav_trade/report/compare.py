@@ -164,7 +164,8 @@ def junit(comparison: ResultComparison) -> str:
             "testcase",
             {"classname": xml_text(row.case), "name": xml_text(cells["metric"]), "time": "0"},
         )
-        text = xml_text("; ".join(f"{heading}: {cells[heading]}" for heading in HEAD[3:]))
+        cell_texts = [f"{heading}: {cells[heading]}" for heading in HEAD[3:]]
+        text = xml_text("; ".join(cell_texts))
         if row.verdict == "not worse":
             ElementTree.SubElement(testcase, "system-out").text = text
             continue

@@ -242,7 +242,9 @@ def error_bound(tables: Tables) -> list[Block]:
         is_bounded = first.rank_count == first.state_count and (noise.lower_bound_si > 0.0).all()
         noise_texts = []
         for row in noise.itertuples():
-            noise_texts.append(f"{number(row.lower_bound_si)} to {number(row.upper_bound_si)} {row.unit}")
+            low = number(row.lower_bound_si)
+            high = number(row.upper_bound_si)
+            noise_texts.append(f"{low} to {high} {row.unit}")
         rows.append(
             (
                 tables.labels[case],
@@ -369,7 +371,8 @@ def integrity(tables: Tables) -> list[Block]:
     if not blocks:
         return []
     labels = set(METRICS["decisions"](tables).case)
-    cases, remark = few([case for case, label in tables.labels.items() if label in labels])
+    computed = [case for case, label in tables.labels.items() if label in labels]
+    cases, remark = few(computed)
     return [
         *blocks,
         *worth(tables),
@@ -389,7 +392,8 @@ def _scaled_errors(total: float, source: dict[str, Any]) -> list[str]:
     retuned = dict(source["retuned"])
     texts = []
     for factor in _SCALE_FACTORS:
-        text = number(np.sqrt(total + (factor**2 - 1.0) * source["square"]))
+        mean_square = total + (factor**2 - 1.0) * source["square"]
+        text = number(np.sqrt(mean_square))
         if factor in retuned:
             text += f" / {number(retuned[factor])}"
         texts.append(text)

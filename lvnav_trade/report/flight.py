@@ -41,7 +41,8 @@ def _normality_warning(tables: Tables, label: str) -> list[Block]:
     rows = frame[(frame.case == label) & ~frame.gaussian.astype(bool)]
     if rows.empty:
         return []
-    skewed = ", ".join(f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples())
+    skewed_errors = [f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples()]
+    skewed = ", ".join(skewed_errors)
     p_value = rows.p_ratio.max()
     chance = f"chance below {p_value:.1g} for a Gaussian" if p_value > 0.0 else "no Gaussian"
     text = (
@@ -172,7 +173,11 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 def _case_pictures(tables: Tables, plot: str, frame: pd.DataFrame) -> list[Picture]:
     """Return a figure of each chosen case that has rows in a frame."""
     labels = set(frame.case)
-    return [figure(tables, plot, case) for case, label in chosen_cases(tables).items() if label in labels]
+    pictures = []
+    for case, label in chosen_cases(tables).items():
+        if label in labels:
+            pictures.append(figure(tables, plot, case))
+    return pictures
 
 
 @of("exclusions")

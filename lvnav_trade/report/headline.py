@@ -75,7 +75,9 @@ def said(rows: pd.DataFrame, kinds: Mapping[str, VerdictCounts]) -> str:
         if count.undecided:
             text += f", {count.undecided} {plural(count.undecided, 'is', 'are')} undecided"
         texts.append(text)
-    return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(texts)}"
+    n_held = int(held(rows).sum())
+    text_list = "; ".join(texts)
+    return f"Of {len(rows)} published results that count, {n_held} are reproduced: {text_list}"
 
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:

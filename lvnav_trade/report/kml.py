@@ -92,7 +92,8 @@ def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Fl
     """
     axes = list(_AXES)
     rows = tables.history
-    rows = rows[(rows["case"] == case) & (rows.quantity == "position") & rows.axis.isin(axes)]
+    is_position = (rows["case"] == case) & (rows.quantity == "position")
+    rows = rows[is_position & rows.axis.isin(axes)]
     sigma = rows.pivot_table(index="t_s", columns="axis", values="lincov_true_si")
     if sigma.empty:
         return {}
@@ -219,7 +220,8 @@ def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float)
     variances = np.diag(covariance)
     north, east, down = SIGMAS * np.sqrt(variances)
     eigenvalues = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
-    half_axes = SIGMAS * np.sqrt(eigenvalues)[::-1]
+    descending = eigenvalues[::-1]
+    half_axes = SIGMAS * np.sqrt(descending)
     half_axes_text = ", ".join(f"{half_axis:.3g}" for half_axis in half_axes)
     description = (
         f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "

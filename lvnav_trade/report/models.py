@@ -144,7 +144,10 @@ def models(tables: Tables) -> list[Block]:
 def _in_words(checks: pd.DataFrame) -> str:
     """Return the checks of a model as sentences, one for each type of evidence."""
     groups = checks[checks.by != ""].groupby("by", sort=False)
-    sentences = [f"{evidence_type.capitalize()}: {'; '.join(rows.shown)}." for evidence_type, rows in groups]
+    sentences = []
+    for evidence_type, rows in groups:
+        results = "; ".join(rows.shown)
+        sentences.append(f"{evidence_type.capitalize()}: {results}.")
     return " ".join(sentences) or "Nothing independent."
 
 

@@ -83,7 +83,8 @@ def _cells(row: pd.Series | None) -> tuple[str, str, str]:
     if not pd.isna(row.published):
         if row.counts_as == "repeats":
             remark += " input"
-        return f"{row.published:g}", number(row.ours), f"{number(row.ratio)}{remark}"
+        ratio = f"{number(row.ratio)}{remark}"
+        return f"{row.published:g}", number(row.ours), ratio
     published = _PUBLISHED.search(str(row.remark))
     word = published[1] if published else ""
     return _WORDS.get(word, word), number(row.ours), remark.strip() or "as printed"

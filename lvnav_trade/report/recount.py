@@ -121,7 +121,8 @@ def renew(
     new = {result.part.campaign: result for result in answered}
     published = [published_frame(result, script) for result in answered]
     unchanged = _unchanged_rows(place, campaigns, script, new)
-    with_results = {line["campaign"] for line in _campaign_lines(page.sections[_ANSWER], unchanged)} | set(new)
+    unchanged_lines = _campaign_lines(page.sections[_ANSWER], unchanged)
+    with_results = {line["campaign"] for line in unchanged_lines} | set(new)
 
     rows = _sort_rows([unchanged, together(answered, published)], names)
     further = script.further_rows([campaign for campaign in campaigns if campaign.name not in with_results])
@@ -161,7 +162,8 @@ def _unchanged_rows(
 ) -> pd.DataFrame:
     """Return the stored rows of the campaigns that are not in `new`, with their present items and marks."""
     stored = _stored_rows(place)
-    unchanged = stored[(stored["case"] != "") & ~_campaign_names(stored).isin(list(new))]
+    is_new = _campaign_names(stored).isin(list(new))
+    unchanged = stored[(stored["case"] != "") & ~is_new]
     return _mark_rows(unchanged, _study_entries(campaigns, script))
 
 

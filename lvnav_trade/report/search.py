@@ -87,7 +87,8 @@ def solved(
     blocks: list[Block] = []
     if len(answers) <= _FEW:
         blocks += [Text(_answer(solution, names), "") for solution in answers.itertuples()]
-    blocks += [Text(note("solve")), table(_words(rows), f"Largest {names[0]} that meets the requirements.")]
+    blocks.append(Text(note("solve")))
+    blocks.append(table(_words(rows), f"Largest {names[0]} that meets the requirements."))
     if not answers.monotone.all():
         blocks.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
     if has_curve:
@@ -141,7 +142,8 @@ def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[B
     if len(best):
         row = best.iloc[0]
         ratio = f"error over limit {row.error_ratio:.3g} (largest: {row.limiting_requirement})"
-        first = Text(f"{row.case}: {name} {row[least]:g}, {ratio}.", f"Least {name} that meets the requirements:")
+        lead = f"Least {name} that meets the requirements:"
+        first = Text(f"{row.case}: {name} {row[least]:g}, {ratio}.", lead)
     else:
         first = Text("", "No case meets the requirements.")
     blocks: list[Block] = [first, table(_words(answers), f"All cases, smallest {name} first.")]

@@ -280,7 +280,9 @@ def _draw(result: StudyResult, figure: CampaignFigure, script: StudyScript) -> D
         "budget": (case, figure.quantity),
         "motion": (case, figure.quantity),
     }
-    drawing: Drawing | None = PLOTS[figure.plot](result.tables, *arguments.get(figure.plot, (case,)))
+    plot = PLOTS[figure.plot]
+    plot_arguments = arguments.get(figure.plot, (case,))
+    drawing: Drawing | None = plot(result.tables, *plot_arguments)
     return drawing
 
 

@@ -71,7 +71,9 @@ def _coverage(tables: Tables) -> list[Block]:
         events = events[:1]
     frame = frame[frame.event.isin(events)]
     ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
-    return [Text(note("coverage")), stated("coverage", frame.assign(**{name: 100.0 * frame[name] for name in ratios}))]
+    percents = {name: 100.0 * frame[name] for name in ratios}
+    frame = frame.assign(**percents)
+    return [Text(note("coverage")), stated("coverage", frame)]
 
 
 def _spaced_events(frame: pd.DataFrame) -> list[str]:

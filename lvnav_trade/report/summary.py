@@ -148,7 +148,8 @@ def _evidence(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str) -> s
     if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
         return ""
     rows = frame.assign(of_runs=of_runs)
-    rows = rows[(rows.case.map(worst_verdicts) == verdict) & (rows.verdict == verdict)]
+    worst_verdict = rows.case.map(worst_verdicts)
+    rows = rows[(worst_verdict == verdict) & (rows.verdict == verdict)]
     if rows.empty:
         return ""
     case_evidence = rows.groupby("case", sort=False).of_runs
@@ -170,7 +171,8 @@ def _deciding_cases(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         row = rows.loc[rows.margin_ratio.idxmin()]
         estimate = with_unit(row.estimate, row.unit)
         limit = with_unit(row.limit, row.unit)
-        sentences.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {estimate} of {limit})")
+        margin = _signed(row)
+        sentences.append(f"{_ROLES[role]}: {case} ({margin}, {estimate} of {limit})")
     if not sentences:
         return []
     return [Text(f"{'; '.join(sentences)}.", "Margins.")]
@@ -249,7 +251,9 @@ def _required(tables: Tables, frame: pd.DataFrame) -> str:
     requirements = tables.campaign.get("requirements") or ()
     if not requirements or len(requirements) > _FEW:
         return ""
-    limits = {row.requirement: with_unit(row.limit, row.unit) for row in frame.dropna(subset="limit").itertuples()}
+    limits = {}
+    for row in frame.dropna(subset="limit").itertuples():
+        limits[row.requirement] = with_unit(row.limit, row.unit)
     facts = []
     for requirement in requirements:
         name = requirement["name"]

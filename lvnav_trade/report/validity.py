@@ -122,7 +122,10 @@ def _window_sentence(rows: pd.DataFrame, exceeding: pd.DataFrame, n_compliant: i
     exceeding : rows of designs that comply at the event and exceed the limit around it
     n_compliant : number of designs that comply at the event
     """
-    cases = [f"{row.case}: {with_unit(row.worst, row.unit)} {when(row)}" for row in exceeding.itertuples()]
+    cases = []
+    for row in exceeding.itertuples():
+        worst = with_unit(row.worst, row.unit)
+        cases.append(f"{row.case}: {worst} {when(row)}")
     texts, source = with_evidence(cases, exceeding.by)
     window = rows.iloc[0]
     return say(

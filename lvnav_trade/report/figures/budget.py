@@ -87,7 +87,8 @@ def _layers(share: pd.DataFrame, order: list[str]) -> pd.DataFrame:
     """Return the shares over time of the largest sources, in an order of all sources, and of all others together."""
     mean_share = share.mean().sort_values(ascending=False, kind="stable")
     largest = list(mean_share.index[:MOST_SOURCES])
-    layers = share[sorted(largest, key=order.index)].copy()
+    ordered = sorted(largest, key=order.index)
+    layers = share[ordered].copy()
     if share.shape[1] > MOST_SOURCES:
         layers[REST] = share.drop(columns=largest).sum(axis=1)
     return layers

@@ -72,7 +72,9 @@ def tornado(tables: Tables, requirement: str) -> Figure:
     frame = frame[frame.requirement == requirement].iloc[::-1]
     figure, ax = panel(0.9 + 0.3 * len(frame))
     heights = np.arange(len(frame))
-    ax.boxes(frame.low, frame.high, heights - 0.3, heights + 0.3, color=line_of(0)["color"])
+    bottom = heights - 0.3
+    top = heights + 0.3
+    ax.boxes(frame.low, frame.high, bottom, top, color=line_of(0)["color"])
     ax.axvline(float(frame.base.iloc[0]), color="black", lw=1.0)
     ax.axvline(float(frame.limit.iloc[0]), color=GREY, ls="--", lw=1.0)
     for height, row in enumerate(frame.itertuples()):

@@ -135,7 +135,9 @@ def validity(tables: Tables) -> Figure:
         row = rows.index(levels.loc[case, down])
         column = columns.index(levels.loc[case, across])
         image[row, column] = ratios.get(label, np.nan)
-        texts[row, column] = f"{signs.get(label, '')} {_ratio_text(image[row, column])}".strip()
+        sign = signs.get(label, "")
+        ratio_text = _ratio_text(image[row, column])
+        texts[row, column] = f"{sign} {ratio_text}".strip()
     ax.cells(
         np.arange(len(columns) + 1),
         np.arange(len(rows) + 1),

@@ -56,7 +56,8 @@ def ratios(references: pd.DataFrame) -> Figure:
         alpha=0.6,
         label="band",
     )
-    _ratio_marks(ax, frame[~is_missing], ratio[~is_missing], clipped[~is_missing])
+    is_given = ~is_missing
+    _ratio_marks(ax, frame[is_given], ratio[is_given], clipped[is_given])
     if is_missing.any():
         ax.plot(
             clipped[is_missing],
@@ -111,7 +112,9 @@ def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
     """Make the horizontal axis logarithmic, for ratios, and label the items from the top down."""
     short_names = []
     for name in names:
-        short_names.append(name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3] + "...")
+        if len(name) > _LONGEST_NAME:
+            name = name[: _LONGEST_NAME - 3] + "..."
+        short_names.append(name)
     ax.set(
         xscale="log",
         xlabel=label,
@@ -223,11 +226,13 @@ def locus(
     mark_levels(ax, [*sizes, *study_points.x], names, level_unit)
     points = frame
     if level_unit:
-        points = pd.concat([frame, study_points[study_points.level == BASE]]).sort_values("x", kind="stable")
+        points_at_base = study_points[study_points.level == BASE]
+        points = pd.concat([frame, points_at_base]).sort_values("x", kind="stable")
     points = points[_placed(ax, points)]
     for number, other_levels in enumerate(dict.fromkeys(frame.others)):
         group = points[points.others == other_levels]
-        ax.plot(group.x, group.value, marker="o", ms=4, label=str(other_levels) or "ours", **line_of(number))
+        label = str(other_levels) or "ours"
+        ax.plot(group.x, group.value, marker="o", ms=4, label=label, **line_of(number))
     values = [*frame.value, *study_points.value]
     if published is not None:
         low, high = (edge * published.value for edge in published.band)
@@ -364,7 +369,8 @@ def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) 
             ("missed_mean", "mean error of the transition, norm", {"color": "black", "lw": 0.8, "ls": ":"}),
         ):
             error = table[f"{name}_{suffix}_{unit}"]
-            ax.plot(table.t_s, factor * error.where(error > 0.0), label=legend_entry, **style)
+            positive_error = factor * error.where(error > 0.0)
+            ax.plot(table.t_s, positive_error, label=legend_entry, **style)
         for _, start, _ in phases:
             ax.axvline(start, color=GREY, lw=0.5)
         ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", margin=0.0)

@@ -63,7 +63,8 @@ def swings(tables: Tables, requirement: str) -> Figure:
     for height, name in enumerate(order):
         rows = frame[frame.axis == name].sort_values("error_si", kind="stable")
         _draw_swing(ax, tables, rows, height, factor)
-    ax.axvline(float(frame.mean_si.iloc[0]) * factor, color="black", lw=1.0)
+    mean = float(frame.mean_si.iloc[0])
+    ax.axvline(mean * factor, color="black", lw=1.0)
     limit = limit_of(tables, requirement) * factor
     if np.isfinite(limit):
         ax.axvline(limit, color=GREY, ls="--", lw=1.0)
@@ -117,7 +118,8 @@ def regions(tables: Tables) -> Figure:
     n_rows = -(-len(names) // columns)
     figure, grid = canvas(n_rows, columns, 2.0, sharey=True)
     for number, name in enumerate(names):
-        ax = grid[number // columns][number % columns]
+        row, column = divmod(number, columns)
+        ax = grid[row][column]
         rows = frame[frame.axis == name]
         if rows.level.astype(bool).any():
             places = np.arange(len(rows), dtype=float)
@@ -127,7 +129,7 @@ def regions(tables: Tables) -> Figure:
         ax.vlines(places, rows.share_low, rows.share_high, color=PALETTE[0], lw=2.0)
         ax.plot(places, rows.share, ls="none", marker="o", ms=4, color=PALETTE[0])
         ax.set(ylim=(-_BEYOND, 1.0 + _BEYOND), yticks=_SHARES)
-        if number % columns == 0:
+        if column == 0:
             ax.set(ylabel="share that meets all (-)")
     return figure
 
@@ -190,7 +192,9 @@ def boundary(answers: pd.DataFrame, names: Sequence[str]) -> Figure:
     scale_up(ax, "y", answers.answer)
     unit = answers.unit.iloc[0] or "-"
     along_unit = answers.along_unit.iloc[0] or "-"
-    ax.set(xlabel=f"{names[1]} ({along_unit})", ylabel=f"{names[0]} ({unit})")
+    along_label = f"{names[1]} ({along_unit})"
+    label = f"{names[0]} ({unit})"
+    ax.set(xlabel=along_label, ylabel=label)
     return figure
 
 

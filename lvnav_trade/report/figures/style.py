@@ -45,7 +45,9 @@ def drawing(
 
 def line_of(number: int) -> dict[str, Any]:
     """Return colour and dashes of a case by its number; the first 56 are different."""
-    return {"color": PALETTE[number % len(PALETTE)], "ls": DASHES[number % len(DASHES)]}
+    colour = PALETTE[number % len(PALETTE)]
+    dashes = DASHES[number % len(DASHES)]
+    return {"color": colour, "ls": dashes}
 
 
 def over_time(

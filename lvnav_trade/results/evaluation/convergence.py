@@ -109,7 +109,8 @@ def _first_times_below(is_below: NDArray[np.bool_], times: Floats) -> tuple[Floa
     """
     # number of last events without interruption at which the error is below the limit
     n_last = np.cumprod(is_below[::-1], axis=0).sum(axis=0)
-    return np.asarray(times[len(is_below) - n_last]), np.asarray(n_last > 0)
+    first = times[len(is_below) - n_last]
+    return np.asarray(first), np.asarray(n_last > 0)
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:

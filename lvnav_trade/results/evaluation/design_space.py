@@ -102,7 +102,8 @@ def _requirement_effects(frame: pd.DataFrame, column: str, is_sampled: bool) -> 
     error = frame[column].to_numpy(dtype=float)
     indices = _sobol_indices(frame, error) if is_sampled else {}
     for axis in axes_of(frame):
-        is_usable = np.isfinite(error) & (error > 0.0) & frame[axis].notna().to_numpy()
+        is_positive = np.isfinite(error) & (error > 0.0)
+        is_usable = is_positive & frame[axis].notna().to_numpy()
         if is_usable.sum() < _FEWEST:
             continue
         level = frame[axis][is_usable]
@@ -264,10 +265,14 @@ def _axis_regions(frame: pd.DataFrame, is_met: Bools, axis: str) -> Iterator[dic
     if is_numeric(frame, axis):
         values = frame[axis].to_numpy(dtype=float)
         bins = _bins(values, BINS)
-        groups: list[tuple[str, Any]] = [("", bins == k) for k in range(int(bins.max()) + 1)]
+        n_bins = int(bins.max()) + 1
+        groups: list[tuple[str, Any]] = [("", bins == k) for k in range(n_bins)]
     else:
         values = np.full(len(frame), np.nan)
-        groups = [(str(level), (frame[axis] == level).to_numpy()) for level in dict.fromkeys(frame[axis])]
+        groups = []
+        for level in dict.fromkeys(frame[axis]):
+            has_level = (frame[axis] == level).to_numpy()
+            groups.append((str(level), has_level))
     for level, is_inside in groups:
         count = int(is_inside.sum())
         if not count:

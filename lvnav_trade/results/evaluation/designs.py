@@ -98,7 +98,8 @@ def _stored_designs(tables: Tables) -> pd.DataFrame:
         if axis not in numeric_axes:
             frame[f"{AXIS}{axis}"] = levels[name].to_numpy()
     frame = pd.concat([frame, stored[number_columns]], axis=1)
-    verdicts = pd.DataFrame([json.loads(text or "{}") for text in stored.verdicts], index=stored.index)
+    requirement_verdicts = [json.loads(text or "{}") for text in stored.verdicts]
+    verdicts = pd.DataFrame(requirement_verdicts, index=stored.index)
     for requirement in tables.campaign.get("requirements") or ():
         name = requirement["name"]
         _, _, column = requirement_columns(requirement)
@@ -198,7 +199,8 @@ def _navigation_errors(tables: Tables, case: str) -> dict[str, float]:
         if t.size:
             nearest = int(np.argmin(np.abs(t - t_event)))
             suffix = unit_suffix(NAVIGATION_UNITS[quantity])
-            errors[f"{quantity}_{suffix}"] = float(np.hypot(true[nearest], mean[nearest]))
+            rms = np.hypot(true[nearest], mean[nearest])
+            errors[f"{quantity}_{suffix}"] = float(rms)
             errors[f"{quantity}_formal_{suffix}"] = float(formal[nearest])
     rows = pick(tables.consistency, case=case)
     if len(rows):

@@ -246,7 +246,8 @@ def autocorrelation(tables: Tables) -> pd.DataFrame:
     """Return the autocorrelation of each channel: case, channel, lag_number, pair_count, autocorrelation_ratio."""
     rows = tables.whiteness
     mean = rows.product_sum_ratio / rows.pair_count.where(rows.pair_count > 0)
-    mean_square = mean.where(rows.lag_number == 0).groupby([rows.case, rows.channel], sort=False).transform("max")
+    mean_at_zero = mean.where(rows.lag_number == 0)
+    mean_square = mean_at_zero.groupby([rows.case, rows.channel], sort=False).transform("max")
     return rows[["case", "channel", "lag_number", "pair_count"]].assign(
         case=rows.case.map(tables.labels),
         autocorrelation_ratio=mean / mean_square,

@@ -119,8 +119,10 @@ def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) ->
     dict of str to Any
         Values by column; empty without rows between the times.
     """
-    raw_rows = pair.raw[(pair.raw.t_s > after) & (pair.raw.t_s < before)]
-    estimate_rows = pair.estimate[(pair.estimate.t_s > after) & (pair.estimate.t_s < before)]
+    is_in_raw = (pair.raw.t_s > after) & (pair.raw.t_s < before)
+    raw_rows = pair.raw[is_in_raw]
+    is_in_estimate = (pair.estimate.t_s > after) & (pair.estimate.t_s < before)
+    estimate_rows = pair.estimate[is_in_estimate]
     if raw_rows.empty or estimate_rows.empty:
         return {}
     unit, factor = tables.people[f"raw_{pair.quantity}", pair.axis]

@@ -169,7 +169,8 @@ def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
 def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
     """Return the band of ours over a published number, wider by half of its last printed digit."""
     low, high = published.get("band") or (0.5, 2.0)
-    half = 0.5 * float(published.get("digit") or 0.0) / abs(float(published["value"]))
+    last_digit = float(published.get("digit") or 0.0)
+    half = 0.5 * last_digit / abs(float(published["value"]))
     return low - abs(low) * half, high + abs(high) * half
 
 
@@ -187,7 +188,8 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     )
     word = row["verdict"]
     if not np.isnan(row["ratio"]):
-        least, most = sorted(float(row["published"]) * end for end in (low, high))
+        published_value = float(row["published"])
+        least, most = sorted(published_value * end for end in (low, high))
         word = verdict(value, least, most, (_tested_number(published, value),))
     return {
         "band_low": low,

@@ -199,7 +199,8 @@ def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
     groups: dict[str, list[tuple[str, str]]] = {}  # level of the axis and case, by the levels of all other axes
     for case, levels in tables.levels.items():
         if axis in levels:
-            label = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis) or "base"
+            other_levels = [f"{name}={level}" for name, level in levels.items() if name != axis]
+            label = ", ".join(other_levels) or "base"
             groups.setdefault(label, []).append((levels[axis], case))
     rows = []
     for label, ((first_level, base), *variants) in groups.items():
@@ -320,7 +321,8 @@ def _ridge_slope(error: Floats, draws: Floats) -> Floats:
     """
     m = draws.shape[1]
     centred = error - error.mean(axis=0)
-    return np.asarray(np.linalg.solve(draws.T @ draws + m * np.eye(m), draws.T @ centred))
+    normal_matrix = draws.T @ draws + m * np.eye(m)
+    return np.asarray(np.linalg.solve(normal_matrix, draws.T @ centred))
 
 
 def control_variates(tables: Tables) -> pd.DataFrame:

@@ -141,7 +141,8 @@ def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
     """
     values = levels.to_numpy(dtype=float)
     u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
-    columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
+    highest_degree = min(degree, len(np.unique(values)) - 1)
+    columns = legendre.legvander(u, highest_degree)[:, 1:]
     lowest = int(np.argmin(values))
     highest = int(np.argmax(values))
     ends = [
@@ -154,9 +155,13 @@ def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
 def _level_term(levels: pd.Series) -> _Term:
     """Return the term of an axis of levels: an indicator for each level except the first."""
     names = list(dict.fromkeys(levels))
-    columns = np.array([(levels == name).to_numpy(dtype=float) for name in names[1:]]).T
+    indicators = [(levels == name).to_numpy(dtype=float) for name in names[1:]]
+    columns = np.array(indicators).T
     level_of_designs = list(levels)
-    ends = [_End(str(name), str(name), np.nan, level_of_designs.index(name)) for name in names]
+    ends = []
+    for name in names:
+        first_design = level_of_designs.index(name)
+        ends.append(_End(str(name), str(name), np.nan, first_design))
     return _Term(columns - columns.mean(axis=0), ends)
 
 

@@ -114,7 +114,9 @@ def _monte_carlo_value(text: str, terms: Mapping[str, MetricValue], runs: Floats
     """
     sample_values = {}
     jackknife_values = {}
-    for (name, term), mean, means_without in zip(terms.items(), runs.mean(axis=1), _jackknife_means(runs), strict=True):
+    means = runs.mean(axis=1)
+    jackknife_means = _jackknife_means(runs)
+    for (name, term), mean, means_without in zip(terms.items(), means, jackknife_means, strict=True):
         sample_values[name] = _root(mean, term)
         jackknife_values[name] = _root(means_without, term)
     value = float(expression.evaluate(text, sample_values))
@@ -162,7 +164,8 @@ def _extend_interval(
 
 def _jackknife_means(runs: Floats) -> Floats:
     """Return the jackknife means (n_term, n_run): for each run the mean of all other runs."""
-    return np.asarray((runs.sum(axis=1, keepdims=True) - runs) / (runs.shape[1] - 1))
+    sum_without = runs.sum(axis=1, keepdims=True) - runs
+    return np.asarray(sum_without / (runs.shape[1] - 1))
 
 
 def _root(value: Any, term: MetricValue) -> Any:

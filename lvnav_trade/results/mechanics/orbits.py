@@ -58,12 +58,14 @@ class OrbitVectors(NamedTuple):
     @property
     def inclination(self) -> Floats:
         """Inclination in rad."""
-        return np.asarray(np.arctan2(np.hypot(self.h_i[..., 0], self.h_i[..., 1]), self.h_i[..., 2]))
+        horizontal = np.hypot(self.h_i[..., 0], self.h_i[..., 1])
+        return np.asarray(np.arctan2(horizontal, self.h_i[..., 2]))
 
     @property
     def node(self) -> Floats:
         """Right ascension of the ascending node in rad, [0, 2 pi), against the inertial x axis."""
-        return np.mod(np.arctan2(self.h_i[..., 0], -self.h_i[..., 1]), 2.0 * np.pi)
+        angle = np.arctan2(self.h_i[..., 0], -self.h_i[..., 1])
+        return np.mod(angle, 2.0 * np.pi)
 
     @property
     def elliptic(self) -> Bools:
@@ -175,7 +177,9 @@ def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
     (...,) array
         Radius (m).
     """
-    return np.asarray(np.sum(h_i**2, axis=-1) / GM / (1.0 + np.sum(e_i * direction, axis=-1)))
+    semi_latus_rectum = np.sum(h_i**2, axis=-1) / GM
+    e_cos_anomaly = np.sum(e_i * direction, axis=-1)
+    return np.asarray(semi_latus_rectum / (1.0 + e_cos_anomaly))
 
 
 def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
@@ -300,7 +304,9 @@ def _revolution(h_i: Floats, e_i: Floats, r_i: Floats, quadrature: tuple[Floats,
     h = np.linalg.norm(h_i, axis=-1)[..., None]
     radius = h**2 / GM / (1.0 + ex * c + ey * s)
     direction = c[:, None] * towards + s[:, None] * ahead
-    hodograph = -(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead
+    along_position = -(s + ey)[..., None] * towards
+    across_position = (c + ex)[..., None] * ahead
+    hodograph = along_position + across_position
 
     # t/T is the increase of the mean anomaly over 2 pi, and dt = r^2 / h d(angle).
     start = np.arctan2(-ey, ex)  # true anomaly of the position
@@ -331,7 +337,8 @@ def mean_anomaly(true: Floats, e: Floats) -> Floats:
         Mean anomaly (rad), continuous with the true anomaly.
     """
     beta = e / (1.0 + np.sqrt(1.0 - e * e))
-    eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
+    half_difference = np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
+    eccentric = true - 2.0 * half_difference
     return np.asarray(eccentric - e * np.sin(eccentric))
 
 
@@ -339,5 +346,6 @@ def oblateness(r_i: Floats) -> Floats:
     """Return the J2 term of the gravitation (..., 3) in m/s^2, frame i."""
     r2 = np.einsum("...i,...i->...", r_i, r_i)[..., None]
     sine2 = r_i[..., 2:] ** 2 / r2  # squared sine of the geocentric latitude
-    factor = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
+    r5 = r2 * r2 * np.sqrt(r2)
+    factor = 1.5 * J2 * GM * SEMI_MAJOR**2 / r5
     return np.asarray(factor * r_i * (5.0 * sine2 - np.array([1.0, 1.0, 3.0])))

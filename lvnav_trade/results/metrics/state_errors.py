@@ -220,7 +220,8 @@ class StateError(Metric):
         scale = scale_of(unit, si)
         if scale is None:
             return SingleValue(np.nan, no_fit(unit))
-        largest = per_run(tables, case, stated, error_column(self.quantity, self.axis, rows.unit.iloc[0]))
+        column = error_column(self.quantity, self.axis, rows.unit.iloc[0])
+        largest = per_run(tables, case, stated, column)
         if not len(largest):
             return SingleValue(np.nan, "no runs, or the phase does not begin and end at events")
         return SingleValue(float(np.median(largest)) / scale, "", np.sort(largest) / scale)

@@ -76,7 +76,8 @@ class TrackError(Metric):
             return MetricValue(remark=no_fit(unit))
         if law is None:
             return MetricValue(remark=MISSING)
-        errors = np.where(results.failed(event), np.inf, self._signed_errors(results, event)) / scale
+        signed_errors = self._signed_errors(results, event)
+        errors = np.where(results.failed(event), np.inf, signed_errors) / scale
         mean = float(law.mean[0]) / scale
         variance = float(law.covariance[0, 0]) / scale**2
         if stated.get("statistic") == "mean":

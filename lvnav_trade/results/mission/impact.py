@@ -111,7 +111,8 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
         if np.isfinite(slopes[k]).all():
             row |= _error_columns(laws[k], point, slopes[k], corridor)
         if states[k].event:
-            row |= _run_columns(tables, case, states[k], run_errors[states[k].event], corridor)
+            state = states[k]
+            row |= _run_columns(tables, case, state, run_errors[state.event], corridor)
         else:
             row |= {"runs": 0}  # no runs are stored between events
         rows.append(row)
@@ -231,7 +232,8 @@ def _error_columns(
         correlation = float("nan")
 
     variance, axes = np.linalg.eigh(covariance)
-    major_heading = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
+    axis_angle = np.arctan2(axes[1, 1], axes[0, 1])
+    major_heading = float(axis_angle) + float(point.heading)
     columns = {
         "down_sigma_km": sigma[0],
         "cross_sigma_km": sigma[1],

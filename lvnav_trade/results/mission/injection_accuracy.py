@@ -309,7 +309,8 @@ def _expected_end(law: InjectionLaw | None) -> dict[str, float]:
             k = NUMBERS.index(quantity)
             unit = INJECTION_UNITS[quantity]
             columns[f"lincov_{column}_{unit}"] = float(law.mean[k])
-            columns[f"lincov_{column}_sigma_{unit}"] = float(np.sqrt(law.covariance[:, k, k].sum()))
+            variance = law.covariance[:, k, k].sum()
+            columns[f"lincov_{column}_sigma_{unit}"] = float(np.sqrt(variance))
     return columns
 
 

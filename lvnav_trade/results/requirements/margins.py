@@ -70,7 +70,8 @@ def key_cases(tables: Tables) -> dict[str, str]:
     least_margin = _unchecked(tables).groupby("case", sort=False).margin_ratio.min().dropna()  # ascending
     meeting = least_margin[least_margin >= 0.0]
     roles: dict[str, str] = {}
-    for rows, role in ((least_margin[:1], "worst"), (meeting[:1], "binding"), (least_margin[-1:], "best")):
+    candidates = ((least_margin[:1], "worst"), (meeting[:1], "binding"), (least_margin[-1:], "best"))
+    for rows, role in candidates:
         for case in rows.index:
             roles.setdefault(str(case), role)
     return roles

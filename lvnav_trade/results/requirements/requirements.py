@@ -71,7 +71,8 @@ def unselected(tables: Tables) -> list[str]:
     selection = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
     labels = []
     for case, levels in tables.levels.items():
-        if any(str(levels.get(axis)) != str(level) for axis, level in selection.items()):
+        is_excluded = any(str(levels.get(axis)) != str(level) for axis, level in selection.items())
+        if is_excluded:
             labels.append(tables.labels[case])
     return labels
 

@@ -385,9 +385,11 @@ def _error_law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> 
     if axis == "3d" and quantity in _BLOCKS:
         joint_laws = laws(tables, case)
         if joint_laws:
-            nearest = int(np.argmin([abs(state.t - t) for state in states(tables, case)]))
+            distance = [abs(state.t - t) for state in states(tables, case)]
+            nearest = int(np.argmin(distance))
             block = _BLOCKS[quantity]
-            return joint_laws[nearest].mean[block], joint_laws[nearest].true[block, block]
+            law_at_state = joint_laws[nearest]
+            return law_at_state.mean[block], law_at_state.true[block, block]
     axes = [axis]
     if axis == "3d":
         axes = [component for name, component in tables.people if name == quantity and component != "3d"]

@@ -101,7 +101,8 @@ class CaseTables(CaseResults):
 
     def failed(self, event: str) -> Bools:
         """Return which runs failed, at an event."""
-        return np.asarray(pick(self.tables.runs, case=self.case, event=event).failure.to_numpy() != "")
+        rows = pick(self.tables.runs, case=self.case, event=event)
+        return np.asarray(rows.failure.to_numpy() != "")
 
     def failed_runs(self) -> Bools:
         """Return which runs failed."""

@@ -112,7 +112,10 @@ def case_names(tables: Tables) -> dict[str, str]:
             has_card |= card_name is not None
         name_by_case[case] = SEPARATOR.join(parts) if has_card else tables.labels[case]
     count = Counter(name_by_case.values())
-    return {case: name if count[name] == 1 else tables.labels[case] for case, name in name_by_case.items()}
+    unique_names = {}
+    for case, name in name_by_case.items():
+        unique_names[case] = name if count[name] == 1 else tables.labels[case]
+    return unique_names
 
 
 def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:

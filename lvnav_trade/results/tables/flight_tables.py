@@ -92,7 +92,8 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
     delays = prepared.delays
     step = 1  # every n-th epoch is stored
     if len(sky.t) > 1:
-        step = max(1, round(SKY_STEP / float(np.median(np.diff(sky.t)))))
+        interval = float(np.median(np.diff(sky.t)))
+        step = max(1, round(SKY_STEP / interval))
     elevation = sky.elevation[::step]
     tracked = sky.tracked[::step]
     is_stored = (elevation > 0.0) | tracked | (sky.state[::step] != IDLE)

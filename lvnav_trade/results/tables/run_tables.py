@@ -65,7 +65,8 @@ def run_columns(
             "injections": {},
             "failed_injection_draws": {},
         }
-    failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
+    names = [FAILURES.get(int(code), f"code {code}") for code in summary.failed]
+    failures = np.array(names)
     n_event = len(summary.events)
     runs = {
         "run_number": np.repeat(summary.runs, n_event),
