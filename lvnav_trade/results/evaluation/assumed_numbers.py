@@ -134,8 +134,10 @@ def configuration(tables: Tables) -> pd.DataFrame:
     states = tables.cases.set_index("case").nees_dof_count
     rows = []
     for case, label in tables.labels.items():
-        for device, device_type, card in _devices(scenario_of(tables, case)):
-            for row in _configuration_rows(device, device_type, card, int(states[case])):
+        scenario = scenario_of(tables, case)
+        for device, device_type, card in _devices(scenario):
+            n_state = int(states[case])
+            for row in _configuration_rows(device, device_type, card, n_state):
                 rows.append((label, *row))
     return pd.DataFrame(rows, columns=CONFIGURATION)
 

@@ -61,7 +61,8 @@ def errors_of(tables: Tables, frame: pd.DataFrame) -> dict[str, str]:
         error, _, _ = requirement_columns(requirement)
         columns[str(requirement["name"])] = error
     if not columns:
-        columns = {f"{name} error": f"{name}_{unit_suffix(unit)}" for name, unit in NAVIGATION_UNITS.items()}
+        for quantity, unit in NAVIGATION_UNITS.items():
+            columns[f"{quantity} error"] = f"{quantity}_{unit_suffix(unit)}"
     return {name: column for name, column in columns.items() if column in frame}
 
 

@@ -57,7 +57,8 @@ def scenario_of(tables: Tables, case: str) -> dict[str, Any]:
         if axis.get("between") and level != "base":
             data = _replace_field(data, path, level)
         elif level in (axis.get("labels") or ()):
-            data = _replace_field(data, path, axis["values"][axis["labels"].index(level)])
+            index = axis["labels"].index(level)
+            data = _replace_field(data, path, axis["values"][index])
     return dict(data)
 
 
@@ -72,7 +73,9 @@ def _replace_field(data: Any, path: Sequence[str], value: Any) -> Any:
             items.append(_replace_field(item, path[1:], value) if k == index else item)
         return items
     data = unmarked(data or {}, path)
-    return {**data, path[0]: _replace_field(data.get(path[0]), path[1:], value)}
+    name = path[0]
+    field = _replace_field(data.get(name), path[1:], value)
+    return {**data, name: field}
 
 
 def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

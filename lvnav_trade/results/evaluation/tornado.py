@@ -50,7 +50,8 @@ def swings(tables: Tables) -> pd.DataFrame:
     if tables.has_designs:
         frame = possible(tables)
         for name, column in errors_of(tables, frame).items():
-            rows += [{"requirement": name, **row} for row in _requirement_swings(frame, column)]
+            for row in _requirement_swings(frame, column):
+                rows.append({"requirement": name, **row})
     frame = pd.DataFrame(rows, columns=SWINGS)
     if tables.is_sampled:
         return frame

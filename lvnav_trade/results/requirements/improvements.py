@@ -85,9 +85,11 @@ class RequirementCase(NamedTuple):
         if sample is not None:
             if redraw is not None and sources:
                 sample = redraw.sample(sources, factor)
-            return float(np.searchsorted(sample, self.bound) / sample.size)
+            n_within = np.searchsorted(sample, self.bound)
+            return float(n_within / sample.size)
         law = self.distribution.law
-        source_covariance = np.sum([law.sources[name] for name in sources], axis=0)
+        covariances = [law.sources[name] for name in sources]
+        source_covariance = np.sum(covariances, axis=0)
         covariance = law.covariance + (factor**2 - 1.0) * source_covariance
         return norm_probability(law.mean, covariance, self.bound)
 
@@ -100,10 +102,12 @@ class RequirementCase(NamedTuple):
         redraw = self.distribution.redraw
         if sample is not None and redraw is not None:
             without_sources = redraw.sample(sources, 0.0)
-            return 1.0 - float(np.mean(without_sources**2) / np.mean(sample**2))
+            remaining_share = np.mean(without_sources**2) / np.mean(sample**2)
+            return 1.0 - float(remaining_share)
         law = self.distribution.law
         source_variance = sum(float(np.trace(law.sources[name])) for name in sources)
-        return source_variance / float(np.trace(law.covariance) + law.mean @ law.mean)
+        mean_square = float(np.trace(law.covariance) + law.mean @ law.mean)
+        return source_variance / mean_square
 
     def shares(self) -> dict[str, float]:
         """Return the share of each error source in the mean square."""

@@ -364,7 +364,8 @@ def _covariance_quantiles(
     quantiles = np.full(len(rows), np.nan)
     for k in {at_event, *np.argsort(-rms)[:_LARGEST].tolist()}:
         mean, covariance = _error_law(tables, case, metric, float(t[k]))
-        rms_of_law = float(np.sqrt(mean @ mean + np.trace(covariance)))
+        mean_square = mean @ mean + np.trace(covariance)
+        rms_of_law = float(np.sqrt(mean_square))
         scale = rms[k] / rms_of_law if rms_of_law > 0.0 else 0.0
         quantiles[k] = norm_quantile(mean, covariance, probability) * scale
     return quantiles

@@ -195,5 +195,6 @@ class CaseTables(CaseResults):
         t = instant(self.tables, self.case, at)
         if rows.empty or not np.isfinite(t):
             return float("nan")
-        nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))
+        distance = np.abs(rows.t_s.to_numpy() - t)
+        nearest = int(np.argmin(distance))
         return float(rows.level_si.iloc[nearest])
