@@ -102,10 +102,7 @@ def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
         encoded["ls"] = [2.0 * length for length in dashes[1]]
     if mark.style.get("hatch"):
         encoded["hatch"] = True
-    if mark.kind in ("line", "band"):
-        content = _thinned(mark.data)
-    else:
-        content = mark.data
+    content = _thinned(mark.data) if mark.kind in ("line", "band") else mark.data
     for name, values in content.items():
         if isinstance(values, np.ndarray):
             packed = np.asarray(values, dtype="<f4").tobytes()

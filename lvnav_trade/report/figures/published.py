@@ -226,13 +226,11 @@ def locus(
     mark_levels(ax, [*sizes, *study_points.x], names, level_unit)
     points = frame
     if level_unit:
-        points_at_base = study_points[study_points.level == BASE]
-        points = pd.concat([frame, points_at_base]).sort_values("x", kind="stable")
+        points = pd.concat([frame, study_points[study_points.level == BASE]]).sort_values("x", kind="stable")
     points = points[_placed(ax, points)]
     for number, other_levels in enumerate(dict.fromkeys(frame.others)):
         group = points[points.others == other_levels]
-        label = str(other_levels) or "ours"
-        ax.plot(group.x, group.value, marker="o", ms=4, label=label, **line_of(number))
+        ax.plot(group.x, group.value, marker="o", ms=4, label=str(other_levels) or "ours", **line_of(number))
     values = [*frame.value, *study_points.value]
     if published is not None:
         low, high = (edge * published.value for edge in published.band)

@@ -126,8 +126,7 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     signed_probability = orientation * (winding - outside)
     inside = float(np.clip(signed_probability, 0.0, 1.0))
     beyond_end = np.clip(0.0, first, last)
-    edge_distance = np.hypot(beyond_end, distance)
-    margin = float(edge_distance.min())
+    margin = float(np.hypot(beyond_end, distance).min())
     if orientation * winding > 0.5:
         return inside, margin
     return inside, -margin
