@@ -42,7 +42,8 @@ def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[st
     number of readings, the smallest is used. If axes vary one at a time, it has every free axis.
     """
     named_axes = {axis for levels in wanted.values() for axis in levels}
-    free_axes = [axis for axis in (known[0] if known else ()) if axis not in named_axes]
+    all_axes = known[0] if known else ()
+    free_axes = [axis for axis in all_axes if axis not in named_axes]
     candidates = []
     for n in range(len(free_axes) + 1):
         for axes in combinations(free_axes, n):
@@ -54,10 +55,14 @@ def _readings_along(
     known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]], axes: Sequence[str]
 ) -> list[Reading]:
     """Return the readings for all levels of some axes, where each term has exactly one case."""
-    found_readings = []
-    for choice in dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known):
+    complete_readings = []
+    choices = dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known)
+    for choice in choices:
         levels = dict(zip(axes, choice, strict=True))
-        numbers = {name: matching(known, {**term_levels, **levels}) for name, term_levels in wanted.items()}
+        numbers = {}
+        for name, term_levels in wanted.items():
+            numbers[name] = matching(known, {**term_levels, **levels})
         if all(len(matches) == 1 for matches in numbers.values()):
-            found_readings.append(Reading(levels, {name: matches[0] for name, matches in numbers.items()}))
-    return found_readings
+            case_numbers = {name: matches[0] for name, matches in numbers.items()}
+            complete_readings.append(Reading(levels, case_numbers))
+    return complete_readings

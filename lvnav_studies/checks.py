@@ -38,7 +38,8 @@ def faults(claims: Claims, campaign: Campaign) -> Iterator[Fault]:
             yield f"innovations.{index}.case", message
     ids = [statement.id for statement in claims.statements]
     for index, statement in enumerate(claims.statements):
-        if statement.id and statement.id in ids[:index]:
+        earlier_ids = ids[:index]
+        if statement.id and statement.id in earlier_ids:
             yield f"statements.{index}.id", f"{quoted(statement.id)} is used twice; give another id"
         yield from _below(f"statements.{index}", _statement_faults(statement, cases))
     for path, measured in _measured_metrics(claims):
@@ -65,7 +66,8 @@ def faults_in_flight(claims: Claims, events: Mapping[str, Mapping[str, float]]) 
         for event in measured.events:
             for times in events.values():
                 if event not in times:
-                    near = hint(event, times) or f" (it has {', '.join(times)})"
+                    event_list = ", ".join(times)
+                    near = hint(event, times) or f" (it has {event_list})"
                     field = "during" if measured.during else "at"
                     yield f"{path}.{field}", f"{event!r} is not an event of the trajectory{near}"
 
@@ -89,8 +91,9 @@ def _below(path: str, path_faults: Iterator[Fault]) -> Iterator[Fault]:
 def _statement_faults(statement: Statement, cases: Sequence[Mapping[str, str]]) -> Iterator[Fault]:
     """Yield the faults of the cases of a statement: each term has one, for some choice of the axes left open."""
     along = statement.along
-    if along and (not cases or along not in cases[0]):
-        yield "along", f"no axis {quoted(along)}{meant(along, list(cases[0]) if cases else [])}"
+    axes = list(cases[0]) if cases else []
+    if along and along not in axes:
+        yield "along", f"no axis {quoted(along)}{meant(along, axes)}"
     term_levels = {name: statement.case_of(name) for name in statement.terms}
     for name, term in statement.terms.items():
         if term.over and cases and term.over not in cases[0]:
@@ -101,7 +104,8 @@ def _statement_faults(statement: Statement, cases: Sequence[Mapping[str, str]]) 
         term_levels[name] |= pooled_levels(term, cases)
         for key, other_levels in (("minus", term.minus), ("sigma_of", term.sigma_of)):
             if other_levels is not None:
-                message = unknown_case(term_levels[name] | other_levels, cases)
+                levels = term_levels[name] | other_levels
+                message = unknown_case(levels, cases)
                 if message:
                     yield f"terms.{name}.{key}", message
     messages = _unknown_cases(term_levels, cases)
@@ -109,7 +113,8 @@ def _statement_faults(statement: Statement, cases: Sequence[Mapping[str, str]]) 
         messages = _unknown_cases(term_levels, cases, single=True)
         if not messages:
             first_term = next(iter(statement.terms))
-            messages = {first_term: "the terms have no case in common for any choice of the axes left out"}
+            message = "the terms have no case in common for any choice of the axes left out"
+            messages = {first_term: message}
     for name, message in messages.items():
         yield f"terms.{name}.case", message
 

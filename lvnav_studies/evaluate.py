@@ -47,16 +47,25 @@ def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
 
     The NEES of a run is correlated from time to time: its mean over a phase has the bound of a single time.
     """
-    low = np.nan if stated.get("at_least") is None else float(stated["at_least"])
-    high = np.nan if stated.get("at_most") is None else float(stated["at_most"])
+    if stated.get("at_least") is None:
+        low = np.nan
+    else:
+        low = float(stated["at_least"])
+    if stated.get("at_most") is None:
+        high = np.nan
+    else:
+        high = float(stated["at_most"])
     n = max(runs, 1)
     if stated.get("probability") is not None:
         freedom = 3.0 * n
-        high = float(stats.chi2.ppf(float(stated["probability"]), freedom) / freedom)
+        quantile = stats.chi2.ppf(float(stated["probability"]), freedom)
+        high = float(quantile / freedom)
     if stated.get("of_runs") is not None:
         probability = float(stated["of_runs"])
-        low = float(np.sqrt(stats.chi2.ppf(0.5 * (1.0 - probability), n) / n))
-        high = float(np.sqrt(stats.chi2.ppf(0.5 * (1.0 + probability), n) / n))
+        low_quantile = stats.chi2.ppf(0.5 * (1.0 - probability), n)
+        high_quantile = stats.chi2.ppf(0.5 * (1.0 + probability), n)
+        low = float(np.sqrt(low_quantile / n))
+        high = float(np.sqrt(high_quantile / n))
     return low, high
 
 
@@ -111,7 +120,11 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 def _term_levels(stated: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Return the levels that each term names, with those of the whole statement."""
     common = stated.get("case") or {}
-    return {name: {**common, **(term.get("case") or {})} for name, term in stated["terms"].items()}
+    term_levels = {}
+    for name, term in stated["terms"].items():
+        levels_of_term = term.get("case") or {}
+        term_levels[name] = {**common, **levels_of_term}
+    return term_levels
 
 
 def _best_number(value: ExpressionValue) -> float:
@@ -123,14 +136,18 @@ def _best_number(value: ExpressionValue) -> float:
 
 
 def _identity_cells(stated: Mapping[str, Any]) -> dict[str, str]:
-    return {key: str(stated.get(key) or "") for key in ("id", "source", "item")} | marks(stated, "statement")
+    cells = {key: str(stated.get(key) or "") for key in ("id", "source", "item")}
+    return cells | marks(stated, "statement")
 
 
 def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
     """Return the levels that a statement names and those of a reading as text, without axes at the base."""
     varied = {axis: level for axis, level in levels.items() if level != _BASE}
-    text = ", ".join(f"{axis}={level}" for axis, level in {**stated, **varied}.items())
-    return text or (_BASE if levels else "")
+    named_levels = {**stated, **varied}
+    text = ", ".join(f"{axis}={level}" for axis, level in named_levels.items())
+    if text:
+        return text
+    return _BASE if levels else ""
 
 
 def _read_values(
@@ -142,11 +159,14 @@ def _read_values(
     unit = str(stated.get("unit") or "-")
     complete_levels = {}
     for name, levels in term_levels.items():
-        complete_levels[name] = {**levels, **_first_levels(case_levels, stated["terms"][name])}
+        first_levels = _first_levels(case_levels, stated["terms"][name])
+        complete_levels[name] = {**levels, **first_levels}
     for levels, case_numbers in readings(case_levels, complete_levels):
         terms = {}
         for name, number in case_numbers.items():
-            terms[name] = _term_value(tables, cases[number], stated["terms"][name], unit)
+            case = cases[number]
+            term = stated["terms"][name]
+            terms[name] = _term_value(tables, case, term, unit)
         yield levels, value_of(str(stated["value"]), terms)
 
 
@@ -164,7 +184,8 @@ def _term_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -
     """Return the numbers of a term: of its case, or the median over all levels of an axis."""
     over = str(term.get("over") or "")
     if term.get("minus") is not None:
-        subtracted = cases_of(tables, {**tables.levels[case], **term["minus"]}, ())
+        subtracted_levels = {**tables.levels[case], **term["minus"]}
+        subtracted = cases_of(tables, subtracted_levels, ())
         if not subtracted:
             return MetricValue(remark="no such case")
         return difference(tables, case, subtracted[0], term, unit)
@@ -181,10 +202,13 @@ def _term_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -
             remark=f"median of {len(times)} acquisitions",
         )
     values = [evaluate(tables, member, term, unit) for member in cases]
+    formal = np.median([value.formal for value in values])
+    true = np.median([value.true for value in values])
+    monte_carlo = np.median([value.monte_carlo for value in values])
     return MetricValue(
-        formal=float(np.median([value.formal for value in values])),
-        true=float(np.median([value.true for value in values])),
-        monte_carlo=float(np.median([value.monte_carlo for value in values])),
+        formal=float(formal),
+        true=float(true),
+        monte_carlo=float(monte_carlo),
         remark=f"median of {len(values)} cases",
     )
 
@@ -209,14 +233,17 @@ def _case_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -
 
 def _metric_text(stated: Mapping[str, Any]) -> str:
     names = dict.fromkeys(name_of(term) for term in stated["terms"].values())
-    return f"{stated['value']}: {'; '.join(names)}"
+    name_list = "; ".join(names)
+    return f"{stated['value']}: {name_list}"
 
 
 def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, LevelValues]]:
     """Return the values of a statement along its axis, level by level, for each choice of the other axes left open."""
+    along = str(stated.get("along") or "")
     values_by_choice = []
-    for choice, values in _values_along(tables, stated, str(stated.get("along") or "")).items():
-        values_by_choice.append((", ".join(f"{axis}={level}" for axis, level in choice), values))
+    for choice, values in _values_along(tables, stated, along).items():
+        text = ", ".join(f"{axis}={level}" for axis, level in choice)
+        values_by_choice.append((text, values))
     return values_by_choice
 
 
@@ -229,17 +256,21 @@ def _values_along(tables: Tables, stated: Mapping[str, Any], along: str) -> dict
     case_levels = list(tables.levels.values())
     term_levels = _term_levels(stated)
     named = {name: levels[along] for name, levels in term_levels.items() if along in levels}
-    statement_level = (stated.get("case") or {}).get(along, next(iter(named.values()), None))
+    first_level = next(iter(named.values()), None)
+    levels_of_statement = stated.get("case") or {}
+    statement_level = levels_of_statement.get(along, first_level)
     fixed = {name for name, level in named.items() if level != statement_level}
     values_by_choice: dict[Choice, LevelValues] = {}
-    for level in dict.fromkeys(levels[along] for levels in case_levels):
+    levels_along = dict.fromkeys(levels[along] for levels in case_levels)
+    for level in levels_along:
         moved = {}
         for name, levels in term_levels.items():
             levels_there = {**levels, along: level}
             if name not in fixed and matching(case_levels, levels_there):
                 moved[name] = levels_there
         if moved:
-            for levels, value in _read_values(tables, stated, {**term_levels, **moved}):
+            moved_levels = {**term_levels, **moved}
+            for levels, value in _read_values(tables, stated, moved_levels):
                 choice = tuple(sorted(levels.items()))
                 values_by_choice.setdefault(choice, []).append((level, value))
     return values_by_choice
@@ -256,16 +287,22 @@ def where_bound(
     for level, value in values:
         number = _NUMBER.match(level)
         if number:
-            points.append((float(number[0]), value, level))
+            x = float(number[0])
+            points.append((x, value, level))
     points.sort(key=lambda point: point[0])
     for name in sorted(tested_by, key=lambda name: name != "true"):
         for (x0, first, level), (x1, second, _) in pairwise(points):
-            y0, y1 = getattr(first, name), getattr(second, name)
+            y0 = getattr(first, name)
+            y1 = getattr(second, name)
             for bound in (low, high):
-                if (y0 - bound) * (y1 - bound) < 0.0:
+                is_crossed = (y0 - bound) * (y1 - bound) < 0.0
+                if is_crossed:
                     fraction = (bound - y0) / (y1 - y0)
                     # positive levels are mostly spaced by factors: interpolate their logarithm
-                    x = x0 * (x1 / x0) ** fraction if x0 > 0.0 else x0 + fraction * (x1 - x0)
+                    if x0 > 0.0:
+                        x = x0 * (x1 / x0) ** fraction
+                    else:
+                        x = x0 + fraction * (x1 - x0)
                     unit = _NUMBER.sub("", level, count=1)
                     suffix = "" if name == "true" else f" ({name.replace('_', ' ')})"
                     return f"{x:.3g}{unit}{suffix}"

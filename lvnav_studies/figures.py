@@ -22,17 +22,21 @@ def bound(tables: Tables, stated: Mapping[str, Any]) -> Figure:
         for column, style in (("formal", ":"), ("true", "-"), ("monte_carlo", "--")):
             y = [getattr(value, column) for _, value in values]
             if column in columns and np.isfinite(y).any():
-                column_name = column.replace("_", " ")
-                label = f"{open_levels}: {column_name}" if open_levels else column_name
-                ax.plot(sizes, y, marker="o", ms=3.5, label=label, color=line_of(number)["color"], ls=style)
+                label = column.replace("_", " ")
+                if open_levels:
+                    label = f"{open_levels}: {label}"
+                colour = line_of(number)["color"]
+                ax.plot(sizes, y, marker="o", ms=3.5, label=label, color=colour, ls=style)
         mark_levels(ax, sizes, names, unit_of_axis)
     for limit in bounds(stated, runs):
         if np.isfinite(limit):
             ax.axhline(limit, color=PALETTE[1], lw=1.2, label="bound")
     unit = str(stated.get("unit") or "-")
-    axis = str(stated["along"]).replace("_", " ")
+    axis_label = str(stated["along"]).replace("_", " ")
+    if unit_of_axis:
+        axis_label = f"{axis_label} ({unit_of_axis})"
     ax.set(
-        xlabel=f"{axis} ({unit_of_axis})" if unit_of_axis else axis,
+        xlabel=axis_label,
         ylabel=f"{stated['value']} ({unit})",
     )
     widen_covered(figure)

@@ -56,13 +56,15 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, A
         cases = [group[0] for group in groups]
         singles = [in_own_unit(tables, case, stated) for case in cases]
         sizes = np.array([single.value for single in singles])
-        worst_ratio = float(np.max(sizes[:-1] / sizes[1:]))
+        size_ratios = sizes[:-1] / sizes[1:]
+        worst_ratio = float(np.max(size_ratios))
         unit = written_unit(tables, str(stated["metric"])).replace("-", "")
         size_list = ", ".join(f"{size:.3g}" for size in sizes)
-        remarks = [f"{size_list} {unit}".rstrip(), *dict.fromkeys(single.remark for single in singles)]
+        case_remarks = dict.fromkeys(single.remark for single in singles)
+        remarks = [f"{size_list} {unit}".rstrip(), *case_remarks]
         terms = {f"a{k}": evaluate(tables, case, stated, "-") for k, case in enumerate(cases)}
-        ratios = [f"a{k} / a{k + 1}" for k in range(len(cases) - 1)]
-        value = value_of(f"max({', '.join(ratios)})", terms)
+        ratios = ", ".join(f"a{k} / a{k + 1}" for k in range(len(cases) - 1))
+        value = value_of(f"max({ratios})", terms)
     yield published_row(
         stated,
         remarks,
@@ -80,9 +82,12 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
     channels = str(stated.get("channels") or "")
     bound = float(stated.get("largest", 0.15))
     is_white = stated["white"]
-    label, largest, text = "", np.nan, "no such case"
+    label = ""
+    largest = np.nan
+    text = "no such case"
     if case is not None:
-        label, text = label_of(tables, case, axes_of(stated)), "no runs"
+        label = label_of(tables, case, axes_of(stated))
+        text = "no runs"
         pool = members(tables, case, axes_of(stated))
         correlations = [_most_correlated(tables, member, channels) for member in pool]
         sizes = np.array([size for size, _ in correlations])
@@ -108,12 +113,15 @@ def _most_correlated(tables: Tables, case: str, words: str) -> tuple[float, str]
     """
     rows = whiteness(tables)
     rows = rows[rows.case == tables.labels[case]]
-    rows = rows[[_is_named(name, words) for name in rows.channel]]
+    is_selected = [_is_named(name, words) for name in rows.channel]
+    rows = rows[is_selected]
     if rows.empty:
         return float("nan"), ""
-    worst = rows.loc[rows.largest_ratio.abs().idxmax()]
+    largest_row = rows.largest_ratio.abs().idxmax()
+    worst = rows.loc[largest_row]
+    magnitude = abs(float(worst.largest_ratio))
     text = f"{worst.channel} at lag {worst.largest_lag_number}, of {len(rows)} channels"
-    return abs(float(worst.largest_ratio)), text
+    return magnitude, text
 
 
 def _is_named(channel: str, words: str) -> bool:

@@ -98,12 +98,14 @@ class Publication(StudyScript):
         """Yield the named events that do not occur in the flight of a case."""
         file = self.claims.get(campaign.name)
         if file is not None:
-            for path, text in dict.fromkeys(faults_in_flight(file.content, events)):
+            event_faults = dict.fromkeys(faults_in_flight(file.content, events))
+            for path, text in event_faults:
                 yield file.mistake(path, text)
 
     def references(self, campaign: str) -> Sequence[Mapping[str, Any]]:
         """Return published numbers of metrics that the script adds."""
-        references: list[Mapping[str, Any]] = self.of(campaign).model_dump(mode="json")["references"]
+        claims = self.of(campaign).model_dump(mode="json")
+        references: list[Mapping[str, Any]] = claims["references"]
         return references
 
     def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
@@ -116,13 +118,15 @@ class Publication(StudyScript):
 
     def rows(self, campaign: str, tables: Tables) -> list[dict[str, Any]]:
         """Return the rows of orders, statements on innovations, and expressions."""
-        return claim_rows(tables, {"name": campaign, **self.of(campaign).model_dump(mode="json")})
+        claims = self.of(campaign).model_dump(mode="json")
+        return claim_rows(tables, {"name": campaign, **claims})
 
     def table(self, results: api.Results | Tables) -> pd.DataFrame:
         """Return the table of published numbers of one campaign from its results, as the report has it."""
         tables = results.tables if isinstance(results, api.Results) else results
         name = str(tables.campaign["name"])
-        return pd.DataFrame(published_rows(name, tables, tables.campaign, self), columns=COLUMNS)
+        rows = published_rows(name, tables, tables.campaign, self)
+        return pd.DataFrame(rows, columns=COLUMNS)
 
     def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
         """Return the rows of statements without campaign, and of those of campaigns that have not been run."""
@@ -155,7 +159,9 @@ class Publication(StudyScript):
 
     def _draw_bound(self, result: StudyResult, figure: FigureEntry) -> Any:
         statement = self._statement(result.campaign.name, figure)
-        return None if statement is None else bound(result.tables, statement.model_dump(mode="json"))
+        if statement is None:
+            return None
+        return bound(result.tables, statement.model_dump(mode="json"))
 
     def _bound_faults(self, figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
         statement = self._statement(question.campaign.name, figure)
@@ -218,4 +224,6 @@ def main(study: StudyScript, arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(name: str, results: Any) -> None:
-    print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
+    n_case = len(results.tables.cases)
+    n_failed = len(results.failures)
+    print(f"{name}: {n_case} cases, {n_failed} failed runs", flush=True)

@@ -90,10 +90,14 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     if frame.empty:
         return []
     item = frame["item"]
-    number = item.str.split(" ").str[0].where(item.str.startswith("#"), item)
-    blocks: list[Block] = [Text(_summary(frame.verdict.groupby(number, sort=False)))]
+    first_word = item.str.split(" ").str[0]
+    number = first_word.where(item.str.startswith("#"), item)
+    verdicts_by_number = frame.verdict.groupby(number, sort=False)
+    blocks: list[Block] = [Text(_summary(verdicts_by_number))]
     order = number.str.extract(r"(\d+)", expand=False).astype(float)
-    rows = short_cases(frame).assign(order=order).sort_values("order", kind="stable").dropna(axis="columns", how="all")
+    rows = short_cases(frame).assign(order=order)
+    rows = rows.sort_values("order", kind="stable")
+    rows = rows.dropna(axis="columns", how="all")
     for verdict, heading in _HEADINGS.items():
         verdict_rows = rows[rows.verdict == verdict]
         if len(verdict_rows):
@@ -105,9 +109,13 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
 def _summary(verdicts_by_number: Any) -> str:
     """Return how many statements have each verdict, from the verdicts of the rows grouped by statement."""
     verdict_sets = verdicts_by_number.agg(lambda words: frozenset(words) - {NOT_FLOWN} or frozenset(words))
-    counts = {verdict: int((verdict_sets == frozenset([verdict])).sum()) for verdict in _HEADINGS}
+    counts = {}
+    for verdict in _HEADINGS:
+        is_unanimous = verdict_sets == frozenset([verdict])
+        counts[verdict] = int(is_unanimous.sum())
     texts = [f"{counts[verdict]} {text}" for verdict, text in _SUMMARY_TEXTS.items() if counts[verdict]]
     mixed = len(verdict_sets) - sum(counts.values())
     if mixed:
         texts.append(f"{mixed} hold in part: for some readings or some of their conditions")
-    return f"Of {len(verdict_sets)} statements {', '.join(texts)}."
+    text_list = ", ".join(texts)
+    return f"Of {len(verdict_sets)} statements {text_list}."

@@ -74,7 +74,8 @@ def advice(tables: Tables, row: Any) -> str:
     scenario = scenario_of(tables, digests[row.case])
     requirements = {str(requirement["name"]): requirement for requirement in tables.campaign["requirements"]}
     requirement = requirements[row.requirement]
-    together, limits = "", row.remark
+    together = ""
+    limits = row.remark
     if row.remark.startswith("together"):
         together, _, limits = row.remark.partition("; ")
     is_joint = "," in row.source
@@ -134,8 +135,10 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
         The cases whose filter lacks the state, each with the source's share; empty if the source dominates in no case.
     """
     requirements = tables.campaign.get("requirements") or [{"metric": "velocity_error_3d"}]
-    quantity = split_metric(str(requirements[0]["metric"]))[0].removeprefix("normalised_")
-    event = str(requirements[0].get("at") or "injection")
+    first_requirement = requirements[0]
+    metric_quantity, _ = split_metric(str(first_requirement["metric"]))
+    quantity = metric_quantity.removeprefix("normalised_")
+    event = str(first_requirement.get("at") or "injection")
     shares = {case: _shares(tables, case, quantity, event) for case in cases}
 
     events = dict.fromkeys(str(case_shares.name) for case_shares in shares.values() if len(case_shares))
@@ -148,7 +151,8 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
         if not len(case_shares):
             continue
         source = str(case_shares.idxmax())
-        missing = missing_state(scenario_of(tables, case), source, float(case_shares.max()))
+        scenario = scenario_of(tables, case)
+        missing = missing_state(scenario, source, float(case_shares.max()))
         if missing is not None and (largest is None or missing.share > largest.share):
             largest = missing
     if largest is None:
@@ -157,7 +161,8 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
     lacking = []
     for case, case_shares in shares.items():
         share = float(case_shares.get(largest.source, 0.0))
-        missing = missing_state(scenario_of(tables, case), largest.source, share, least=0.0)
+        scenario = scenario_of(tables, case)
+        missing = missing_state(scenario, largest.source, share, least=0.0)
         if missing is not None:
             lacking.append(missing)
     return error, lacking
@@ -183,10 +188,12 @@ def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
         Shares (0 to 1) by source. The series is named after the event.
     """
     budget = METRICS["budget"](tables)
-    rows = budget[(budget.case == tables.labels[case]) & (budget.metric == f"{quantity}_error")]
+    is_metric = budget.metric == f"{quantity}_error"
+    rows = budget[(budget.case == tables.labels[case]) & is_metric]
     if event not in set(rows.event):
         event = rows.event.iloc[-1] if len(rows) else ""
-    return rows[rows.event == event].set_index("source").share_ratio.rename(event)
+    shares = rows[rows.event == event].set_index("source").share_ratio
+    return shares.rename(event)
 
 
 def missing_state(
@@ -317,11 +324,16 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
             return ""
         if float(size) == 0.0:
             continue
-        unit = "deg" if path[-1] in _ANGLES else _DATASHEET.get(si_unit, si_unit)
+        if path[-1] in _ANGLES:
+            unit = "deg"
+        else:
+            unit = _DATASHEET.get(si_unit, si_unit)
         displayed = float(size) / parse(f"1 {unit}", si_unit)
         name = f"{path[-1]} " if len(fields) > 1 else ""
         parts.append(f"{name}from {number(displayed)} to {number(displayed * factor)} {unit}")
-    return f"{', '.join(parts)} (1 sigma)" if 0 < len(parts) <= _MOST_FIELDS else ""
+    if 0 < len(parts) <= _MOST_FIELDS:
+        return f"{', '.join(parts)} (1 sigma)"
+    return ""
 
 
 def _value_at(data: Any, path: tuple[str, ...]) -> Any:

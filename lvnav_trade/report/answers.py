@@ -127,7 +127,9 @@ def _evidence(row: Any) -> str:
 
 def _metric(requirement: dict[str, Any]) -> str:
     name = words(requirement["metric"])
-    return f"3D {name.removesuffix(' 3d')}" if name.endswith(" 3d") else name
+    if name.endswith(" 3d"):
+        return f"3D {name.removesuffix(' 3d')}"
+    return name
 
 
 def _limit(requirement: dict[str, Any], shown: str) -> str:
@@ -167,16 +169,22 @@ def _covariance_verdicts(tables: Tables, name: str, verdicts: pd.DataFrame) -> l
     frame = frame[frame.requirement == name]
     if frame.empty:
         return []
-    run_verdict = frame.case.map(verdicts.set_index("case").verdict)
+    verdict_by_case = verdicts.set_index("case").verdict
+    run_verdict = frame.case.map(verdict_by_case)
     is_same = frame.verdict == run_verdict
-    differing = frame[~is_same | (len(frame) <= _FEW)]
+    are_few = len(frame) <= _FEW
+    differing = frame[~is_same | are_few]
     applies = ~differing.verdict.isin(["not applicable", "not confirmed"])
     sentences = []
     for row in differing[applies].itertuples():
         chance = _chance(row.expected_probability)
         sentences.append(f"{row.case}: {row.verdict}, {chance} of flights expected to meet it")
-    for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
-        cases = rows.case.iloc[0] if len(rows) == 1 else f"{len(rows)} cases"
+    groups = differing[~applies].groupby(["verdict", "reason"], sort=False)
+    for (verdict, reason), rows in groups:
+        if len(rows) == 1:
+            cases = rows.case.iloc[0]
+        else:
+            cases = f"{len(rows)} cases"
         sentences.append(f"{cases}: {verdict}, {reason}")
     return [say("covariance_alone", same=int(is_same.sum()), whole=len(frame), others=sentences)]
 
@@ -214,7 +222,8 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
             if not isinstance(law, str):
                 event = law.distribution.moment.replace(" ", "_")
             place = f" at {words(event)}"
-        rows = budget[(budget.case == label) & (budget.event == event) & (budget.metric == f"{quantity}_error")]
+        is_of_case = (budget.case == label) & (budget.event == event)
+        rows = budget[is_of_case & (budget.metric == f"{quantity}_error")]
         if rows.empty or why_not_applicable(tables, case):
             continue
         top = rows.iloc[0]

@@ -27,19 +27,32 @@ def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     Marks of one card with the same reason are combined.
     """
     columns = [name for name in frame if name != "case"]
-    rows = frame.groupby(columns, sort=False).case.agg(tuple).reset_index()
+    cases_by_number = frame.groupby(columns, sort=False).case
+    rows = cases_by_number.agg(tuple).reset_index()
     rows["cases"] = [cases_in_words(tables, cases) for cases in rows.case]
-    rows["number"] = rows.field + rows.value_text.map(lambda value: f" ({value})" if value else "")
+    rows["number"] = rows.field + rows.value_text.map(_in_brackets)
     rows["place"] = rows.place.str.replace(r"\.\d+$", "", regex=True)  # items of a list share a row
     groups = rows.groupby(["place", "mark", "reason", "cases"], sort=False)
     combined = groups[["card", "number"]].agg(_join_distinct).reset_index()
-    sections = list(dict.fromkeys(frame.place.str.partition(".")[0]))
+    sections = list(dict.fromkeys(_sections(frame.place)))
     combined = combined.sort_values(
         "place",
-        key=lambda places: places.str.partition(".")[0].map(sections.index),
+        key=lambda places: _sections(places).map(sections.index),
         kind="stable",
     )
     return [Text(note("assumptions")), stated("assumptions", combined)]
+
+
+def _sections(places: pd.Series) -> pd.Series:
+    """Return the section of the scenario, the first word of the place, of each number."""
+    return places.str.partition(".")[0]
+
+
+def _in_brackets(value: str) -> str:
+    """Return a value with a space and brackets, to follow its name; empty without a value."""
+    if value:
+        return f" ({value})"
+    return ""
 
 
 def _join_distinct(names: Iterable[str]) -> str:
@@ -56,7 +69,8 @@ def ranked_by_assumptions(tables: Tables) -> list[Block]:
         return []
     is_resource = frame.field.str.contains(_RESOURCES)
     sentences = []
-    for rows, consequence in ((frame[~is_resource], _ORDER), (frame[is_resource], _COST_ALONE)):
+    groups = ((frame[~is_resource], _ORDER), (frame[is_resource], _COST_ALONE))
+    for rows, consequence in groups:
         if len(rows):
             sentences.append(f"{_marked_fields(rows)}. {consequence}")
     subject = "cost and performance" if is_resource.all() else "the cases"
@@ -68,14 +82,18 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
     """Return a warning if guided ascents draw vehicle dispersions that are assumed or second hand."""
     frame = METRICS["assumptions"](tables)
     guided = set(METRICS["injection"](tables).case)
-    rows = frame[frame.place.str.endswith(_SPREADS) & frame.case.isin(guided)]
+    is_spread = frame.place.str.endswith(_SPREADS)
+    rows = frame[is_spread & frame.case.isin(guided)]
     covariances = tables.injection_covariances
-    sources = set(covariances.source[covariances.source_group == "vehicle"])
+    is_of_vehicle = covariances.source_group == "vehicle"
+    sources = set(covariances.source[is_of_vehicle])
     if sources and sources != {"vehicle"}:  # without an error budget they are one source
-        rows = rows[[_SOURCE.get(field, field.replace("_", " ")) in sources for field in rows.field]]
+        field_sources = [_SOURCE.get(field, field.replace("_", " ")) for field in rows.field]
+        rows = rows[[source in sources for source in field_sources]]
     if rows.empty:
         return []
-    text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are only as reliable as these numbers. {_ALONG}"
+    fields = _fields(list(rows.field))
+    text = f"{fields}. Errors of the achieved orbit are only as reliable as these numbers. {_ALONG}"
     marks = " and ".join(mark.replace("_", " ") for mark in dict.fromkeys(rows.mark))
     lead = f"The achieved orbit depends on {marks} dispersions of the vehicle."
     return [Text(text[0].upper() + text[1:], lead)]
@@ -88,7 +106,8 @@ def _marked_fields(frame: pd.DataFrame) -> str:
         fields = []
         for mark, rows in device_rows.groupby("mark", sort=False):
             count = f"in {rows.marked.max()} of {rows.cases.iloc[0]} cases"
-            fields.append(f"{_fields(list(rows.field))} ({mark} {count})")
+            field_names = _fields(list(rows.field))
+            fields.append(f"{field_names} ({mark} {count})")
         name = _NAMES.get(str(device), f"Sensor {str(device).partition('.')[2]}")
         devices.append(f"{name}: {'; '.join(fields)}")
     return ". ".join(devices)
@@ -107,11 +126,14 @@ def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
         return "all" if len(chosen) > 1 else "the one case"
     levels = {tables.labels[case]: case_levels for case, case_levels in tables.levels.items()}
     labels = [label for label in levels if label in chosen]
-    for axis in next(iter(levels.values()), {}):
-        chosen_levels = list(dict.fromkeys(levels[label].get(axis, "") for label in labels))
+    axes = next(iter(levels.values()), {})
+    for axis in axes:
+        levels_of_chosen = [levels[label].get(axis, "") for label in labels]
+        chosen_levels = list(dict.fromkeys(levels_of_chosen))
         with_levels = {label for label in levels if levels[label].get(axis) in chosen_levels}
         if len(chosen_levels) <= _FEW and with_levels == chosen:
-            return f"{axis}={' or '.join(chosen_levels)}"
+            level_names = " or ".join(chosen_levels)
+            return f"{axis}={level_names}"
     return among(labels, _FEW, "; ")
 
 
@@ -146,7 +168,8 @@ def _device_table(tables: Tables, device_type: str, frame: pd.DataFrame) -> Tabl
         lines.setdefault(line, []).append(str(case))
     table_rows = []
     for line, cases in lines.items():
-        table_rows.append((*line, cases_in_words(tables, dict.fromkeys(cases))))
+        case_text = cases_in_words(tables, dict.fromkeys(cases))
+        table_rows.append((*line, case_text))
     title = device_type[0].upper() + device_type[1:]
     return Table(
         head=(device_type, *terms, "cases"),

@@ -350,7 +350,9 @@ def row_numbers(cases: pd.Series) -> dict[str, Any]:
 
 def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
     """Return the label of a case as a sentence if its figure does not represent all cases."""
-    return f" {tables.labels[case]}." if len(cases) > 1 else ""
+    if len(cases) > 1:
+        return f" {tables.labels[case]}."
+    return ""
 
 
 def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:
@@ -384,7 +386,12 @@ def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: st
     about : arguments of the plot: digest of the case, quantity, or both; the last is used as the quantity
     name : name of the figure and its caption, if not that of the plot
     """
-    case, quantity = (about[0], about[-1]) if about else ("", "")
+    if about:
+        case = about[0]
+        quantity = about[-1]
+    else:
+        case = ""
+        quantity = ""
     name = name or plot
     content["label"] = tables.labels.get(case, "")
     content["quantity"] = quantity

@@ -181,12 +181,16 @@ def _csv_tables(tables: Tables, shown_tables: Tables, detailed: Tables) -> dict[
     shown_tables : results with the labels of the report
     detailed : results for the tables that take long to compute, with the labels of the report
     """
-    frames = {name: METRICS[name](detailed if name in _DETAILED else shown_tables) for name in CSV}
+    frames = {}
+    for name in CSV:
+        source = detailed if name in _DETAILED else shown_tables
+        frames[name] = METRICS[name](source)
     if shown_tables is not tables:
         labels = {shown_tables.labels[case]: label for case, label in tables.labels.items()}
         for name, frame in frames.items():
             if "case" in frame and name != "designs":
-                frames[name] = frame.assign(case=frame.case.map(labels))
+                stored_labels = frame.case.map(labels)
+                frames[name] = frame.assign(case=stored_labels)
     frames["designs"] = METRICS["designs"](tables)
     frames["models"] = registered.evidence(tables)
     return {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
@@ -367,7 +371,10 @@ def _check(names: Sequence[str]) -> None:
     for name in names:
         if name not in SECTIONS:
             near = difflib.get_close_matches(name, SECTIONS, 1)
-            hint = f" (did you mean {near[0]}?)" if near else f"; there are {', '.join(SECTIONS)}"
+            if near:
+                hint = f" (did you mean {near[0]}?)"
+            else:
+                hint = f"; there are {', '.join(SECTIONS)}"
             raise InputError(f"report.sections: no section {name!r}{hint}")
 
 

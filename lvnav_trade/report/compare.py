@@ -81,7 +81,9 @@ def _size(value: float, row: Any) -> str:
     """Return a value of a compared quantity with its unit."""
     if row.scale == "fraction of runs":
         return percent(value)
-    return f"{number(value)} {row.unit}" if row.unit else number(value)
+    if row.unit:
+        return f"{number(value)} {row.unit}"
+    return number(value)
 
 
 def _change(value: float, scale: str, form: str = "") -> str:
@@ -138,7 +140,9 @@ def content(comparison: ResultComparison) -> dict[str, Any]:
 
 
 def _json_value(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def junit(comparison: ResultComparison) -> str:
@@ -160,7 +164,8 @@ def junit(comparison: ResultComparison) -> str:
             "testcase",
             {"classname": xml_text(row.case), "name": xml_text(cells["metric"]), "time": "0"},
         )
-        text = xml_text("; ".join(f"{heading}: {cells[heading]}" for heading in HEAD[3:]))
+        cell_texts = [f"{heading}: {cells[heading]}" for heading in HEAD[3:]]
+        text = xml_text("; ".join(cell_texts))
         if row.verdict == "not worse":
             ElementTree.SubElement(testcase, "system-out").text = text
             continue

@@ -74,7 +74,8 @@ def _event_table(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -
         Rows of the error budget for this case and quantity.
     """
     events = separate_events(tables, case)
-    end = events.t_s[events.event == final_event(tables, case)].max()
+    is_final = events.event == final_event(tables, case)
+    end = events.t_s[is_final].max()
     names = list(events.event[events.t_s <= end])
     by_source = {"index": "source", "columns": "event", "sort": False}
     sigma = rows.pivot_table(values="sigma", **by_source)[names]
@@ -85,10 +86,16 @@ def _event_table(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -
 
     lines = [(source, variance.loc[source], share.loc[source]) for source in share.index[is_large]]
     if not is_large.all():
-        lines.append((f"{(~is_large).sum()} others", variance[~is_large].sum(), share[~is_large].sum()))
-    lines.append(("all", variance.sum(), share.sum()))
-    cells = [(name, *map(_sigma_and_share, np.sqrt(variances), shares)) for name, variances, shares in lines]
-    cells += _mean_lines(tables, case, quantity, variance.sum())
+        small_variance = variance[~is_large].sum()
+        small_share = share[~is_large].sum()
+        lines.append((f"{(~is_large).sum()} others", small_variance, small_share))
+    total_variance = variance.sum()
+    lines.append(("all", total_variance, share.sum()))
+    cells: list[tuple[str, ...]] = []
+    for name, variances, shares in lines:
+        texts = map(_sigma_and_share, np.sqrt(variances), shares)
+        cells.append((name, *texts))
+    cells += _mean_lines(tables, case, quantity, total_variance)
     return Table(
         head=(f"{quantity} ({rows.unit.iloc[0]})", *map(words, names)),
         rows=tuple(cells),
@@ -108,7 +115,8 @@ def _mean_lines(tables: Tables, case: str, quantity: str, variance: pd.Series[fl
     variance : variance of the error by event, in the square of the table's unit
     """
     mean = np.array([mean_at(tables, case, event, quantity) for event in variance.index])
-    if not (mean**2 >= _LEAST_SHARE * (mean**2 + variance)).any():
+    mean_square = mean**2 + variance
+    if not (mean**2 >= _LEAST_SHARE * mean_square).any():
         return []
     rms = np.hypot(mean, np.sqrt(variance))
     significant_mean = np.where(mean >= _LEAST_SHARE * rms, mean, np.nan)
@@ -160,25 +168,31 @@ def _source_scaling(tables: Tables, case: str, quantity: str, retuned: pd.DataFr
     retuned : rows of the metric `sensitivity`: error for factors on the sigma of a source, filter re-tuned
     """
     rows = tables.adjoint[tables.adjoint.case == case]
-    event = str(rows.event.iloc[0]) if len(rows) else final_event(tables, case)
+    if len(rows):
+        event = str(rows.event.iloc[0])
+    else:
+        event = final_event(tables, case)
     law = gaussian(tables, case, event, quantity, "3d")
     if law is None or not law.sources:
         return None
     unit, factor = tables.people[quantity, "3d"]
     label = tables.labels[case]
     points: dict[str, list[list[float]]] = {name: [] for name in law.sources}
-    for row in retuned[(retuned.case == label) & (retuned.metric == f"{quantity}_error")].itertuples():
-        points.setdefault(row.source, []).append([row.factor_ratio, float(f"{row.retuned:.6g}")])
+    case_rows = retuned[(retuned.case == label) & (retuned.metric == f"{quantity}_error")]
+    for row in case_rows.itertuples():
+        error = float(f"{row.retuned:.6g}")
+        points.setdefault(row.source, []).append([row.factor_ratio, error])
     sources: list[dict[str, Any]] = []
     for name, covariance in law.sources.items():
         square = float(np.trace(covariance)) * factor**2
         sources.append({"name": name, "square": square, "retuned": points[name]})
     sources.sort(key=lambda source: -source["square"])
+    mean_square = float(np.trace(law.covariance) + law.mean @ law.mean)
     return {
         "case": label,
         "metric": f"{quantity} error, 3D RMS at {words(event)}",
         "unit": unit,
-        "square": float(np.trace(law.covariance) + law.mean @ law.mean) * factor**2,
+        "square": mean_square * factor**2,
         "sources": sources,
     }
 
@@ -205,11 +219,14 @@ def _scaling_table(scaling: dict[str, Any]) -> Table:
 @of("observability", "The campaign requests no observability.")
 def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return rank, smallest singular values and weakest direction of each phase of flight."""
-    frame = frame.assign(rank=frame.rank_count.astype(str) + " / " + frame.state_count.astype(str))
-    blocks: list[Block] = [Text(note("observability", tolerance=frame.tolerance_ratio.iloc[0]))]
+    rank = frame.rank_count.astype(str) + " / " + frame.state_count.astype(str)
+    frame = frame.assign(rank=rank)
+    tolerance = frame.tolerance_ratio.iloc[0]
+    blocks: list[Block] = [Text(note("observability", tolerance=tolerance))]
     blocks += left_out(tables)
     for label in chosen_cases(tables).values():
-        blocks.append(stated("observability", frame[frame.case == label], label=label))
+        rows = frame[frame.case == label]
+        blocks.append(stated("observability", rows, label=label))
     return blocks + error_bound(tables)
 
 
@@ -225,7 +242,9 @@ def error_bound(tables: Tables) -> list[Block]:
         is_bounded = first.rank_count == first.state_count and (noise.lower_bound_si > 0.0).all()
         noise_texts = []
         for row in noise.itertuples():
-            noise_texts.append(f"{number(row.lower_bound_si)} to {number(row.upper_bound_si)} {row.unit}")
+            low = number(row.lower_bound_si)
+            high = number(row.upper_bound_si)
+            noise_texts.append(f"{low} to {high} {row.unit}")
         rows.append(
             (
                 tables.labels[case],
@@ -352,7 +371,8 @@ def integrity(tables: Tables) -> list[Block]:
     if not blocks:
         return []
     labels = set(METRICS["decisions"](tables).case)
-    cases, remark = few([case for case, label in tables.labels.items() if label in labels])
+    computed = [case for case, label in tables.labels.items() if label in labels]
+    cases, remark = few(computed)
     return [
         *blocks,
         *worth(tables),
@@ -372,7 +392,8 @@ def _scaled_errors(total: float, source: dict[str, Any]) -> list[str]:
     retuned = dict(source["retuned"])
     texts = []
     for factor in _SCALE_FACTORS:
-        text = number(np.sqrt(total + (factor**2 - 1.0) * source["square"]))
+        mean_square = total + (factor**2 - 1.0) * source["square"]
+        text = number(np.sqrt(mean_square))
         if factor in retuned:
             text += f" / {number(retuned[factor])}"
         texts.append(text)

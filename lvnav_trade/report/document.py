@@ -157,7 +157,8 @@ def _window_margins(tables: Tables, required: float, sufficient: Collection[str]
     texts = []
     for row in short.itertuples():
         moment = when(row, words(row.event))
-        texts.append(f"{row.case} ({100.0 * row.margin:+.0f} % in {row.requirement}, {moment})")
+        margin = f"{100.0 * row.margin:+.0f} %"
+        texts.append(f"{row.case} ({margin} in {row.requirement}, {moment})")
     cases, source = with_evidence(texts, short.by)
     events = " and ".join(dict.fromkeys(words(short.event)))
     return say(

@@ -123,7 +123,9 @@ def render(template: str, **content: Any) -> str:
         "base64": lambda content: base64.b64encode(content).decode(),
     }
     text = environment.get_template(template).render(content)
-    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n" if template.endswith(".md.j2") else text
+    if template.endswith(".md.j2"):
+        return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+    return text
 
 
 def _shown(value: Any) -> Any:
@@ -153,7 +155,8 @@ def csv_text(frame: pd.DataFrame) -> str:
             escaped = {name: _csv_cell(name) for name in column.unique()}
             safe.isetitem(place, column.map(escaped))
         elif not pd.api.types.is_numeric_dtype(dtype):
-            safe.isetitem(place, [_csv_cell(value) for value in column])
+            cells = [_csv_cell(value) for value in column]
+            safe.isetitem(place, cells)
     return str(safe.to_csv(index=False, float_format="%.6g"))
 
 

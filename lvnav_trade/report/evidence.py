@@ -116,9 +116,12 @@ def trajectory(tables: Tables) -> list[Block]:
     group = distinct(tables, "reference", ["t_s", "altitude_m"], tables.labels)
     all_facts = tables.cases.set_index("case").facts
     blocks: list[Block] = []
-    for case, picture in zip(group, figures(tables, "trajectory", group), strict=True):
-        events = tables.events[tables.events.case == case].sort_values("t_s", kind="stable")
-        ends = events.t_end_s.map("{:.2f}".format).where(events.kind == "fault", "")
+    pictures = figures(tables, "trajectory", group)
+    for case, picture in zip(group, pictures, strict=True):
+        events = tables.events[tables.events.case == case]
+        events = events.sort_values("t_s", kind="stable")
+        end_times = events.t_end_s.map("{:.2f}".format)
+        ends = end_times.where(events.kind == "fault", "")
         blocks += [picture, stated("events", events.assign(ends=ends))]
         facts = json.loads(all_facts[case])
         if facts:
@@ -137,7 +140,8 @@ def fact(name: str, value: float | str) -> tuple[str, str]:
         return words(name), value
     for ending, suffix, unit, factor in _FACT_UNITS:
         if name.endswith(ending):
-            return f"{words(name.removesuffix(suffix))} ({unit})", f"{value * factor:.5g}"
+            displayed = value * factor
+            return f"{words(name.removesuffix(suffix))} ({unit})", f"{displayed:.5g}"
     return words(name), f"{value:.5g}"
 
 
@@ -178,9 +182,13 @@ def _rms_table(tables: Tables, quantities: Sequence[str]) -> Table:
     metrics = [f"{quantity}_error" for quantity in quantities]
     frame = frame[(frame.axis == "3d") & frame.metric.isin(metrics)]
     places = _places(tables)
-    is_shown = [place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]
+    is_shown = []
+    for case, place in zip(frame.case, frame.phase_or_event, strict=True):
+        is_shown.append(place in places[case])
     frame = frame[is_shown]
-    frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event))
+    metric_names = words(frame.metric)
+    place_names = words(frame.phase_or_event)
+    frame = frame.assign(metric=metric_names, phase_or_event=place_names)
     return stated("envelopes", frame.drop(columns="axis"))
 
 
@@ -259,11 +267,18 @@ def _whiteness(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 def agreement(tables: Tables) -> list[Block]:
     """Return the verdict of each case and the quantities that disagree."""
     cases = by_case(tables)
-    alpha = percent(float(cases.alpha_ratio.iloc[0])) if len(cases) else ""
+    if len(cases):
+        alpha = percent(float(cases.alpha_ratio.iloc[0]))
+    else:
+        alpha = ""
     sources = []
     for row in cases.itertuples():
-        sources.append(f"{row.source} ({100 * row.share_ratio:.0f} %)" if row.source else "–")
-    false_rejections = tables.innovations.groupby("case", sort=False).false_rejection_ratio.max() * 100
+        source = "–"
+        if row.source:
+            source = f"{row.source} ({100 * row.share_ratio:.0f} %)"
+        sources.append(source)
+    innovations = tables.innovations.groupby("case", sort=False)
+    false_rejections = innovations.false_rejection_ratio.max() * 100
     rejected = [false_rejections.get(case, 0.0) for case in tables.labels]
     cases = cases.assign(source=sources, rejected=rejected[: len(cases)])
     blocks: list[Block] = [Text(note("agreement", alpha=alpha)), stated("agreement", cases)]
@@ -273,9 +288,11 @@ def agreement(tables: Tables) -> list[Block]:
     rows = METRICS["agreement"](tables)
     differing = rows[rows.agree == "disagree"].drop(columns="agree")
     if len(differing):
-        differing = differing.assign(distance=(differing.ratio - 1.0).abs())
-        furthest = differing.nlargest(12, "distance").drop(columns="distance")
-        blocks.append(table(furthest.rename(columns=words), "Largest disagreements (at most 12)."))
+        distance = (differing.ratio - 1.0).abs()
+        differing = differing.assign(distance=distance)
+        furthest = differing.nlargest(12, "distance")
+        furthest = furthest.drop(columns="distance").rename(columns=words)
+        blocks.append(table(furthest, "Largest disagreements (at most 12)."))
     return blocks + _controlled(tables)
 
 

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, figure, figures, number, of, stated, words
+from lvnav_trade.report.blocks import Block, Picture, Text, figure, figures, number, of, stated, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.selection import chosen_cases, few, left_out
 from lvnav_trade.results.evaluation import METRICS
@@ -24,10 +24,14 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             has_runs = rows.runs.max() > 0
             columns = rows if has_runs else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
             blocks.append(stated("orbit", columns, label=label, event=words(event)))
-            blocks += [Text(f"{reason}.", "Not applicable.") for reason in dict.fromkeys(rows.remark) if reason]
+            for reason in dict.fromkeys(rows.remark):
+                if reason:
+                    blocks.append(Text(f"{reason}.", "Not applicable."))
         blocks.append(figure(tables, "orbit", case))
         blocks += _normality_warning(tables, label)
-    blocks += [Text(note("correction")), stated("correction", METRICS["orbit_correction"](tables))]
+    blocks.append(Text(note("correction")))
+    corrections = METRICS["orbit_correction"](tables)
+    blocks.append(stated("correction", corrections))
     return blocks
 
 
@@ -37,7 +41,8 @@ def _normality_warning(tables: Tables, label: str) -> list[Block]:
     rows = frame[(frame.case == label) & ~frame.gaussian.astype(bool)]
     if rows.empty:
         return []
-    skewed = ", ".join(f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples())
+    skewed_errors = [f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples()]
+    skewed = ", ".join(skewed_errors)
     p_value = rows.p_ratio.max()
     chance = f"chance below {p_value:.1g} for a Gaussian" if p_value > 0.0 else "no Gaussian"
     text = (
@@ -55,9 +60,12 @@ def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         case_rows = frame[frame.case == label]
         events = case_rows[case_rows.event != ""]
         if len(events):
-            axes = events.major_3sigma_km.map(number) + " x " + events.minor_3sigma_km.map(number)
+            major = events.major_3sigma_km.map(number)
+            minor = events.minor_3sigma_km.map(number)
+            axes = major + " x " + minor
             if events.runs.max() <= 1:
-                events = events[[name for name in events if not name.startswith("mc_")]]
+                columns = [name for name in events if not name.startswith("mc_")]
+                events = events[columns]
             blocks.append(stated("impact", events.assign(axes=axes), label=label))
         if len(case_rows):
             blocks.append(figure(tables, "impact", case))
@@ -154,11 +162,22 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         for exponent in range(-2, 5):
             t = 10.0**exponent
             if curve.tau_s.min() / 1.5 < t < 1.5 * curve.tau_s.max():
-                nearest.append(int((curve.tau_s / t - 1.0).abs().idxmin()))
-    deviations = stated("allan", frame.loc[list(dict.fromkeys(nearest))], alike=True)
-    labels = set(frame.case)
-    pictures = [figure(tables, "allan", case) for case, label in chosen_cases(tables).items() if label in labels]
+                distance = (curve.tau_s / t - 1.0).abs()
+                nearest.append(int(distance.idxmin()))
+    rows = frame.loc[list(dict.fromkeys(nearest))]
+    deviations = stated("allan", rows, alike=True)
+    pictures = _case_pictures(tables, "allan", frame)
     return [Text(note("allan")), deviations, *pictures]
+
+
+def _case_pictures(tables: Tables, plot: str, frame: pd.DataFrame) -> list[Picture]:
+    """Return a figure of each chosen case that has rows in a frame."""
+    labels = set(frame.case)
+    pictures = []
+    for case, label in chosen_cases(tables).items():
+        if label in labels:
+            pictures.append(figure(tables, plot, case))
+    return pictures
 
 
 @of("exclusions")
@@ -180,8 +199,7 @@ def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     card = tables.campaign["covariance"]["protection"]
     numbers = {name: f"{float(value):g}" for name, value in card.items()}
     percents = frame.assign(low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
-    labels = set(frame.case)
-    pictures = [figure(tables, "protection", case) for case, label in chosen_cases(tables).items() if label in labels]
+    pictures = _case_pictures(tables, "protection", frame)
     return [
         Text(note("protection", **numbers)),
         stated("protection", percents),
@@ -237,19 +255,26 @@ _SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_n
 def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the errors of the achieved orbits with their contributions, how the runs end, and figures."""
     blocks: list[Block] = [Text(note("injection")), stated("injection", frame)]
-    for row in frame[frame.reason != ""].drop_duplicates(["case", "reason"]).itertuples():
+    inapplicable = frame[frame.reason != ""]
+    for row in inapplicable.drop_duplicates(["case", "reason"]).itertuples():
         blocks.append(Text(f"{row.case}: linear covariance does not apply ({row.reason})."))
     sources = METRICS["injection_sources"](tables)
-    is_large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
+    is_small = sources.share_ratio < _LEAST_SHARE
+    is_large = sources.quantity.isin(_SHOWN) & ~is_small
     if is_large.any():
         blocks.append(stated("injection_sources", sources[is_large]))
 
     ends = METRICS["cutoff"](tables)
-    interval = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
-    blocks.append(stated("cutoff", ends.assign(interval=interval.where(ends.runs > 0, "-"))))
-    lost = METRICS["failed_injections"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
+    low = ends.low_ratio.map("{:.3g}".format)
+    high = ends.high_ratio.map("{:.3g}".format)
+    interval = (low + " to " + high).where(ends.runs > 0, "-")
+    blocks.append(stated("cutoff", ends.assign(interval=interval)))
+    failed = METRICS["failed_injections"](tables)
+    lost = failed.groupby("case", sort=False).head(_LOST_SHOWN)
     if len(lost):
         blocks.append(stated("lost", lost))
     labels = set(ends.case)
-    guided, remark = few([case for case, label in tables.labels.items() if label in labels])
-    return [*blocks, *figures(tables, "injection", guided), *remark]
+    guided_cases = [case for case, label in tables.labels.items() if label in labels]
+    guided, remark = few(guided_cases)
+    pictures = figures(tables, "injection", guided)
+    return [*blocks, *pictures, *remark]

@@ -75,7 +75,9 @@ def said(rows: pd.DataFrame, kinds: Mapping[str, VerdictCounts]) -> str:
         if count.undecided:
             text += f", {count.undecided} {plural(count.undecided, 'is', 'are')} undecided"
         texts.append(text)
-    return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(texts)}"
+    n_held = int(held(rows).sum())
+    text_list = "; ".join(texts)
+    return f"Of {len(rows)} published results that count, {n_held} are reproduced: {text_list}"
 
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
@@ -93,19 +95,24 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     if frame.empty:
         return []
     rows = frame[evidence(frame)]
-    all_rows, failing = frame, rows[~held(rows)]
+    all_rows = frame
+    failing = rows[~held(rows)]
     if statements is not None:
         all_rows = pd.concat([frame, statements], ignore_index=True)
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
     sentences = [_counted_sentence(rows), _fitted_sentence(rows), _single_sentence(rows), _apart_sentence(all_rows)]
     blocks: list[Block] = [Text(" ".join(sentence for sentence in sentences if sentence))]
     if len(failing):
-        blocks.append(stated("most_important", _short(most_important(failing, important), all_rows)))
+        failing_results = most_important(failing, important)
+        short_rows = _short(failing_results, all_rows)
+        blocks.append(stated("most_important", short_rows))
     return blocks
 
 
 def _counted_sentence(rows: pd.DataFrame) -> str:
-    return f"{said(rows, counted(rows))}." if len(rows) else ""
+    if len(rows):
+        return f"{said(rows, counted(rows))}."
+    return ""
 
 
 def _fitted_sentence(rows: pd.DataFrame) -> str:
@@ -141,7 +148,8 @@ def _apart_sentence(rows: pd.DataFrame) -> str:
         n_hold = int(held(marked).sum())
         if len(marked):
             name = plural(len(marked), singular, several)
-            counts.append(f"{len(marked)} {name} ({n_hold} {plural(n_hold, 'holds', 'hold')})")
+            verb = plural(n_hold, "holds", "hold")
+            counts.append(f"{len(marked)} {name} ({n_hold} {verb})")
     return f"Not counted: {'; '.join(counts)}." if counts else ""
 
 
@@ -165,7 +173,9 @@ def _short(rows: pd.DataFrame, all_rows: pd.DataFrame) -> pd.DataFrame:
 def those_that_miss(frame: pd.DataFrame) -> list[Block]:
     """Return the counted rows that are not reproduced, with reasons."""
     rows = frame[evidence(frame) & ~held(frame)]
-    return [stated("out_of_band", short_cases(rows))] if len(rows) else []
+    if len(rows):
+        return [stated("out_of_band", short_cases(rows))]
+    return []
 
 
 def not_counted(frame: pd.DataFrame) -> list[Block]:

@@ -92,13 +92,15 @@ def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Fl
     """
     axes = list(_AXES)
     rows = tables.history
-    rows = rows[(rows["case"] == case) & (rows.quantity == "position") & rows.axis.isin(axes)]
+    is_position = (rows["case"] == case) & (rows.quantity == "position")
+    rows = rows[is_position & rows.axis.isin(axes)]
     sigma = rows.pivot_table(index="t_s", columns="axis", values="lincov_true_si")
     if sigma.empty:
         return {}
     times = sigma.index.to_numpy()
     instants = np.arange(times[0], times[-1] + 0.5 * every, every)
-    nearest = np.abs(times[:, None] - instants).argmin(axis=0)
+    distance = np.abs(times[:, None] - instants)
+    nearest = distance.argmin(axis=0)
     covariances = {}
     for time in times[np.unique(nearest)]:
         sigmas = sigma.loc[time, axes].to_numpy(dtype=float)
@@ -113,11 +115,13 @@ def _event_ellipses(tables: Tables, case: str) -> dict[float, Floats]:
     """
     axes = list(_AXES)
     rows = tables.covariances
-    rows = rows[(rows["case"] == case) & (rows.quantity == "position") & (rows.source == "")]
+    is_position = (rows["case"] == case) & (rows.quantity == "position")
+    rows = rows[is_position & (rows.source == "")]
     covariances = {}
     for time, time_rows in rows.groupby("t_s"):
         triangle = time_rows.pivot_table(index="axis", columns="other_axis", values="true_si2")
-        full = triangle.combine_first(triangle.T).reindex(index=axes, columns=axes)
+        full = triangle.combine_first(triangle.T)
+        full = full.reindex(index=axes, columns=axes)
         covariances[float(time)] = full.to_numpy(dtype=float)
     return covariances
 
@@ -213,9 +217,11 @@ def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float)
     covariance : (3, 3) m^2. Covariance of the position error, axes north, east, down.
     magnify : factor on the size of the drawn ellipse
     """
-    north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
+    variances = np.diag(covariance)
+    north, east, down = SIGMAS * np.sqrt(variances)
     eigenvalues = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
-    half_axes = SIGMAS * np.sqrt(eigenvalues)[::-1]
+    descending = eigenvalues[::-1]
+    half_axes = SIGMAS * np.sqrt(descending)
     half_axes_text = ", ".join(f"{half_axis:.3g}" for half_axis in half_axes)
     description = (
         f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "
@@ -224,7 +230,10 @@ def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float)
     row = _nearest_row(flight, time)
     position = (row.latitude_rad, row.longitude_rad)
     outline_n = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)  # north, east
-    outline_e = outline_n @ rotation_e_n(*position)[:2]
-    r_e = ecef_from_geodetic(*position, row.altitude_m) + outline_e
+    C_e_n = rotation_e_n(*position)
+    outline_e = outline_n @ C_e_n[:2]
+    centre_e = ecef_from_geodetic(*position, row.altitude_m)
+    r_e = centre_e + outline_e
     latitude, longitude, height = geodetic_from_ecef(r_e)
-    return f"3 sigma at {time:.6g} s", description, _coordinates(longitude, latitude, height)
+    coordinates = _coordinates(longitude, latitude, height)
+    return f"3 sigma at {time:.6g} s", description, coordinates

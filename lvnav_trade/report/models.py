@@ -120,7 +120,8 @@ def evidence(tables: Tables) -> pd.DataFrame:
             continue
         users = "all" if len(labels) == len(cases) else "; ".join(labels)
         for check in entry["checks"] or [{"by": "", "shown": "", "test": ""}]:
-            rows.append((entry["name"], users, len(labels), *map(check.get, _CHECK), entry["omits"]))
+            check_texts = map(check.get, _CHECK)
+            rows.append((entry["name"], users, len(labels), *check_texts, entry["omits"]))
     return pd.DataFrame(rows, columns=["model", "cases", "case_count", *_CHECK, "omits"])
 
 
@@ -143,9 +144,14 @@ def models(tables: Tables) -> list[Block]:
 def _in_words(checks: pd.DataFrame) -> str:
     """Return the checks of a model as sentences, one for each type of evidence."""
     groups = checks[checks.by != ""].groupby("by", sort=False)
-    sentences = [f"{evidence_type.capitalize()}: {'; '.join(rows.shown)}." for evidence_type, rows in groups]
+    sentences = []
+    for evidence_type, rows in groups:
+        results = "; ".join(rows.shown)
+        sentences.append(f"{evidence_type.capitalize()}: {results}.")
     return " ".join(sentences) or "Nothing independent."
 
 
 def _few(cases: str, count: int) -> str:
-    return cases if cases == "all" or count <= _FEW else f"{count} cases"
+    if cases == "all" or count <= _FEW:
+        return cases
+    return f"{count} cases"

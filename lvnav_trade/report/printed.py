@@ -51,16 +51,23 @@ def _find_row(cell: Cell | None, rows: pd.DataFrame) -> pd.Series | None:
     if cell is None:
         return None
     prefix = f"{cell.campaign}: " if cell.campaign else ""
-    matching = rows[(rows["item"] == cell.item) & rows["case"].str.startswith(prefix)]
+    is_of_campaign = rows["case"].str.startswith(prefix)
+    matching = rows[(rows["item"] == cell.item) & is_of_campaign]
     for axis, level in cell.case.items():
-        matching = matching[[f"{axis}={level}" in _levels(text) for text in matching["case"]]]
-    return matching.iloc[0] if len(matching) else None
+        level_text = f"{axis}={level}"
+        has_level = [level_text in _levels(text) for text in matching["case"]]
+        matching = matching[has_level]
+    if len(matching):
+        return matching.iloc[0]
+    return None
 
 
 def _common_unit(rows: Sequence[pd.Series | None]) -> str:
     """Return the unit of a column in brackets; empty if the rows have no unit or several."""
     units = {str(row.unit) for row in rows if row is not None and not pd.isna(row.published)}
-    return f"({units.pop()})" if len(units) == 1 and units != {"-"} else ""
+    if len(units) == 1 and units != {"-"}:
+        return f"({units.pop()})"
+    return ""
 
 
 def _cells(row: pd.Series | None) -> tuple[str, str, str]:
@@ -76,7 +83,8 @@ def _cells(row: pd.Series | None) -> tuple[str, str, str]:
     if not pd.isna(row.published):
         if row.counts_as == "repeats":
             remark += " input"
-        return f"{row.published:g}", number(row.ours), f"{number(row.ratio)}{remark}"
+        ratio = f"{number(row.ratio)}{remark}"
+        return f"{row.published:g}", number(row.ours), ratio
     published = _PUBLISHED.search(str(row.remark))
     word = published[1] if published else ""
     return _WORDS.get(word, word), number(row.ours), remark.strip() or "as printed"
@@ -147,4 +155,6 @@ def _levels(text: str) -> list[str]:
 
 def _level(text: str) -> str:
     level = text.partition("=")[2]
-    return text if not level or _UNCLEAR.match(level) else level
+    if not level or _UNCLEAR.match(level):
+        return text
+    return level

@@ -31,8 +31,10 @@ def page(done: FilteredLog, campaign: Campaign) -> tuple[str, str, list[Section]
     blocks += [Text(f"{remark}.") for remark in done.notes]
     blocks.append(table(done.summary, "Outages by case and length.", _COLUMNS))
     blocks += [Text(text) for text in _filter_remarks(done)]
-    blocks.append(Picture("outages", outages_of_log(done.outages), note("outages_of_log", "figures")))
-    return done.card.name, "Outages withheld from a recorded log", [Section("outages", "Outages", blocks)]
+    caption = note("outages_of_log", "figures")
+    blocks.append(Picture("outages", outages_of_log(done.outages), caption))
+    section = Section("outages", "Outages", blocks)
+    return done.card.name, "Outages withheld from a recorded log", [section]
 
 
 def _alignment(done: FilteredLog) -> str:

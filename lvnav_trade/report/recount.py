@@ -121,7 +121,8 @@ def renew(
     new = {result.part.campaign: result for result in answered}
     published = [published_frame(result, script) for result in answered]
     unchanged = _unchanged_rows(place, campaigns, script, new)
-    with_results = {line["campaign"] for line in _campaign_lines(page.sections[_ANSWER], unchanged)} | set(new)
+    unchanged_lines = _campaign_lines(page.sections[_ANSWER], unchanged)
+    with_results = {line["campaign"] for line in unchanged_lines} | set(new)
 
     rows = _sort_rows([unchanged, together(answered, published)], names)
     further = script.further_rows([campaign for campaign in campaigns if campaign.name not in with_results])
@@ -161,7 +162,8 @@ def _unchanged_rows(
 ) -> pd.DataFrame:
     """Return the stored rows of the campaigns that are not in `new`, with their present items and marks."""
     stored = _stored_rows(place)
-    unchanged = stored[(stored["case"] != "") & ~_campaign_names(stored).isin(list(new))]
+    is_new = _campaign_names(stored).isin(list(new))
+    unchanged = stored[(stored["case"] != "") & ~is_new]
     return _mark_rows(unchanged, _study_entries(campaigns, script))
 
 
@@ -239,7 +241,9 @@ def _update_appendix(sections: dict[str, str], new: Collection[str]) -> None:
 
 def _first_cell(line: str) -> str:
     """Return the first cell of a table row; empty for any other line."""
-    return line[1:].partition("|")[0].strip() if line.startswith("|") else ""
+    if line.startswith("|"):
+        return line[1:].partition("|")[0].strip()
+    return ""
 
 
 def _merge_lines(
@@ -383,7 +387,10 @@ def _campaign_lines(text: str, rows: pd.DataFrame) -> list[dict[str, Any]]:
         counted = rows[is_of_campaign & evidence(rows)]
         for name in ("cases", "runs", "failed runs"):
             cells[name] = int(cells[name])
-        cells["as published"] = f"{int(held(counted).sum())} of {len(counted)}" if len(counted) else "–"
+        cells["as published"] = "–"
+        if len(counted):
+            n_held = int(held(counted).sum())
+            cells["as published"] = f"{n_held} of {len(counted)}"
         recounted.append(cells)
     return recounted
 

@@ -121,14 +121,18 @@ def tracking(tables: Tables) -> list[Block]:
 def delays(tables: Tables) -> list[Block]:
     """Return atmospheric delays, the residual delays after correction, and the latency; empty if there are none."""
     delayed = [case for case in tables.labels if _layers(tables, case)]
-    group, blocks = few(distinct(tables, "satellites", ["t_s", "satellite", *_DELAYS], delayed))
+    distinct_delays = distinct(tables, "satellites", ["t_s", "satellite", *_DELAYS], delayed)
+    group, blocks = few(distinct_delays)
     if group:
         blocks.append(_delay_table(tables))
     blocks += figures(tables, "delays", group)
-    with_latency = set(tables.satellites.case[tables.satellites.latency_s > _CURRENT])
+    has_latency = tables.satellites.latency_s > _CURRENT
+    with_latency = set(tables.satellites.case[has_latency])
     late = [case for case in tables.labels if case in with_latency]
-    group, remark = few(distinct(tables, "satellites", ["t_s", "latency_s"], late))
-    return [*blocks, *remark, *figures(tables, "latency", group)]
+    distinct_latencies = distinct(tables, "satellites", ["t_s", "latency_s"], late)
+    group, remark = few(distinct_latencies)
+    pictures = figures(tables, "latency", group)
+    return [*blocks, *remark, *pictures]
 
 
 def _layers(tables: Tables, case: str) -> list[str]:

@@ -87,15 +87,19 @@ def solved(
     blocks: list[Block] = []
     if len(answers) <= _FEW:
         blocks += [Text(_answer(solution, names), "") for solution in answers.itertuples()]
-    blocks += [Text(note("solve")), table(_words(rows), f"Largest {names[0]} that meets the requirements.")]
+    blocks.append(Text(note("solve")))
+    blocks.append(table(_words(rows), f"Largest {names[0]} that meets the requirements."))
     if not answers.monotone.all():
         blocks.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
     if has_curve:
-        blocks.append(Picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
+        boundary = plots.boundary(answers, names)
+        blocks.append(Picture("boundary", boundary, note("boundary", "figures")))
     else:
-        blocks.append(Picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
+        ratios = plots.ratios(scanned, answers, names[0])
+        blocks.append(Picture("solve", ratios, note("solve", "figures")))
     if len(confirmed):
-        blocks += [Text(note("solve_confirmed")), table(_words(confirmed), "Runs on both sides of each answer.")]
+        blocks.append(Text(note("solve_confirmed")))
+        blocks.append(table(_words(confirmed), "Runs on both sides of each answer."))
     return blocks
 
 
@@ -138,7 +142,8 @@ def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[B
     if len(best):
         row = best.iloc[0]
         ratio = f"error over limit {row.error_ratio:.3g} (largest: {row.limiting_requirement})"
-        first = Text(f"{row.case}: {name} {row[least]:g}, {ratio}.", f"Least {name} that meets the requirements:")
+        lead = f"Least {name} that meets the requirements:"
+        first = Text(f"{row.case}: {name} {row[least]:g}, {ratio}.", lead)
     else:
         first = Text("", "No case meets the requirements.")
     blocks: list[Block] = [first, table(_words(answers), f"All cases, smallest {name} first.")]
@@ -215,6 +220,7 @@ def _tuning(cases: pd.DataFrame) -> str:
     """Return the effect of tuning on the worst tuned case and on the worst validation case."""
     sentences = []
     for role, rows in cases.groupby("role", sort=False):
-        before, after = rows.ratio_before.max(), rows.ratio_after.max()
+        before = rows.ratio_before.max()
+        after = rows.ratio_after.max()
         sentences.append(f"{role}, worst of {len(rows)}: {before:.3g} before, {after:.3g} after")
     return "; ".join(sentences) + "."

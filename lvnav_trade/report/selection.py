@@ -38,9 +38,13 @@ def deciding(tables: Tables) -> tuple[list[str], list[str]]:
         required.append(quantity.removeprefix("normalised_"))
     available = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
     quantities = [quantity for quantity in available if quantity in required]
-    labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
+    labels = list(key_cases(tables))
+    if not labels:
+        ranking = METRICS["ranking"](tables)
+        labels = list(ranking.case[:1])
     digests = {label: case for case, label in tables.labels.items()}
-    return [digests[label] for label in labels], quantities or available
+    cases = [digests[label] for label in labels]
+    return cases, quantities or available
 
 
 def left_out(tables: Tables) -> list[Block]:
@@ -73,7 +77,8 @@ def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[
     for case in cases:
         case_places = places.get(case, np.empty(0, dtype=int))
         content = b"".join(column[case_places].tobytes() for column in values)
-        first.setdefault(hashlib.sha256(content).digest(), case)
+        checksum = hashlib.sha256(content).digest()
+        first.setdefault(checksum, case)
     return list(first.values())
 
 

@@ -96,7 +96,9 @@ def _without_intervals(tables: Tables, frame: pd.DataFrame, low: str) -> pd.Data
 
     low : column of the lower bound; the column of the upper bound has "high" in place of "low"
     """
-    return frame if tables.is_sampled else frame.drop(columns=[low, low.replace("low", "high")])
+    if tables.is_sampled:
+        return frame
+    return frame.drop(columns=[low, low.replace("low", "high")])
 
 
 def _ends(tables: Tables, swings: pd.DataFrame) -> pd.DataFrame:
@@ -188,16 +190,22 @@ def _design_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     totals = [name for name in ("cost", "mass_kg") if name in frame and frame[name].nunique() > 1]
     blocks: list[Block] = []
     if len(compliant):
-        best = compliant.sort_values([*totals[:1], "error_ratio"], kind="stable").head(_ROWS)
-        order = f"by {totals[0].partition('_')[0]}, then error" if totals else "by error"
-        blocks.append(stated("space_best", _shown(tables, best), order=order))
+        ordered = compliant.sort_values([*totals[:1], "error_ratio"], kind="stable")
+        best = _shown(tables, ordered.head(_ROWS))
+        order = "by error"
+        if totals:
+            order = f"by {totals[0].partition('_')[0]}, then error"
+        blocks.append(stated("space_best", best, order=order))
     if len(misses):
         nearest = misses.sort_values("error_ratio", kind="stable").head(_ROWS)
         missed = stated("space_missed", _shown(tables, nearest))
-        blocks.append(Details(note("missed_title"), [missed]) if len(compliant) else missed)
+        if len(compliant):
+            blocks.append(Details(note("missed_title"), [missed]))
+        else:
+            blocks.append(missed)
     if totals and len(compliant):
-        front = _pareto_front(compliant, totals)
-        front_table = stated("space_front", _shown(tables, front.head(_ROWS)))
+        front = _pareto_front(compliant, totals).head(_ROWS)
+        front_table = stated("space_front", _shown(tables, front))
         blocks.append(Details(note("front_title"), [front_table]))
     return blocks
 
@@ -228,7 +236,10 @@ def _levels(tables: Tables, row: pd.Series) -> str:
     """Return the levels of a design as text, in the units of the campaign."""
     parts = []
     for column, value in row.items():
-        text = range_text(tables, str(column), value, value) if isinstance(value, float) else str(value)
+        if isinstance(value, float):
+            text = range_text(tables, str(column), value, value)
+        else:
+            text = str(value)
         parts.append(f"{axis_label(str(column))} {text}")
     return ", ".join(parts)
 
@@ -286,7 +297,9 @@ def _strongest_axis(tables: Tables, frame: pd.DataFrame) -> str:
         most_frequent = frame.limiting_requirement.mode()
         if len(most_frequent) and most_frequent.iloc[0]:
             effects = effects[effects.requirement == most_frequent.iloc[0]]
-    return str(effects.axis[effects.first_order.idxmax()]) if len(effects) else ""
+    if len(effects):
+        return str(effects.axis[effects.first_order.idxmax()])
+    return ""
 
 
 def _column(tables: Tables, frame: pd.DataFrame, name: str) -> dict[str, Any]:

@@ -280,7 +280,9 @@ def _draw(result: StudyResult, figure: CampaignFigure, script: StudyScript) -> D
         "budget": (case, figure.quantity),
         "motion": (case, figure.quantity),
     }
-    drawing: Drawing | None = PLOTS[figure.plot](result.tables, *arguments.get(figure.plot, (case,)))
+    plot = PLOTS[figure.plot]
+    plot_arguments = arguments.get(figure.plot, (case,))
+    drawing: Drawing | None = plot(result.tables, *plot_arguments)
     return drawing
 
 
@@ -328,7 +330,8 @@ def reproduce(study: StudyCard, answered: Sequence[StudyResult]) -> Section:
     """Return the command, seeds and digests of each campaign."""
     rows = []
     for result in answered:
-        campaign, manifest = result.tables.campaign, result.tables.manifest
+        campaign = result.tables.campaign
+        manifest = result.tables.manifest
         monte_carlo = campaign.get("monte_carlo") or {}
         rows.append(
             {

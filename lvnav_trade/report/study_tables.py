@@ -71,7 +71,9 @@ def _coverage(tables: Tables) -> list[Block]:
         events = events[:1]
     frame = frame[frame.event.isin(events)]
     ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
-    return [Text(note("coverage")), stated("coverage", frame.assign(**{name: 100.0 * frame[name] for name in ratios}))]
+    percents = {name: 100.0 * frame[name] for name in ratios}
+    frame = frame.assign(**percents)
+    return [Text(note("coverage")), stated("coverage", frame)]
 
 
 def _spaced_events(frame: pd.DataFrame) -> list[str]:
@@ -98,9 +100,12 @@ def _paired(tables: Tables, axis: str) -> list[Block]:
 def _shown_events(frame: pd.DataFrame) -> list[str]:
     """Return the events at which paired differences are shown: first, last, and each change by a factor of two."""
     worst = frame.groupby("event", sort=False).difference_ratio.max()
-    selection, level = [worst.index[0]], float(worst.iloc[0])
+    selection = [worst.index[0]]
+    level = float(worst.iloc[0])
     for name, value in worst.items():
         if value > 2.0 * level or value < 0.5 * level:
             selection.append(name)
             level = float(value)
-    return [str(name) for name in dict.fromkeys([*selection, worst.index[-1]])]
+    selection.append(worst.index[-1])
+    distinct_events = dict.fromkeys(selection)
+    return [str(name) for name in distinct_events]

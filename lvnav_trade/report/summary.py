@@ -96,7 +96,10 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
         others=others,
         by_covariance=bool((frame.by == COVARIANCE).all()),
     )
-    lead = say("name_of_all", requirements=len(names)) if is_several else f"{str(names[0]).capitalize()}."
+    if is_several:
+        lead = say("name_of_all", requirements=len(names))
+    else:
+        lead = f"{str(names[0]).capitalize()}."
     return [Text(text, lead)]
 
 
@@ -145,7 +148,8 @@ def _evidence(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str) -> s
     if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
         return ""
     rows = frame.assign(of_runs=of_runs)
-    rows = rows[(rows.case.map(worst_verdicts) == verdict) & (rows.verdict == verdict)]
+    worst_verdict = rows.case.map(worst_verdicts)
+    rows = rows[(worst_verdict == verdict) & (rows.verdict == verdict)]
     if rows.empty:
         return ""
     case_evidence = rows.groupby("case", sort=False).of_runs
@@ -167,7 +171,8 @@ def _deciding_cases(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         row = rows.loc[rows.margin_ratio.idxmin()]
         estimate = with_unit(row.estimate, row.unit)
         limit = with_unit(row.limit, row.unit)
-        sentences.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {estimate} of {limit})")
+        margin = _signed(row)
+        sentences.append(f"{_ROLES[role]}: {case} ({margin}, {estimate} of {limit})")
     if not sentences:
         return []
     return [Text(f"{'; '.join(sentences)}.", "Margins.")]
@@ -198,11 +203,12 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
     is_by_covariance = bool((frame.by == COVARIANCE).all())
     has_multiple = {}
     for name, rows in frame.groupby("requirement"):
-        has_multiple[name] = bool((1.0 - rows.margin_ratio >= _MULTIPLE).any())
+        error_ratio = 1.0 - rows.margin_ratio
+        has_multiple[name] = bool((error_ratio >= _MULTIPLE).any())
     margins = {}
     for row in frame.itertuples():
-        sign = mark(row.by, is_by_covariance)
-        margins[row.case, row.requirement] = _signed(row, has_multiple[row.requirement]) + sign
+        margin = _signed(row, has_multiple[row.requirement])
+        margins[row.case, row.requirement] = margin + mark(row.by, is_by_covariance)
 
     ranking = METRICS["ranking"](tables).set_index("case")
     quantities = [name for name in ("velocity", "position", "attitude") if name in ranking]
@@ -245,7 +251,9 @@ def _required(tables: Tables, frame: pd.DataFrame) -> str:
     requirements = tables.campaign.get("requirements") or ()
     if not requirements or len(requirements) > _FEW:
         return ""
-    limits = {row.requirement: with_unit(row.limit, row.unit) for row in frame.dropna(subset="limit").itertuples()}
+    limits = {}
+    for row in frame.dropna(subset="limit").itertuples():
+        limits[row.requirement] = with_unit(row.limit, row.unit)
     facts = []
     for requirement in requirements:
         name = requirement["name"]
@@ -311,12 +319,16 @@ def _agreement(tables: Tables) -> list[str]:
     sentences = []
     if len(tested):
         differing = tested[tested.verdict == "disagree"]
-        disagreements = [say("disagreement", case=row.case, row=row._asdict()) for row in differing.itertuples()]
+        disagreements = []
+        for row in differing.itertuples():
+            disagreements.append(say("disagreement", case=row.case, row=row._asdict()))
         level = float(tested.alpha_ratio.iloc[0])
         sentences.append(say("agreement", tested=len(tested), level=level, bad=disagreements))
     reasons = []
-    for reason, rows in cases[cases.verdict == "not applicable"].groupby("reason", sort=False):
-        reasons.append(f"{listed(list(rows.case), 2 * _FEW)} ({reason})")
+    inapplicable = cases[cases.verdict == "not applicable"]
+    for reason, rows in inapplicable.groupby("reason", sort=False):
+        labels = listed(list(rows.case), 2 * _FEW)
+        reasons.append(f"{labels} ({reason})")
     if reasons:
         sentences.append(f"Not applicable: {'; '.join(reasons)}.")
     return sentences

@@ -70,7 +70,8 @@ def overconfidence(tables: Tables) -> list[Block]:
 
 def _span(ratios: pd.Series) -> str:
     """Return the smallest and the largest ratio with two digits; one number if they are equal."""
-    low, high = f"{ratios.min():.2g}", f"{ratios.max():.2g}"
+    low = f"{ratios.min():.2g}"
+    high = f"{ratios.max():.2g}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -81,7 +82,8 @@ def _cure(tables: Tables, rows: pd.DataFrame) -> str:
     if not missing:
         return ""
     shares = [state.share for state in missing]
-    low, high = f"{100.0 * min(shares):.0f}", f"{100.0 * max(shares):.0f}"
+    low = f"{100.0 * min(shares):.0f}"
+    high = f"{100.0 * max(shares):.0f}"
     return say(
         "lacking",
         filters=len(rows),
@@ -101,12 +103,15 @@ def short_lived(tables: Tables) -> list[Block]:
     """
     margins = METRICS["margins"](tables)
     blocks: list[Block] = []
-    for name, rows in METRICS["windows"](tables).groupby("requirement", sort=False):
-        compliant = set(margins[(margins.requirement == name) & (margins.verdict == "met")].case)
+    windows = METRICS["windows"](tables)
+    for name, rows in windows.groupby("requirement", sort=False):
+        is_met = (margins.requirement == name) & (margins.verdict == "met")
+        compliant = set(margins[is_met].case)
         rows = rows.assign(is_compliant=rows.case.isin(compliant))
         exceeding = rows[rows.verdict_changes & rows.is_compliant]
         if len(exceeding):
-            blocks.append(Text(_window_sentence(rows, exceeding, len(compliant)), "Warning:"))
+            sentence = _window_sentence(rows, exceeding, len(compliant))
+            blocks.append(Text(sentence, "Warning:"))
     return blocks + _not_evaluated(tables)
 
 
@@ -117,7 +122,10 @@ def _window_sentence(rows: pd.DataFrame, exceeding: pd.DataFrame, n_compliant: i
     exceeding : rows of designs that comply at the event and exceed the limit around it
     n_compliant : number of designs that comply at the event
     """
-    cases = [f"{row.case}: {with_unit(row.worst, row.unit)} {when(row)}" for row in exceeding.itertuples()]
+    cases = []
+    for row in exceeding.itertuples():
+        worst = with_unit(row.worst, row.unit)
+        cases.append(f"{row.case}: {worst} {when(row)}")
     texts, source = with_evidence(cases, exceeding.by)
     window = rows.iloc[0]
     return say(
@@ -181,8 +189,10 @@ def _not_evaluated(tables: Tables) -> list[Block]:
     # Requirements of the same event, reason and cases share a text
     names_of: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
     keys = ["requirement", "event", "reason"]
-    for (name, event, reason), rows in METRICS["unevaluated"](tables).groupby(keys, sort=False):
-        names_of.setdefault((event, reason, tuple(rows.case)), []).append(name)
+    unevaluated = METRICS["unevaluated"](tables)
+    for (name, event, reason), rows in unevaluated.groupby(keys, sort=False):
+        key = (event, reason, tuple(rows.case))
+        names_of.setdefault(key, []).append(name)
     texts = []
     for (event, reason, cases), names in names_of.items():
         text = listed(names, 2 * _FEW, ", ")
@@ -210,14 +220,18 @@ def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
     names = list(dict.fromkeys(frame.requirement))
     if len(names) > _MOST_WINDOWS:
         return {}
-    cells = {}
+    cells: dict[str, dict[str, str]] = {}
     for name in names:
         rows = frame[frame.requirement == name]
         window = rows.iloc[0]
-        start, end = window.first_s - window.t_s, window.last_s - window.t_s
+        start = window.first_s - window.t_s
+        end = window.last_s - window.t_s
         prefix = f"{name}, " if len(names) > 1 else ""
         heading = f"{prefix}worst from {start:+.3g} to {end:+.3g} s ({window.unit})"
-        cells[heading] = {row.case: _worst_cell(row) + mark(row.by, is_by_covariance) for row in rows.itertuples()}
+        cells[heading] = {}
+        for row in rows.itertuples():
+            sign = mark(row.by, is_by_covariance)
+            cells[heading][row.case] = _worst_cell(row) + sign
     return cells
 
 

@@ -113,7 +113,10 @@ def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any],
     second = second.drop(columns="failure")
 
     columns = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
-    si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]) if columns else ""
+    if columns:
+        si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0])
+    else:
+        si = ""
     scale = scale_of(unit, si)
     if scale is None:
         return MetricValue(remark=no_fit(unit))
@@ -122,5 +125,8 @@ def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any],
     sum_of_squares = ((first[columns] - second[columns]) ** 2).sum(axis=1)
     squares = sum_of_squares.mask(failed, np.inf).to_numpy() / scale**2
     good_squares = squares[np.isfinite(squares)]
-    root_mean_square = float(np.sqrt(good_squares.mean())) if len(good_squares) else np.nan
+    if len(good_squares):
+        root_mean_square = float(np.sqrt(good_squares.mean()))
+    else:
+        root_mean_square = np.nan
     return MetricValue(monte_carlo=root_mean_square, runs=squares)

@@ -63,7 +63,8 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
     content = dict(panel.axes)
     for side in ("x", "y"):
         if f"{side}lim" in panel.axes:
-            content[f"{side}lim"] = [_finite_number(limit) for limit in panel.axes[f"{side}lim"]]
+            limits = panel.axes[f"{side}lim"]
+            content[f"{side}lim"] = [_finite_number(limit) for limit in limits]
         content[f"{side}unit"] = unit_of(panel.axes.get(f"{side}label", ""))
         label = panel.label(side)
         if label:
@@ -86,7 +87,9 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
 
 def _finite_number(value: float | None) -> float | None:
     """Return a limit of an axis as a number for JSON, which has no infinity; None for a limit that is not set."""
-    return float(value) if value is not None and np.isfinite(value) else None
+    if value is not None and np.isfinite(value):
+        return float(value)
+    return None
 
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
@@ -114,13 +117,17 @@ def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
 def _thinned(data: dict[str, Floats]) -> dict[str, Floats]:
     """Return lines over one abscissa with at most `MOST_POINTS` points each, without loss of their extremes."""
     x = data["x"]
-    if x.size <= MOST_POINTS or not (np.diff(x) >= 0.0).all():
+    if x.size <= MOST_POINTS:
+        return data
+    is_ascending = (np.diff(x) >= 0.0).all()
+    if not is_ascending:
         return data
     ordinates = [values for name, values in data.items() if name != "x"]
     # Each line contributes two points of every block, its minimum and its maximum
     n_blocks = MOST_POINTS // (2 * len(ordinates))
     indices = [np.array([0, x.size - 1])]
-    for block in np.array_split(np.arange(x.size), n_blocks):
+    blocks = np.array_split(np.arange(x.size), n_blocks)
+    for block in blocks:
         for values in ordinates:
             indices += _extremes(values, block)
     selection = np.unique(np.concatenate(indices))

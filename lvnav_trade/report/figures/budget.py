@@ -87,7 +87,8 @@ def _layers(share: pd.DataFrame, order: list[str]) -> pd.DataFrame:
     """Return the shares over time of the largest sources, in an order of all sources, and of all others together."""
     mean_share = share.mean().sort_values(ascending=False, kind="stable")
     largest = list(mean_share.index[:MOST_SOURCES])
-    layers = share[sorted(largest, key=order.index)].copy()
+    ordered = sorted(largest, key=order.index)
+    layers = share[ordered].copy()
     if share.shape[1] > MOST_SOURCES:
         layers[REST] = share.drop(columns=largest).sum(axis=1)
     return layers
@@ -162,11 +163,13 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     scale = (_LEAST, max(largest, 10 * _LEAST))
     image = np.where(image >= _LEAST, image, np.nan)
 
-    figure, grid = canvas(1, 2, 1.15 + 0.25 * max(2, len(shares)), sharey=True, widths=[1, 18])
+    height = 1.15 + 0.25 * max(2, len(shares))
+    figure, grid = canvas(1, 2, height, sharey=True, widths=[1, 18])
     start, ax = grid[0]
     row_edges = np.arange(len(shares) + 1)
     start.cells([0.0, 1.0], row_edges, image[:, :1], scale, cmap=_MAP)
-    label = f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)"
+    bin_width = edges[1] - edges[0]
+    label = f"part of the variance at\n{event}, per {bin_width:g} s (%)"
     ax.cells(edges[1:], row_edges, image[:, 1:], scale, cmap=_MAP, label=label)
     for axes in (start, ax):
         axes.set(
@@ -181,7 +184,8 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
         ylabel="error source",
     )
     totals_text = [f"{total:.1f} %" for total in totals]
-    ax.text(1.01, row_edges[:-1] + 0.5, totals_text, x_part=True, ha="left")
+    row_centres = row_edges[:-1] + 0.5
+    ax.text(1.01, row_centres, totals_text, x_part=True, ha="left")
     ax.set(xlim=(float(edges[1]), float(edges[-1])))
     over_time([ax], tables, case, margin=0.0, label="time since lift-off (s) at which the error enters")
     return figure
@@ -196,7 +200,8 @@ def _source_shares(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
     """
     total = rows.groupby("source", sort=False).share_ratio.sum()
     total = total.sort_values(ascending=False, kind="stable") * 100.0
-    names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
+    large_names = total.index[total >= _LEAST_ROW]
+    names = list(large_names[:MOST_ROWS])
     smaller = [name for name in total.index if name not in names]
     shares = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False)
     shares *= 100.0

@@ -24,13 +24,16 @@ def curves(tables: Tables, axis: str) -> Figure:
     crossings = crossings[(crossings.axis == axis) & (crossings.by == "linear covariance")]
     names = list(dict.fromkeys(frame.requirement))
     figure, grid = canvas(len(names), 1, 2.6)
+    axis_name = axis.replace("_", " ")
     for ax, name in zip(grid[:, 0], names, strict=True):
         rows = frame[frame.requirement == name]
-        _draw_curves(ax, rows, crossings[crossings.requirement == name])
+        requirement_crossings = crossings[crossings.requirement == name]
+        _draw_curves(ax, rows, requirement_crossings)
         axis_unit = rows.axis_unit.iloc[0] or "-"
+        unit = rows.unit.iloc[0]
         ax.set(
-            xlabel=f"{axis.replace('_', ' ')} ({axis_unit})",
-            ylabel=f"{name} ({rows.unit.iloc[0]})",
+            xlabel=f"{axis_name} ({axis_unit})",
+            ylabel=f"{name} ({unit})",
         )
     return figure
 
@@ -69,15 +72,18 @@ def tornado(tables: Tables, requirement: str) -> Figure:
     frame = frame[frame.requirement == requirement].iloc[::-1]
     figure, ax = panel(0.9 + 0.3 * len(frame))
     heights = np.arange(len(frame))
-    ax.boxes(frame.low, frame.high, heights - 0.3, heights + 0.3, color=line_of(0)["color"])
+    bottom = heights - 0.3
+    top = heights + 0.3
+    ax.boxes(frame.low, frame.high, bottom, top, color=line_of(0)["color"])
     ax.axvline(float(frame.base.iloc[0]), color="black", lw=1.0)
     ax.axvline(float(frame.limit.iloc[0]), color=GREY, ls="--", lw=1.0)
     for height, row in enumerate(frame.itertuples()):
         ax.text(row.low, height, f"{row.low_level} ", ha="right")
         ax.text(row.high, height, f" {row.high_level}", ha="left")
     axis_names = [name.replace("_", " ") for name in frame.axis]
+    unit = frame.unit.iloc[0]
     ax.set(
-        xlabel=f"{requirement} ({frame.unit.iloc[0]})",
+        xlabel=f"{requirement} ({unit})",
         yticks=named_ticks(axis_names),
         margin=0.25,
     )

@@ -155,6 +155,7 @@ def rank(tables: Tables) -> Figure:
     figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
     heights = np.arange(len(frame))
     for ax, quantity in zip(grid[0], quantities, strict=False):
+        event = frame.event.iloc[0]
         error = frame[quantity].to_numpy(dtype=float)
         unit = frame[f"{quantity}_unit"].iloc[0]
         ax.barh(heights, error, 0.6, color=PALETTE[0])
@@ -162,7 +163,7 @@ def rank(tables: Tables) -> Figure:
         bounds = mark_quantiles(ax, tables, frame, quantity)
         scale_up(ax, "x", [*error, *bounds])
         ax.set(
-            xlabel=f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({unit})",
+            xlabel=f"{quantity} error at {event}\n3D RMS ({unit})",
             ylim=(len(frame) - 0.5, -0.5),
             yticks=named_ticks(frame.case),
             grid=False,
@@ -294,12 +295,13 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     selected = list(dict.fromkeys(labels or frame.case))
     is_drawn = frame.case.isin(selected) & (frame.lag_number > 0)
     extent = [-_LEAST, _LEAST, *frame.autocorrelation_ratio[is_drawn]]
-    limits = 1.1 * float(np.min(extent)), 1.1 * float(np.max(extent))
+    low = 1.1 * float(np.min(extent))
+    high = 1.1 * float(np.max(extent))
     n_columns = min(3, len(selected))
     figure, grid = canvas(-(-len(selected) // n_columns), n_columns, 2.3)
     for ax, label in zip(grid.ravel(), selected, strict=False):
         _draw_autocorrelation(ax, frame[frame.case == label])
-        ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=limits)
+        ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=(low, high))
     for ax in grid[:, 0]:
         ax.set(ylabel="autocorrelation (-)")
     return figure

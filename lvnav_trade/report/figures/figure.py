@@ -67,13 +67,18 @@ class Events(NamedTuple):
             groups[-1][1].append(number)
         labels = []
         for t, numbers in groups:
-            first, last = numbers[0], numbers[-1]
-            labels.append((t, str(first) if first == last else f"{first}-{last}"))
+            first = numbers[0]
+            last = numbers[-1]
+            label = str(first) if first == last else f"{first}-{last}"
+            labels.append((t, label))
         return labels
 
     def key(self) -> str:
         """Return the key to the numbers of the events, in lines that fit the width of a page."""
-        entries = [f"{number} {name.replace('_', ' ')}" for number, (name, _) in enumerate(self.points, start=1)]
+        entries = []
+        for number, (name, _) in enumerate(self.points, start=1):
+            event_name = name.replace("_", " ")
+            entries.append(f"{number} {event_name}")
         faults = self._fault_names()
         if faults:
             entries += wrap(f"shaded: {faults}", _KEY_LENGTH)
@@ -92,7 +97,10 @@ class Events(NamedTuple):
         for name in names:
             fault_type, _, number = name.rpartition(" ")
             numbers_of_type.setdefault(fault_type, []).append(number)
-        texts = [f"{fault_type} {' '.join(numbers)}".strip() for fault_type, numbers in numbers_of_type.items()]
+        texts = []
+        for fault_type, numbers in numbers_of_type.items():
+            number_list = " ".join(numbers)
+            texts.append(f"{fault_type} {number_list}".strip())
         return ", ".join(texts)
 
 
@@ -190,13 +198,19 @@ class Panel:
 
     def bar(self, x: Any, height: Any, width: float, **style: Any) -> None:
         """Draw bars from zero up, centred at x."""
-        x, height = _floats(x), _floats(height)
-        self.boxes(x - 0.5 * width, x + 0.5 * width, 0.0, height, **style)
+        x = _floats(x)
+        height = _floats(height)
+        low = x - 0.5 * width
+        high = x + 0.5 * width
+        self.boxes(low, high, 0.0, height, **style)
 
     def barh(self, y: Any, length: Any, height: float, **style: Any) -> None:
         """Draw bars from zero to the right, centred at y."""
-        y, length = _floats(y), _floats(length)
-        self.boxes(0.0, length, y - 0.5 * height, y + 0.5 * height, **style)
+        y = _floats(y)
+        length = _floats(length)
+        low = y - 0.5 * height
+        high = y + 0.5 * height
+        self.boxes(0.0, length, low, high, **style)
 
     def axhline(self, y: float, **style: Any) -> None:
         """Draw a straight line at an ordinate."""
@@ -324,7 +338,8 @@ def alt_text(panel: Panel) -> str:
             label = "time since lift-off (s)"
         limits = _data_range(panel, side)
         if label and limits:
-            parts.append(f"{name}: {label} from {limits[0]:.4g} to {limits[1]:.4g}")
+            low, high = limits
+            parts.append(f"{name}: {label} from {low:.4g} to {high:.4g}")
         elif label:
             parts.append(f"{name}: {label}")
     names = dict.fromkeys(one_line(mark.label) for mark in panel.marks if mark.label)

@@ -93,12 +93,15 @@ def protection(tables: Tables, case: str) -> Figure:
         errors = history_of(tables, case, quantity, "3d")
         unit, factor = tables.people[quantity, "3d"]
         ax.set(yscale="log", ylabel=f"{quantity} ({unit})")
-        ax.plot(levels.t_s, factor * levels.level_si, color=PALETTE[1], label="protection level")
-        ax.plot(levels.t_s, factor * levels.fault_free_si, color=PALETTE[1], ls="--", label="without faults")
-        true_rms = np.hypot(errors.lincov_true_si, errors.lincov_mean_si)
-        ax.plot(errors.t_s, factor * true_rms, color=GREY, label="true error (RMS), linear covariance")
+        level = factor * levels.level_si
+        fault_free_level = factor * levels.fault_free_si
+        ax.plot(levels.t_s, level, color=PALETTE[1], label="protection level")
+        ax.plot(levels.t_s, fault_free_level, color=PALETTE[1], ls="--", label="without faults")
+        true_rms = factor * np.hypot(errors.lincov_true_si, errors.lincov_mean_si)
+        ax.plot(errors.t_s, true_rms, color=GREY, label="true error (RMS), linear covariance")
         if (errors.run_count > 0).any():
-            ax.plot(errors.t_s, factor * errors.rms_si, color=PALETTE[0], lw=0.8, label="runs (RMS)")
+            run_rms = factor * errors.rms_si
+            ax.plot(errors.t_s, run_rms, color=PALETTE[0], lw=0.8, label="runs (RMS)")
     over_time(list(grid.ravel()), tables, case)
     return figure
 
@@ -132,7 +135,9 @@ def validity(tables: Tables) -> Figure:
         row = rows.index(levels.loc[case, down])
         column = columns.index(levels.loc[case, across])
         image[row, column] = ratios.get(label, np.nan)
-        texts[row, column] = f"{signs.get(label, '')} {_ratio_text(image[row, column])}".strip()
+        sign = signs.get(label, "")
+        ratio_text = _ratio_text(image[row, column])
+        texts[row, column] = f"{sign} {ratio_text}".strip()
     ax.cells(
         np.arange(len(columns) + 1),
         np.arange(len(rows) + 1),
@@ -176,4 +181,6 @@ def _validity_signs(tables: Tables) -> dict[str, str]:
 def _ratio_text(ratio: float) -> str:
     if np.isnan(ratio):
         return ""
-    return f"> {_WORST:g}" if ratio >= _WORST else f"{ratio:.2g}"
+    if ratio >= _WORST:
+        return f"> {_WORST:g}"
+    return f"{ratio:.2g}"

@@ -80,7 +80,8 @@ def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[flo
     for limit in limits:
         style: dict[str, Any] = {"color": "black", "group": limit.label}
         ax.axhline(limit.value, ls=(0, (5, 2)), lw=1.0, label=limit.label, **style)
-        times = pick(tables.events, case=case, event=limit.at).t_s
+        events = pick(tables.events, case=case, event=limit.at)
+        times = events.t_s
         values = np.full(len(times), limit.value)
         ax.plot(times, values, ls="none", marker="v", ms=6, **style)
     return [limit.value for limit in limits]

@@ -24,9 +24,12 @@ def _widen(panel: Panel, lines: list[Mark]) -> None:
     heights = [_heights(panel, mark.data["y"]) for mark in lines]
     all_heights = np.concatenate(heights)
     finite_heights = all_heights[np.isfinite(all_heights)]
-    if not len(finite_heights) or np.ptp(finite_heights) == 0.0:
+    if not len(finite_heights):
         return
-    near = _SAME * float(np.ptp(finite_heights))
+    range_of_heights = np.ptp(finite_heights)
+    if range_of_heights == 0.0:
+        return
+    near = _SAME * float(range_of_heights)
     for number, mark in enumerate(lines):
         n_above = 0
         for k in range(number + 1, len(lines)):

@@ -56,7 +56,8 @@ def ratios(references: pd.DataFrame) -> Figure:
         alpha=0.6,
         label="band",
     )
-    _ratio_marks(ax, frame[~is_missing], ratio[~is_missing], clipped[~is_missing])
+    is_given = ~is_missing
+    _ratio_marks(ax, frame[is_given], ratio[is_given], clipped[is_given])
     if is_missing.any():
         ax.plot(
             clipped[is_missing],
@@ -98,20 +99,22 @@ def _ratio_marks(ax: Panel, rows: pd.DataFrame, ratio: pd.Series, clipped: pd.Se
         if label == _AT_AN_EDGE and not selection.any():
             continue
         # Drawn even if it is empty, for the legend
-        within = selection & (clipped == ratio)
-        ax.plot(clipped[within], clipped.index[within], ls="none", ms=4.5, **style, label=label)
+        within = clipped[selection & (clipped == ratio)]
+        ax.plot(within, within.index, ls="none", ms=4.5, **style, label=label)
         for is_beyond, arrow in ((ratio < clipped, "<"), (ratio > clipped, ">")):
-            beyond = selection & is_beyond
-            if beyond.any():
+            beyond = clipped[selection & is_beyond]
+            if len(beyond):
                 arrow_style = {**style, "marker": arrow}
-                ax.plot(clipped[beyond], clipped.index[beyond], ls="none", ms=4.5, **arrow_style)
+                ax.plot(beyond, beyond.index, ls="none", ms=4.5, **arrow_style)
 
 
 def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
     """Make the horizontal axis logarithmic, for ratios, and label the items from the top down."""
     short_names = []
     for name in names:
-        short_names.append(name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3] + "...")
+        if len(name) > _LONGEST_NAME:
+            name = name[: _LONGEST_NAME - 3] + "..."
+        short_names.append(name)
     ax.set(
         xscale="log",
         xlabel=label,
@@ -148,12 +151,14 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
     for place, row in enumerate(rows):
         q05, q25, q50, q75, q95 = np.quantile(row.ratios, [0.05, 0.25, 0.5, 0.75, 0.95])
         band_low, band_high = row.band
+        is_first = place == 0
         for low, high, label, style in (
             (max(band_low, 0.02), band_high, "band", {"color": SHADE, "lw": 9, "alpha": 0.35}),
             (q05, q95, "90 % of our runs", {"color": PALETTE[0], "lw": 1.2}),
             (q25, q75, "50 % of our runs", {"color": PALETTE[0], "lw": 5}),
         ):
-            ax.hlines(place, low, high, label=label if place == 0 else None, **style)
+            legend_entry = label if is_first else None
+            ax.hlines(place, low, high, label=legend_entry, **style)
         ax.plot([q50], [place], ls="none", marker="|", color="white", ms=7)
     ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
     _ratio_axes(ax, [row.name for row in rows], "our runs, each divided by published (-)")
@@ -250,12 +255,17 @@ def _axis_points(
     cases : levels of the selected cases; all cases if empty
     value_of : function that returns the metric of a case by its digest
     """
-    selection = {case for levels in cases for case in cases_of(tables, levels, ())} or set(tables.labels)
+    selection = {case for levels in cases for case in cases_of(tables, levels, ())}
+    selection = selection or set(tables.labels)
     rows = []
     for case, levels in tables.levels.items():
         if case in selection and axis in levels:
-            other_levels = [f"{name}={level}" for name, level in levels.items() if name != axis and level != "base"]
-            rows.append((levels[axis], ", ".join(other_levels), value_of(case)))
+            other_levels = []
+            for name, level in levels.items():
+                if name != axis and level != "base":
+                    other_levels.append(f"{name}={level}")
+            setting = ", ".join(other_levels)
+            rows.append((levels[axis], setting, value_of(case)))
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
     if set(frame.level) > {BASE}:  # in a design one_at_a_time, the level of the base is a word
         frame = frame[frame.level != BASE]
@@ -273,11 +283,13 @@ def _study_points(
     """
     base = base_level(tables, axis)
     used_level = level or base.label
-    if (frame.level == used_level).any():
-        return frame[frame.level == used_level]
+    is_used = frame.level == used_level
+    if is_used.any():
+        return frame[is_used]
     base_cases = [case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}]
     base_text = f"{base.number!r} {base.unit}".strip()
-    sizes, level_unit = level_sizes([*dict.fromkeys(frame.level), base_text])
+    distinct_levels = dict.fromkeys(frame.level)
+    sizes, level_unit = level_sizes([*distinct_levels, base_text])
     if level or not base_cases or level_unit is None or not np.isfinite(base.number):
         return frame[:0]
     point = {"level": BASE, "others": "", "value": value_of(base_cases[0]), "x": sizes[-1]}
@@ -330,11 +342,12 @@ def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
         numbers = [float(number) for number, _, _ in parts]
         units = [unit for _, _, unit in parts]
         # A zero without a unit belongs to any dimension
-        spelled = dict.fromkeys(unit for unit, number in zip(units, numbers, strict=True) if number or unit)
+        levels = list(zip(numbers, units, strict=True))
+        spelled = dict.fromkeys(unit for number, unit in levels if number or unit)
         first_unit = next(iter(spelled), "")
         if len(spelled) > 1:
-            levels = [f"{number} {unit or first_unit}" for number, unit in zip(numbers, units, strict=True)]
-            numbers = [parse(level, first_unit) for level in levels]
+            texts = [f"{number} {unit or first_unit}" for number, unit in levels]
+            numbers = [parse(text, first_unit) for text in texts]
     except ValueError:
         return [float(k) for k in range(len(names))], None
     return numbers, first_unit or "-"
@@ -354,7 +367,8 @@ def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) 
             ("missed_mean", "mean error of the transition, norm", {"color": "black", "lw": 0.8, "ls": ":"}),
         ):
             error = table[f"{name}_{suffix}_{unit}"]
-            ax.plot(table.t_s, factor * error.where(error > 0.0), label=legend_entry, **style)
+            positive_error = factor * error.where(error > 0.0)
+            ax.plot(table.t_s, positive_error, label=legend_entry, **style)
         for _, start, _ in phases:
             ax.axvline(start, color=GREY, lw=0.5)
         ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", margin=0.0)

@@ -120,14 +120,19 @@ def sky(tables: Tables, case: str) -> Figure:
     times = np.sort(rows.t_s.unique())
     moments = _moments(tables, case, rows)
     antennas = sorted(rows.antenna_number.dropna().unique())
-    lowest_rad = min(0.0, float(rows.elevation_rad[rows.tracked].min())) if rows.tracked.any() else 0.0
+    if rows.tracked.any():
+        lowest_rad = min(0.0, float(rows.elevation_rad[rows.tracked].min()))
+    else:
+        lowest_rad = 0.0
     edge = 90.0 + 15.0 * np.ceil(-np.degrees(lowest_rad) / 15.0)
     skies = []
-    figure, grid = canvas(1, len(moments), 3.0 if len(moments) < 4 else 2.6)
+    height = 3.0 if len(moments) < 4 else 2.6
+    figure, grid = canvas(1, len(moments), height)
     for ax, (name, moment) in zip(grid[0], moments, strict=True):
         nearest = int(np.argmin(np.abs(times - moment)))
         t = times[nearest]
-        visible = rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)]
+        is_visible = (rows.elevation_rad > 0) | rows.tracked
+        visible = rows[(rows.t_s == t) & is_visible]
         _draw_sky(ax, visible, antennas, edge)
         ax.set(title=f"{name}\n{t:.0f} s", xlabel="azimuth, elevation (deg)")
         skies.append(visible)
@@ -141,13 +146,16 @@ def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, f
     event_times = flight_events(tables, case).set_index("event").t_s
     end = float(event_times.get(last, rows.t_s.max()))
     recovery = pick(METRICS["recovery"](tables), case=tables.labels[case])
+    harmful = recovery[recovery.lost_count > 0]
     between = []
-    for fault in recovery[recovery.lost_count > 0].head(_SKY_MOST_FAULTS).itertuples():
+    for fault in harmful.head(_SKY_MOST_FAULTS).itertuples():
+        name = fault.fault.replace("_", " ")
         moment = max(fault.t_start_s, fault.t_end_s - 1.0)
-        between.append((fault.fault.replace("_", " "), moment))
+        between.append((name, moment))
     if not between:
         between = [("half way", end / 2)]
-    return [("lift-off", 0.0), *between, (last.replace("_", " ") or "end", end)]
+    last_name = last.replace("_", " ") or "end"
+    return [("lift-off", 0.0), *between, (last_name, end)]
 
 
 def _draw_sky(ax: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
@@ -158,8 +166,10 @@ def _draw_sky(ax: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -
     edge : deg. Zenith angle at the edge of the plot.
     """
     _draw_sky_grid(ax, edge)
-    for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
-        for _, style, group in _state_groups(rows[rows.antenna_number == antenna]):
+    markers = _MARKERS * len(antennas)
+    for marker, antenna in zip(markers, antennas, strict=False):
+        antenna_rows = rows[rows.antenna_number == antenna]
+        for _, style, group in _state_groups(antenna_rows):
             east, north = _sky_position(group)
             ax.plot(east, north, ls="none", marker=marker, ms=5, **style)
     east, north = _sky_position(rows)
@@ -183,7 +193,9 @@ def _draw_sky_grid(ax: Panel, edge: float) -> None:
             lw=1.1 if is_horizontal else 0.6,
         )
     for cardinal in np.radians([0.0, 90.0, 180.0, 270.0]):
-        ax.plot([0.0, edge * np.sin(cardinal)], [0.0, edge * np.cos(cardinal)], color=_FAINT, lw=0.6)
+        east = edge * np.sin(cardinal)
+        north = edge * np.cos(cardinal)
+        ax.plot([0.0, east], [0.0, north], color=_FAINT, lw=0.6)
     ax.text(0.0, [-31.0, -61.0], ["60", "30"], color=GREY, ha="center", va="top")
     ax.text([0.0, edge, 0.0, -edge], [edge, 0.0, -edge, 0.0], ["N", "E", "S", "W"], ha="center")
 
@@ -196,7 +208,8 @@ def _sky_position(rows: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
 
 def _state_groups(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFrame]]:
     """Return name, style and rows of each group; a channel waiting for its signal counts as not tracked."""
-    state = rows.state.where(rows.tracked | (rows.state != "track"), "")
+    is_not_waiting = rows.tracked | (rows.state != "track")
+    state = rows.state.where(is_not_waiting, "")
     state = state.where(state.isin([name for name, _, _ in _STATES]), "")
     groups = []
     for name, label, style in _STATES:
@@ -233,7 +246,8 @@ def timeline(tables: Tables, case: str) -> Figure:
     """
     rows = pick(tables.satellites, case=case)
     changes = pick(tables.transitions, case=case)
-    start, end = float(rows.t_s.min()), float(rows.t_s.max())
+    start = float(rows.t_s.min())
+    end = float(rows.t_s.max())
     bars = _channel_intervals(changes, end) if len(changes) else _tracking_intervals(rows)
     names = sorted(bars.satellite.unique())
     figure, ax = panel(1.1 + 0.185 * max(4, len(names)))
@@ -243,7 +257,9 @@ def timeline(tables: Tables, case: str) -> Figure:
     for (name, state), group in bars.groupby(["satellite", "state"], sort=False):
         height, style = _LOOKS[str(state)]
         middle = names.index(name)
-        ax.boxes(group.t_s, group.t_end_s, middle - height / 2, middle + height / 2, **style)
+        bottom = middle - height / 2
+        top = middle + height / 2
+        ax.boxes(group.t_s, group.t_end_s, bottom, top, **style)
     _mark_losses(ax, changes, names)
     ax.set(
         xlim=(start, end),
@@ -271,10 +287,12 @@ def _tracking_intervals(rows: pd.DataFrame) -> pd.DataFrame:
     for name, satellite_rows in rows[rows.tracked].groupby("satellite"):
         epochs = np.searchsorted(times, satellite_rows.t_s.to_numpy())
         # An interval begins where the preceding epoch is missing
-        firsts = np.flatnonzero(np.diff(epochs, prepend=-2) > 1)
+        gaps = np.diff(epochs, prepend=-2)
+        firsts = np.flatnonzero(gaps > 1)
         lasts = np.append(firsts[1:], len(epochs)) - 1
+        starts = epochs[firsts]
         ends = np.minimum(epochs[lasts] + 1, len(times) - 1)
-        for start, stop in zip(times[epochs[firsts]], times[ends], strict=True):
+        for start, stop in zip(times[starts], times[ends], strict=True):
             intervals.append((name, "track", start, stop))
     return pd.DataFrame(intervals, columns=["satellite", "state", "t_s", "t_end_s"])
 
@@ -359,7 +377,8 @@ def latency(tables: Tables, case: str) -> Figure:
     rows = pick(tables.satellites, case=case).drop_duplicates("t_s")
     figure, ax = panel(2.3)
     age = rows.latency_s * 1e3
+    top = max(1.0, 1.15 * float(age.max()))
     ax.step(rows.t_s, age, color=PALETTE[0])
-    ax.set(ylim=(0.0, max(1.0, 1.15 * float(age.max()))), ylabel="age of the\nmeasurements (ms)")
+    ax.set(ylim=(0.0, top), ylabel="age of the\nmeasurements (ms)")
     over_time([ax], tables, case)
     return figure

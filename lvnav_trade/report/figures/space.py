@@ -63,11 +63,13 @@ def swings(tables: Tables, requirement: str) -> Figure:
     for height, name in enumerate(order):
         rows = frame[frame.axis == name].sort_values("error_si", kind="stable")
         _draw_swing(ax, tables, rows, height, factor)
-    ax.axvline(float(frame.mean_si.iloc[0]) * factor, color="black", lw=1.0)
+    mean = float(frame.mean_si.iloc[0])
+    ax.axvline(mean * factor, color="black", lw=1.0)
     limit = limit_of(tables, requirement) * factor
     if np.isfinite(limit):
         ax.axvline(limit, color=GREY, ls="--", lw=1.0)
-    errors = np.concatenate([frame[name].dropna() * factor for name in ("error_si", "low_si", "high_si")])
+    columns = [frame[name].dropna() * factor for name in ("error_si", "low_si", "high_si")]
+    errors = np.concatenate(columns)
     scale_up(ax, "x", errors)
     if ax.axes.get("xscale") != "log":
         ax.set(xlim=(0.0, _ROOM * errors.max()))
@@ -116,7 +118,8 @@ def regions(tables: Tables) -> Figure:
     n_rows = -(-len(names) // columns)
     figure, grid = canvas(n_rows, columns, 2.0, sharey=True)
     for number, name in enumerate(names):
-        ax = grid[number // columns][number % columns]
+        row, column = divmod(number, columns)
+        ax = grid[row][column]
         rows = frame[frame.axis == name]
         if rows.level.astype(bool).any():
             places = np.arange(len(rows), dtype=float)
@@ -126,7 +129,7 @@ def regions(tables: Tables) -> Figure:
         ax.vlines(places, rows.share_low, rows.share_high, color=PALETTE[0], lw=2.0)
         ax.plot(places, rows.share, ls="none", marker="o", ms=4, color=PALETTE[0])
         ax.set(ylim=(-_BEYOND, 1.0 + _BEYOND), yticks=_SHARES)
-        if number % columns == 0:
+        if column == 0:
             ax.set(ylabel="share that meets all (-)")
     return figure
 
@@ -138,12 +141,17 @@ def _region_centres(ax: Panel, tables: Tables, rows: pd.DataFrame, name: str) ->
     name : name of the axis
     """
     unit, factor = people_of(tables, name)
-    ax.set(xlabel=f"{axis_label(name)} ({unit})" if unit else axis_label(name))
+    label = axis_label(name)
+    if unit:
+        label = f"{label} ({unit})"
+    ax.set(xlabel=label)
     is_positive = bool((rows.low > 0.0).all())
     if is_positive and rows.high.max() > 20.0 * rows.low.min():
         ax.set(xscale="log")
-        return np.sqrt(rows.low * rows.high) * factor
-    return 0.5 * (rows.low + rows.high) * factor
+        geometric_mean = np.sqrt(rows.low * rows.high)
+        return geometric_mean * factor
+    mean = 0.5 * (rows.low + rows.high)
+    return mean * factor
 
 
 def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
@@ -184,7 +192,9 @@ def boundary(answers: pd.DataFrame, names: Sequence[str]) -> Figure:
     scale_up(ax, "y", answers.answer)
     unit = answers.unit.iloc[0] or "-"
     along_unit = answers.along_unit.iloc[0] or "-"
-    ax.set(xlabel=f"{names[1]} ({along_unit})", ylabel=f"{names[0]} ({unit})")
+    along_label = f"{names[1]} ({along_unit})"
+    label = f"{names[0]} ({unit})"
+    ax.set(xlabel=along_label, ylabel=label)
     return figure
 
 
@@ -196,6 +206,8 @@ def indices(frame: pd.DataFrame) -> Figure:
     for ax, gains in zip(grid[0], ("frozen", "retuned"), strict=True):
         for offset, order, number in ((0.2, "first", 0), (-0.2, "total", 1)):
             colour = line_of(number)["color"]
-            ax.barh(heights + offset, frame[f"{gains}_{order}"], 0.36, color=colour, label=order)
-        ax.set(yticks=ticks, xlabel=f"index, {gains.replace('retuned', 're-tuned')} (-)")
+            index = frame[f"{gains}_{order}"]
+            ax.barh(heights + offset, index, 0.36, color=colour, label=order)
+        gains_name = gains.replace("retuned", "re-tuned")
+        ax.set(yticks=ticks, xlabel=f"index, {gains_name} (-)")
     return figure

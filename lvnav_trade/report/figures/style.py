@@ -45,7 +45,9 @@ def drawing(
 
 def line_of(number: int) -> dict[str, Any]:
     """Return colour and dashes of a case by its number; the first 56 are different."""
-    return {"color": PALETTE[number % len(PALETTE)], "ls": DASHES[number % len(DASHES)]}
+    colour = PALETTE[number % len(PALETTE)]
+    dashes = DASHES[number % len(DASHES)]
+    return {"color": colour, "ls": dashes}
 
 
 def over_time(
@@ -97,7 +99,8 @@ def scale_up(ax: Panel, side: str, values: Iterable[float], from_zero: bool = Tr
     positive = [float(value) for value in values if 0.0 < value < np.inf]
     is_logarithmic = False
     if positive:
-        low, high = min(positive), max(positive)
+        low = min(positive)
+        high = max(positive)
         ax.spans[side] = low, high
         is_logarithmic = high > _LOGARITHMIC * low
     if is_logarithmic:
@@ -133,5 +136,7 @@ def _label_spans(panels: Iterable[Panel]) -> dict[str, tuple[float, float]]:
         label = ax.label("y")
         low, high = ax.spans["y"]
         least, most = spans.get(label, (np.inf, 0.0))
-        spans[label] = min(low, least), max(high, most)
+        least = min(low, least)
+        most = max(high, most)
+        spans[label] = (least, most)
     return spans

@@ -52,7 +52,8 @@ def trajectory(tables: Tables, case: str) -> Figure:
     longitude = np.degrees(np.unwrap(rows.longitude_rad))
     latitude = np.degrees(rows.latitude_rad).to_numpy()
     times = rows.t_s.to_numpy()
-    event_rows = [int(np.argmin(np.abs(times - t))) for t in flight_events(tables, case).t_s]
+    event_times = flight_events(tables, case).t_s
+    event_rows = [int(np.argmin(np.abs(times - t))) for t in event_times]
     track.plot(longitude, latitude, color=PALETTE[0])
     track.plot(
         longitude[event_rows],
@@ -82,12 +83,15 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
         raw = history_of(tables, case, f"raw_{quantity}", axis)
         estimate = history_of(tables, case, quantity, axis)
         # At the first time there is no sample yet
-        raw = raw[raw.t_s > raw.t_s.min()]
-        estimate = estimate[estimate.t_s > estimate.t_s.min()]
+        has_sample = raw.t_s > raw.t_s.min()
+        has_estimate = estimate.t_s > estimate.t_s.min()
+        raw = raw[has_sample]
+        estimate = estimate[has_estimate]
 
         _draw_raw_and_filtered(ax, raw, estimate, factor)
         largest = float(raw.lincov_formal_si.max()) * factor
-        ax.set(ylabel=f"{axis}\n({unit}, 1 sigma)", ylim=(0.0, 1.6 * largest))
+        top = 1.6 * largest
+        ax.set(ylabel=f"{axis}\n({unit}, 1 sigma)", ylim=(0.0, top))
     over_time(grid[:, 0], tables, case)
     return figure
 
@@ -193,7 +197,8 @@ def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
             )
         if band is not None:
             low, high = band
-            ax.axhspan(low, high, color=GREY, alpha=0.15, label=f"band: {low:g} to {high:g} %")
+            label = f"band: {low:g} to {high:g} %"
+            ax.axhspan(low, high, color=GREY, alpha=0.15, label=label)
         ax.set(title=axis, xlabel="rate gain over that of the card (-)")
     grid[0, 0].set(ylabel="reduction of nozzle movement\nwith the filtered rate (%, 95 %)")
     return figure
@@ -205,7 +210,9 @@ def _rate_gains(tables: Tables) -> dict[str, dict[str, float]]:
     for case, levels in tables.levels.items():
         other_levels = [level for axis, level in levels.items() if axis != "rate_gain"]
         setting = ", ".join(other_levels) or "all"
-        gains.setdefault(setting, {})[tables.labels[case]] = float(levels.get("rate_gain", 1.0))
+        label = tables.labels[case]
+        gain = float(levels.get("rate_gain", 1.0))
+        gains.setdefault(setting, {})[label] = gain
     return gains
 
 
@@ -215,9 +222,11 @@ def turning(tables: Tables, case: str) -> Figure:
     rows = pick(tables.motion_history, case=case, axis="pitch")
     figure, grid = canvas(2, 1, 2.4, sharex=True)
     for ax, (value, bound, label) in zip(grid[:, 0], _TURNING, strict=True):
-        ax.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
-        ax.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
-        ax.plot(rows.t_s, -rows[bound], lw=1.2, color=PALETTE[1])
+        t = rows.t_s
+        envelope = rows[bound]
+        ax.plot(t, rows[value], lw=0.5, color=PALETTE[0], label="true")
+        ax.plot(t, envelope, lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
+        ax.plot(t, -envelope, lw=1.2, color=PALETTE[1])
         ax.set(ylabel=label, margin=0.0)
     grid[1, 0].set(xlabel="time since lift-off (s)")
     return figure

@@ -48,7 +48,8 @@ def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = N
         One line per reason: another seed, no common case, an unknown name in `mapping`, another trajectory or other
         events.
     """
-    base_seed, candidate_seed = base.campaign.get("seed"), candidate.campaign.get("seed")
+    base_seed = base.campaign.get("seed")
+    candidate_seed = candidate.campaign.get("seed")
     if base_seed != candidate_seed:
         raise InputError(
             f"does not compare: other seed ({base.folder} drew with {base_seed}, {candidate.folder} with "
@@ -104,7 +105,8 @@ def _find_pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> lis
         )
     pairs = []
     for case, partner in partners.items():
-        label, partner_label = base.labels[case], candidate.labels[partner]
+        label = base.labels[case]
+        partner_label = candidate.labels[partner]
         pairs.append(Pair(case, partner, label if partner_label == label else f"{label} → {partner_label}"))
     return pairs
 
@@ -127,7 +129,8 @@ def _find_partner(
     mapping : dict of str to str
         Case or level of the candidate, by case or level of the base.
     """
-    label, levels = base.labels[case], base.levels[case]
+    label = base.labels[case]
+    levels = base.levels[case]
     mapped_case = mapping.get(label) or mapping.get(case)
     mapped_levels = {axis: mapping.get(level, level) for axis, level in levels.items()}
     if mapped_case or mapped_levels == levels:
@@ -172,8 +175,12 @@ def _trajectory_difference(base: Tables, candidate: Tables, pair: Pair) -> str:
             return f"{pair.label}: other events ({name} at {t:g} s and at {candidate_times[name]:g} s)"
     if not all((tables.folder / "reference.parquet").exists() for tables in (base, candidate)):
         return ""
-    distance = _largest_distance(pick(base.reference, case=pair.base), pick(candidate.reference, case=pair.candidate))
-    return f"{pair.label}: other trajectory ({distance:.3g} m apart)" if distance > _SAME_PLACE else ""
+    trajectory = pick(base.reference, case=pair.base)
+    candidate_trajectory = pick(candidate.reference, case=pair.candidate)
+    distance = _largest_distance(trajectory, candidate_trajectory)
+    if distance > _SAME_PLACE:
+        return f"{pair.label}: other trajectory ({distance:.3g} m apart)"
+    return ""
 
 
 def _largest_distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
@@ -181,8 +188,11 @@ def _largest_distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
     common = first.merge(second, on="t_s", suffixes=("", "_other"))
     if common.empty:
         return 0.0
-    longitude_difference = np.angle(np.exp(1j * (common.longitude_rad - common.longitude_rad_other)))  # in [-pi, pi]
-    north = (common.latitude_rad - common.latitude_rad_other) * _EARTH
+    longitude_difference = common.longitude_rad - common.longitude_rad_other
+    longitude_difference = np.angle(np.exp(1j * longitude_difference))  # in [-pi, pi]
+    latitude_difference = common.latitude_rad - common.latitude_rad_other
+    north = latitude_difference * _EARTH
     east = longitude_difference * _EARTH * np.cos(common.latitude_rad)
     up = common.altitude_m - common.altitude_m_other
-    return float(np.sqrt(north**2 + east**2 + up**2).max())
+    distance = np.sqrt(north**2 + east**2 + up**2)
+    return float(distance.max())

@@ -91,7 +91,8 @@ def _student_change(
     n = len(jackknife[0])
     scale = np.log if relative else np.asarray
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = scale(jackknife[0]), scale(jackknife[1])
+        first = scale(jackknife[0])
+        second = scale(jackknife[1])
         centre = float(scale(statistics[1]) - scale(statistics[0]))
         paired_variance = _jackknife_variance(second - first)
         unpaired_variance = _jackknife_variance(first) + _jackknife_variance(second)
@@ -239,7 +240,9 @@ def fitted_quantile_change(
     low, in base and candidate alike.
     """
     squares = np.stack([base**2, candidate**2])
-    quantiles = _fitted_quantile(squares.mean(axis=1), squares.var(axis=1, ddof=1), probability)
+    mean = squares.mean(axis=1)
+    variance = squares.var(axis=1, ddof=1)
+    quantiles = _fitted_quantile(mean, variance, probability)
     with np.errstate(divide="ignore", invalid="ignore"):
         jackknife = _jackknife_quantile(base, probability), _jackknife_quantile(candidate, probability)
     statistics = float(quantiles[0]), float(quantiles[1])
@@ -323,7 +326,8 @@ def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: f
     n = len(base)
     more = int(np.sum(candidate & ~base))
     less = int(np.sum(base & ~candidate))
-    first, second = float(np.mean(base)), float(np.mean(candidate))
+    first = float(np.mean(base))
+    second = float(np.mean(candidate))
     unpaired_variance = first * (1.0 - first) + second * (1.0 - second)
     paired_variance = (more + less) / n - (second - first) ** 2
     effective_runs = float("nan")
@@ -362,7 +366,8 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
         a = 2.0 * n
         b = (2.0 * n - more + less) * difference - more - less
         c = -less * difference * (1.0 - difference)
-        nuisance = (np.sqrt(max(0.0, b * b - 4.0 * a * c)) - b) / (2.0 * a)
+        discriminant = max(0.0, b * b - 4.0 * a * c)
+        nuisance = (np.sqrt(discriminant) - b) / (2.0 * a)
         variance = n * (2.0 * nuisance + difference * (1.0 - difference))
         return float(more - less - n * difference - z * np.sqrt(max(variance, 0.0)))
 

@@ -83,7 +83,10 @@ def _value_at(data: Any, path: str) -> Any:
     """Return the value at a dotted path of plain data; None if there is none."""
     for step in path.split("."):
         if isinstance(data, list):
-            data = data[int(step)] if step.isdigit() and int(step) < len(data) else None
+            if step.isdigit() and int(step) < len(data):
+                data = data[int(step)]
+            else:
+                data = None
         else:
             data = data.get(step) if isinstance(data, Mapping) else None
     return data
@@ -131,8 +134,10 @@ def configuration(tables: Tables) -> pd.DataFrame:
     states = tables.cases.set_index("case").nees_dof_count
     rows = []
     for case, label in tables.labels.items():
-        for device, device_type, card in _devices(scenario_of(tables, case)):
-            for row in _configuration_rows(device, device_type, card, int(states[case])):
+        scenario = scenario_of(tables, case)
+        for device, device_type, card in _devices(scenario):
+            n_state = int(states[case])
+            for row in _configuration_rows(device, device_type, card, n_state):
                 rows.append((label, *row))
     return pd.DataFrame(rows, columns=CONFIGURATION)
 

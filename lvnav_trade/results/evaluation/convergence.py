@@ -36,7 +36,9 @@ class ConvergenceTimes(NamedTuple):
 def multiple_in(text: str) -> tuple[float, str] | None:
     """Return number and word of a limit such as ``3 sigma`` or ``3 rms``; None if it is a quantity."""
     number, _, word = text.strip().partition(" ")
-    return (float(number), word.strip()) if word.strip() in ("sigma", "rms") else None
+    if word.strip() in ("sigma", "rms"):
+        return (float(number), word.strip())
+    return None
 
 
 def converged(
@@ -107,7 +109,8 @@ def _first_times_below(is_below: NDArray[np.bool_], times: Floats) -> tuple[Floa
     """
     # number of last events without interruption at which the error is below the limit
     n_last = np.cumprod(is_below[::-1], axis=0).sum(axis=0)
-    return np.asarray(times[len(is_below) - n_last]), np.asarray(n_last > 0)
+    first = times[len(is_below) - n_last]
+    return np.asarray(first), np.asarray(n_last > 0)
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:

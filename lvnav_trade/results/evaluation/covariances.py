@@ -47,7 +47,8 @@ OBSERVED = [
 
 def beyond_linear(attitude: float, when: str = "") -> str:
     """Return the message on an attitude sigma (rad) that is not a small angle; `when` begins with a space."""
-    size, limit = math.degrees(attitude), math.degrees(LINEAR_ATTITUDE)
+    size = math.degrees(attitude)
+    limit = math.degrees(LINEAR_ATTITUDE)
     return f"an attitude error of {size:.2g} deg (one sigma){when} is beyond the linear form ({limit:.0f} deg)"
 
 

@@ -85,9 +85,11 @@ def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> C
     errors = errors_by_axis(tables, case, event, quantity)
     if errors.empty or outputs.empty:
         return CoverageProbability(np.nan, np.nan, np.empty(0))
-    size = np.linalg.norm(errors.drop(columns="failure").to_numpy(dtype=float), axis=1)
+    components = errors.drop(columns="failure").to_numpy(dtype=float)
+    size = np.linalg.norm(components, axis=1)
     limit_si = units.parse(limit, str(outputs.unit.iloc[0]))
-    is_below = (size < limit_si) & (errors.failure == "").to_numpy()
+    is_sound = (errors.failure == "").to_numpy()
+    is_below = (size < limit_si) & is_sound
     return CoverageProbability(np.nan, np.nan, is_below.astype(float))
 
 
@@ -129,12 +131,17 @@ def _within_sigmas(tables: Tables, case: str, event: str, quantity: str) -> Bool
         By run and reporting axis; False for failed runs. Empty (0, 3) if the results do not have the errors.
     """
     runs = errors_by_axis(tables, case, event, quantity)
-    axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]
+    outputs = pick(tables.outputs, case=case, quantity=quantity)
+    axes = [axis for axis in outputs.axis if axis != "3d"]
     if runs.empty or not axes:
         return np.zeros((0, 3), dtype=bool)
     t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
-    sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
-    is_within = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
+    sigma = []
+    for axis in axes:
+        history = history_of(tables, case, quantity, axis)
+        sigma.append(at_time(history, t).filter_sigma_si)
+    bound = SIGMAS * np.array(sigma)
+    is_within = runs.drop(columns="failure").abs() <= bound
     is_sound = (runs.failure == "").to_numpy()
     return np.asarray(is_within.to_numpy() & is_sound[:, None])
 

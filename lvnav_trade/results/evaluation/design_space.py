@@ -61,7 +61,8 @@ def errors_of(tables: Tables, frame: pd.DataFrame) -> dict[str, str]:
         error, _, _ = requirement_columns(requirement)
         columns[str(requirement["name"])] = error
     if not columns:
-        columns = {f"{name} error": f"{name}_{unit_suffix(unit)}" for name, unit in NAVIGATION_UNITS.items()}
+        for quantity, unit in NAVIGATION_UNITS.items():
+            columns[f"{quantity} error"] = f"{quantity}_{unit_suffix(unit)}"
     return {name: column for name, column in columns.items() if column in frame}
 
 
@@ -102,7 +103,8 @@ def _requirement_effects(frame: pd.DataFrame, column: str, is_sampled: bool) -> 
     error = frame[column].to_numpy(dtype=float)
     indices = _sobol_indices(frame, error) if is_sampled else {}
     for axis in axes_of(frame):
-        is_usable = np.isfinite(error) & (error > 0.0) & frame[axis].notna().to_numpy()
+        is_positive = np.isfinite(error) & (error > 0.0)
+        is_usable = is_positive & frame[axis].notna().to_numpy()
         if is_usable.sum() < _FEWEST:
             continue
         level = frame[axis][is_usable]
@@ -138,16 +140,22 @@ def _sobol_indices(frame: pd.DataFrame, error: Floats) -> dict[str, tuple[float,
     axes = axes_of(frame)
     is_usable = np.isfinite(error) & (error > 0.0)
     count = int(is_usable.sum())
-    if not all(is_numeric(frame, axis) for axis in axes) or count < 2 * len(basis(len(axes))):
+    if not all(is_numeric(frame, axis) for axis in axes):
+        return {}
+    if count < 2 * len(basis(len(axes))):
         return {}
     levels = frame[axes].to_numpy(dtype=float)[is_usable]
     order = np.argsort(levels, axis=0, kind="stable")
     ranks = np.argsort(order, axis=0, kind="stable")
     u = 2.0 * (ranks + 0.5) / count - 1.0
     square = error[is_usable] ** 2
-    first, total = fitted_indices(fitted(u, square)[None], len(axes))[:, 0]
+    coefficients = fitted(u, square)
+    first, total = fitted_indices(coefficients[None], len(axes))[:, 0]
     predicted_share = predicted(u, square)
-    return {axis: (float(first[k]), float(total[k]), predicted_share) for k, axis in enumerate(axes)}
+    indices = {}
+    for k, axis in enumerate(axes):
+        indices[axis] = (float(first[k]), float(total[k]), predicted_share)
+    return indices
 
 
 def is_numeric(frame: pd.DataFrame, axis: str) -> bool:
@@ -167,10 +175,14 @@ def _interval(correlation: float, n: int) -> tuple[float, float]:
     """
     if n <= 3 or not abs(correlation) < 1.0:
         return correlation, correlation
-    sigma = np.sqrt((1.0 + 0.5 * correlation**2) / (n - 3))
-    half = stats.norm.isf(0.5 * (1.0 - CONFIDENCE)) * sigma
+    variance = (1.0 + 0.5 * correlation**2) / (n - 3)
+    sigma = np.sqrt(variance)
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    half = stats.norm.isf(tail) * sigma
     centre = np.arctanh(correlation)
-    return float(np.tanh(centre - half)), float(np.tanh(centre + half))
+    low = np.tanh(centre - half)
+    high = np.tanh(centre + half)
+    return float(low), float(high)
 
 
 def _bins(values: Floats, count: int) -> Any:
@@ -210,15 +222,21 @@ def _first_order(bins: Any, value: Floats, is_sampled: bool) -> float:
     is_sampled : bool
         Whether the designs are a sample; the share due to chance is then removed (omega squared).
     """
-    n, k = len(value), int(bins.max()) + 1
-    total = float(np.sum((value - value.mean()) ** 2))
+    n = len(value)
+    k = int(bins.max()) + 1
+    overall_mean = value.mean()
+    total = float(np.sum((value - overall_mean) ** 2))
     if k < 2 or n <= k or total == 0.0:
         return 0.0
     count = np.bincount(bins, minlength=k)
-    mean = np.bincount(bins, weights=value, minlength=k) / np.maximum(count, 1)
-    between = float(np.sum(count * (mean - value.mean()) ** 2))
-    within = (total - between) / (n - k) if is_sampled else 0.0
-    return float(np.clip((between - (k - 1) * within) / (total + within), 0.0, 1.0))
+    bin_sum = np.bincount(bins, weights=value, minlength=k)
+    mean = bin_sum / np.maximum(count, 1)
+    between = float(np.sum(count * (mean - overall_mean) ** 2))
+    within = 0.0
+    if is_sampled:
+        within = (total - between) / (n - k)
+    share = (between - (k - 1) * within) / (total + within)
+    return float(np.clip(share, 0.0, 1.0))
 
 
 @once
@@ -238,7 +256,9 @@ def regions(tables: Tables) -> pd.DataFrame:
             for axis in axes:
                 rows += [{"requirement": name, "axis": axis, **row} for row in _axis_regions(frame, is_met, axis)]
     regions_frame = pd.DataFrame(rows, columns=REGIONS)
-    return regions_frame if tables.is_sampled else regions_frame.assign(share_low=np.nan, share_high=np.nan)
+    if tables.is_sampled:
+        return regions_frame
+    return regions_frame.assign(share_low=np.nan, share_high=np.nan)
 
 
 def _axis_regions(frame: pd.DataFrame, is_met: Bools, axis: str) -> Iterator[dict[str, Any]]:
@@ -246,10 +266,14 @@ def _axis_regions(frame: pd.DataFrame, is_met: Bools, axis: str) -> Iterator[dic
     if is_numeric(frame, axis):
         values = frame[axis].to_numpy(dtype=float)
         bins = _bins(values, BINS)
-        groups: list[tuple[str, Any]] = [("", bins == k) for k in range(int(bins.max()) + 1)]
+        n_bins = int(bins.max()) + 1
+        groups: list[tuple[str, Any]] = [("", bins == k) for k in range(n_bins)]
     else:
         values = np.full(len(frame), np.nan)
-        groups = [(str(level), (frame[axis] == level).to_numpy()) for level in dict.fromkeys(frame[axis])]
+        groups = []
+        for level in dict.fromkeys(frame[axis]):
+            has_level = (frame[axis] == level).to_numpy()
+            groups.append((str(level), has_level))
     for level, is_inside in groups:
         count = int(is_inside.sum())
         if not count:
@@ -347,7 +371,10 @@ def people_of(tables: Tables, column: str) -> tuple[str, float]:
 @once
 def _campaign_units(tables: Tables) -> dict[str, str]:
     """Return the unit in which the campaign states each axis of numbers, by column."""
-    names = list(json.loads(tables.designs["axes"].iloc[0])) if tables.has_designs else []
+    if tables.has_designs:
+        names = list(json.loads(tables.designs["axes"].iloc[0]))
+    else:
+        names = []
     frame = designs(tables)
     columns = {_axis_name(frame, column): column for column in axes_of(frame)}
     units = {}

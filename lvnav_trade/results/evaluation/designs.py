@@ -94,10 +94,12 @@ def _stored_designs(tables: Tables) -> pd.DataFrame:
     frame = stored[["design_number", "case", "label"]].copy()
     levels = pd.DataFrame([json.loads(text) for text in stored["axes"]])
     for name in levels:
-        if slug(str(name)) not in numeric_axes:
-            frame[f"{AXIS}{slug(str(name))}"] = levels[name].to_numpy()
+        axis = slug(str(name))
+        if axis not in numeric_axes:
+            frame[f"{AXIS}{axis}"] = levels[name].to_numpy()
     frame = pd.concat([frame, stored[number_columns]], axis=1)
-    verdicts = pd.DataFrame([json.loads(text or "{}") for text in stored.verdicts], index=stored.index)
+    requirement_verdicts = [json.loads(text or "{}") for text in stored.verdicts]
+    verdicts = pd.DataFrame(requirement_verdicts, index=stored.index)
     for requirement in tables.campaign.get("requirements") or ():
         name = requirement["name"]
         _, _, column = requirement_columns(requirement)
@@ -197,7 +199,8 @@ def _navigation_errors(tables: Tables, case: str) -> dict[str, float]:
         if t.size:
             nearest = int(np.argmin(np.abs(t - t_event)))
             suffix = unit_suffix(NAVIGATION_UNITS[quantity])
-            errors[f"{quantity}_{suffix}"] = float(np.hypot(true[nearest], mean[nearest]))
+            rms = np.hypot(true[nearest], mean[nearest])
+            errors[f"{quantity}_{suffix}"] = float(rms)
             errors[f"{quantity}_formal_{suffix}"] = float(formal[nearest])
     rows = pick(tables.consistency, case=case)
     if len(rows):
@@ -222,13 +225,15 @@ def _requirement_results(tables: Tables) -> list[pd.DataFrame]:
         error, probability, verdict = requirement_columns(requirement)
         rows = all_verdicts.loc[name].reindex(labels)
         si = metric_of(str(requirement["metric"])).unit
-        columns[error] = rows.estimate.to_numpy(dtype=float) * [_si_factor(unit, si) for unit in rows.unit]
+        si_factors = [_si_factor(unit, si) for unit in rows.unit]
+        columns[error] = rows.estimate.to_numpy(dtype=float) * si_factors
         expected_rows = all_expected.loc[name].reindex(labels)
         columns[probability] = expected_rows.expected_probability.to_numpy(dtype=float)
         columns[verdict] = rows.verdict.to_numpy()
         verdicts[name] = rows.verdict.to_numpy()
         ratios[name] = (rows.estimate / rows.limit).to_numpy(dtype=float)
-    return [pd.DataFrame(columns), together(pd.DataFrame(ratios), pd.DataFrame(verdicts))]
+    combined = together(pd.DataFrame(ratios), pd.DataFrame(verdicts))
+    return [pd.DataFrame(columns), combined]
 
 
 def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:

@@ -175,12 +175,17 @@ def _navigation_nees(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
     ratios = []
     for history in histories:
         if has_runs:
-            ratios.append((history.rms_si / history.filter_sigma_si).to_numpy() ** 2)
+            rms_ratio = history.rms_si / history.filter_sigma_si
+            ratios.append(rms_ratio.to_numpy() ** 2)
         else:
             mean_square = (history.lincov_true_si**2 + history.lincov_mean_si**2).to_numpy()
-            ratios.append(mean_square / history.lincov_formal_si.to_numpy() ** 2)
-    low, high = mean_square_interval(histories[0].run_count * len(errors), VERDICT_ALPHA)
-    return histories[0][["t_s"]].assign(value=np.mean(ratios, axis=0), low=low, high=high)
+            formal_variance = history.lincov_formal_si.to_numpy() ** 2
+            ratios.append(mean_square / formal_variance)
+    first = histories[0]
+    freedom = first.run_count * len(errors)
+    low, high = mean_square_interval(freedom, VERDICT_ALPHA)
+    nees = np.mean(ratios, axis=0)
+    return first[["t_s"]].assign(value=nees, low=low, high=high)
 
 
 def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, Any]:
@@ -199,11 +204,13 @@ def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, 
         return dict.fromkeys(FILTER_VERDICTS[1:], np.nan) | {"verdict": UNKNOWN, "moment": "run", "by": ""}
     low = float(np.fmin(rows.low.mean(), (1.0 + TOLERANCE) ** -2))
     high = float(np.fmax(rows.high.mean(), (1.0 + TOLERANCE) ** 2))
-    nees_ratio, moment = float(rows.value.mean()), "run"
+    nees_ratio = float(rows.value.mean())
+    moment = "run"
     if low <= nees_ratio <= high:
         for event, ratio in _required_event_nees(tables, case, rows):
             if not low <= ratio <= high:
-                nees_ratio, moment = ratio, event
+                nees_ratio = ratio
+                moment = event
                 break
     if nees_ratio > high:
         verdict = OVERCONFIDENT
@@ -227,17 +234,20 @@ def _required_event_nees(tables: Tables, case: str, rows: pd.DataFrame) -> list[
     """Return the events of requirements in order of time, with NEES per degree of freedom."""
     requirements = tables.campaign.get("requirements") or ()
     required = {str(requirement["at"]) for requirement in requirements if requirement.get("at")}
-    events = flight_events(tables, case)
-    return [
-        (event.event, float(at_time(rows, event.t_s).value)) for event in events.itertuples() if event.event in required
-    ]
+    event_nees = []
+    for event in flight_events(tables, case).itertuples():
+        if event.event in required:
+            nees = float(at_time(rows, event.t_s).value)
+            event_nees.append((event.event, nees))
+    return event_nees
 
 
 def autocorrelation(tables: Tables) -> pd.DataFrame:
     """Return the autocorrelation of each channel: case, channel, lag_number, pair_count, autocorrelation_ratio."""
     rows = tables.whiteness
     mean = rows.product_sum_ratio / rows.pair_count.where(rows.pair_count > 0)
-    mean_square = mean.where(rows.lag_number == 0).groupby([rows.case, rows.channel], sort=False).transform("max")
+    mean_at_zero = mean.where(rows.lag_number == 0)
+    mean_square = mean_at_zero.groupby([rows.case, rows.channel], sort=False).transform("max")
     return rows[["case", "channel", "lag_number", "pair_count"]].assign(
         case=rows.case.map(tables.labels),
         autocorrelation_ratio=mean / mean_square,
@@ -272,7 +282,10 @@ def whiteness(tables: Tables) -> pd.DataFrame:
         }
         rows.append(row)
     frame = pd.DataFrame(rows, columns=_WHITENESS)
-    adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm) if len(frame) else frame.p_ratio
+    if len(frame):
+        adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm)
+    else:
+        adjusted = frame.p_ratio
     return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)
 
 
@@ -307,8 +320,10 @@ def modes(tables: Tables) -> pd.DataFrame:
         times = pick(tables.history, case=case.case).t_s
         t = np.linspace(float(times.min()), float(times.max()), STEPS)
         for mode in MODES:
-            entered = np.searchsorted(np.sort(changes.t_s[changes.to_mode == mode]), t, side="right")
-            exited = np.searchsorted(np.sort(changes.t_s[changes.from_mode == mode]), t, side="right")
+            entry_times = np.sort(changes.t_s[changes.to_mode == mode])
+            exit_times = np.sort(changes.t_s[changes.from_mode == mode])
+            entered = np.searchsorted(entry_times, t, side="right")
+            exited = np.searchsorted(exit_times, t, side="right")
             initial = case.run_count if mode == MODES[0] else 0  # all runs begin in the first mode
             in_mode = (entered - exited + initial) / max(1, case.run_count)
             frames.append(

@@ -29,7 +29,8 @@ def allan(tables: Tables) -> pd.DataFrame:
     white_noise includes quantisation.
     """
     rows = tables.allan
-    factor = rows.unit.map({si: factor for si, (_, factor) in _PEOPLE.items()}).astype(float)
+    factors = {si: factor for si, (_, factor) in _PEOPLE.items()}
+    factor = rows.unit.map(factors).astype(float)
     deviations = rows.assign(
         case=rows.case.map(tables.labels),
         unit=rows.unit.map({si: unit for si, (unit, _) in _PEOPLE.items()}),

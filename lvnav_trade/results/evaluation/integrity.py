@@ -61,9 +61,12 @@ def applied_faults(tables: Tables, case: str) -> AppliedFaults:
     faults = pick(tables.events, case=case, kind="fault").sort_values("t_s", kind="stable")
     if faults.empty:
         return AppliedFaults("", np.inf, frozenset(), frozenset())
+    names = ", ".join(faults.event)
+    start = float(faults.t_s.iloc[0])
     kinds = frozenset(filter(None, map(expected, faults.event)))
-    satellites = frozenset(" ".join(faults.satellites.fillna("")).split())
-    return AppliedFaults(", ".join(faults.event), float(faults.t_s.iloc[0]), kinds, satellites)
+    satellite_names = " ".join(faults.satellites.fillna(""))
+    satellites = frozenset(satellite_names.split())
+    return AppliedFaults(names, start, kinds, satellites)
 
 
 def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
@@ -85,12 +88,15 @@ def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
 def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
     # excluding one of several IMUs isolates the inertial fault; an alarm of solution separation names a satellite
     kinds = set(rows.isolated_element.replace({"unit": "inertial", "separation": "channel"}))
-    satellites = {name.split()[0] for name in rows.channel[rows.isolated_element != "unit"].dropna() if name}
+    channels = rows.channel[rows.isolated_element != "unit"].dropna()
+    satellites = {name.split()[0] for name in channels if name}
     satellites_are_known = "channel" not in faults.kinds or bool(faults.satellites)
     excludes_healthy = satellites_are_known and bool(satellites - faults.satellites)
     if kinds - faults.kinds or excludes_healthy:
         return WRONG
-    return ISOLATED if kinds == faults.kinds and faults.satellites <= satellites else IN_PART
+    if kinds == faults.kinds and faults.satellites <= satellites:
+        return ISOLATED
+    return IN_PART
 
 
 def share(count: int, runs: int) -> tuple[float, float, float]:
@@ -130,13 +136,17 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
         1 for each run with the outcome, else 0; the same for linear covariance, which decides on the mean.
     """
     faults = applied_faults(tables, case)
-    first, last = during[0] - SAME_TIME, during[1] + SAME_TIME
+    first = during[0] - SAME_TIME
+    last = during[1] + SAME_TIME
     rows = pick(tables.integrity, case=case)
-    counted = _counted_runs(rows[rows.t_s.between(first, last)], faults, metric)
+    rows = rows[rows.t_s.between(first, last)]
+    counted = _counted_runs(rows, faults, metric)
     nominal_rows = pick(tables.nominal_integrity, case=case)
-    nominal_counted = _counted_runs(nominal_rows[nominal_rows.t_s.between(first, last)], faults, metric)
+    nominal_rows = nominal_rows[nominal_rows.t_s.between(first, last)]
+    nominal_counted = _counted_runs(nominal_rows, faults, metric)
     runs = np.sort(pick(tables.runs, case=case).run_number.unique())
-    return np.isin(runs, list(counted)).astype(float), float(len(nominal_counted) > 0)
+    has_outcome = np.isin(runs, list(counted))
+    return has_outcome.astype(float), float(len(nominal_counted) > 0)
 
 
 def _counted_runs(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
@@ -210,7 +220,9 @@ class _OutcomeCount(NamedTuple):
 def _epoch_interval(tables: Tables, case: str) -> float:
     """Return the median interval (s) between the epochs of a case."""
     t = np.unique(pick(tables.innovations, case=case).t_s)
-    return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    if len(t) > 1:
+        return float(np.median(np.diff(t)))
+    return 1.0
 
 
 def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.DataFrame:
@@ -233,10 +245,14 @@ def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.
 def _fault_outcomes(tables: Tables, case: str, faults: AppliedFaults, runs: int) -> list[_OutcomeCount]:
     """Return the counts of the outcomes detected, isolated (also in part, or wrongly) and missed."""
     interval = _epoch_interval(tables, case)
-    rows = _episodes(pick(tables.integrity, case=case), faults, interval)
-    nominal_rows = _episodes(pick(tables.nominal_integrity, case=case), faults, interval)
-    time = rows.groupby("run_number").t_s.min() - faults.start
-    nominal_time = nominal_rows.groupby("run_number").t_s.min() - faults.start
+    case_decisions = pick(tables.integrity, case=case)
+    rows = _episodes(case_decisions, faults, interval)
+    nominal_decisions = pick(tables.nominal_integrity, case=case)
+    nominal_rows = _episodes(nominal_decisions, faults, interval)
+    first_decision = rows.groupby("run_number").t_s.min()
+    time = first_decision - faults.start
+    nominal_first_decision = nominal_rows.groupby("run_number").t_s.min()
+    nominal_time = nominal_first_decision - faults.start
     outcome = outcomes(rows, faults) if len(rows) else pd.Series(dtype=object)
     nominal_outcome = outcomes(nominal_rows, faults) if len(nominal_rows) else pd.Series(dtype=object)
     counts = [_OutcomeCount("detected", len(time), float(time.median()), float(nominal_time.median()))]
@@ -244,7 +260,8 @@ def _fault_outcomes(tables: Tables, case: str, faults: AppliedFaults, runs: int)
         run_numbers = outcome.index[outcome == name]
         nominal_numbers = nominal_outcome.index[nominal_outcome == name]
         median = float(time.loc[run_numbers].median())
-        counts.append(_OutcomeCount(name, len(run_numbers), median, float(nominal_time.loc[nominal_numbers].median())))
+        nominal_median = float(nominal_time.loc[nominal_numbers].median())
+        counts.append(_OutcomeCount(name, len(run_numbers), median, nominal_median))
     counts.append(_OutcomeCount("missed", runs - len(time), np.nan, np.nan))
     return counts
 
@@ -255,7 +272,8 @@ def _recovered_runs(tables: Tables, case: str, faults: AppliedFaults) -> list[_O
     end = flight_events(tables, case).set_index("event").t_s.get(final_event(tables, case), -np.inf)
     if not faultless or end <= faults.start:
         return []
-    during, limit = (faults.start, float(end)), f"{TIMES:g} rms"
+    during = (faults.start, float(end))
+    limit = f"{TIMES:g} rms"
     position = converged(tables, case, "position", during, limit, faultless)
     velocity = converged(tables, case, "velocity", during, limit, faultless)
     if position is None or velocity is None:
@@ -283,7 +301,8 @@ def without_fault(tables: Tables, case: str) -> str:
 
 def _differs_once(tables: Tables, case: str, candidate: str) -> bool:
     """Whether two cases have different levels of one axis only."""
-    levels, candidate_levels = tables.levels[case], tables.levels[candidate]
+    levels = tables.levels[case]
+    candidate_levels = tables.levels[candidate]
     return sum(levels.get(axis) != level for axis, level in candidate_levels.items()) == 1
 
 
@@ -297,15 +316,21 @@ def decisions(tables: Tables) -> pd.DataFrame:
     keys = ["case", "t_s", "isolated_element", "satellites"]
     if tables.integrity.empty and tables.nominal_integrity.empty:
         return pd.DataFrame(columns=[*keys, "run_count", "run_ratio", "lincov"])
-    counts = _epoch_decisions(tables.integrity).groupby(keys, sort=False).size()
-    nominal_counts = _epoch_decisions(tables.nominal_integrity).groupby(keys, sort=False).size()
+    run_decisions = _epoch_decisions(tables.integrity)
+    counts = run_decisions.groupby(keys, sort=False).size()
+    nominal_decisions = _epoch_decisions(tables.nominal_integrity)
+    nominal_counts = nominal_decisions.groupby(keys, sort=False).size()
     frame = pd.DataFrame({"run_count": counts, "lincov": nominal_counts}).fillna(0)
     frame = frame.assign(lincov=frame.lincov > 0)
-    frame = frame.reset_index().sort_values(["t_s", "isolated_element", "satellites"], kind="stable")
-    runs = frame.case.map(tables.cases.set_index("case").run_count)
-    frame = frame.assign(run_count=frame.run_count.astype(int), run_ratio=frame.run_count / runs.where(runs > 0))
+    frame = frame.reset_index()
+    frame = frame.sort_values(["t_s", "isolated_element", "satellites"], kind="stable")
+    runs_by_case = tables.cases.set_index("case").run_count
+    runs = frame.case.map(runs_by_case)
+    run_ratio = frame.run_count / runs.where(runs > 0)
+    frame = frame.assign(run_count=frame.run_count.astype(int), run_ratio=run_ratio)
     order = {case: number for number, case in enumerate(tables.labels)}
-    frame = frame.sort_values("case", key=lambda case: case.map(order), kind="stable").reset_index(drop=True)
+    frame = frame.sort_values("case", key=lambda case: case.map(order), kind="stable")
+    frame = frame.reset_index(drop=True)
     return frame.assign(case=frame.case.map(tables.labels), lincov=frame.lincov.astype(bool))
 
 
@@ -313,7 +338,8 @@ def _epoch_decisions(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row per run and epoch with a decision, with its satellites as one text."""
     channel = rows.channel.fillna("")
     satellite = channel.str.split(" ").str[0].fillna("")
-    rows = rows.assign(satellites=channel.where(rows.isolated_element == "unit", satellite))
+    satellite_or_imu = channel.where(rows.isolated_element == "unit", satellite)
+    rows = rows.assign(satellites=satellite_or_imu)
     rows = rows.drop_duplicates(["case", "run_number", "t_s", "isolated_element", "satellites"])
     rows = rows.sort_values(["case", "run_number", "t_s", "satellites"], kind="stable")
     decisions_of_run = rows.groupby(["case", "run_number", "t_s", "isolated_element"], sort=False)
@@ -368,4 +394,6 @@ def _event_rms(tables: Tables, case: str, event: str, quantity: str) -> float:
     """Return the RMS of the 3-D error (SI) at an event, of the runs or, without runs, by linear covariance."""
     t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
     row = at_time(history_of(tables, case, quantity, "3d"), t)
-    return float(row.rms_si) if row.run_count else math.hypot(row.lincov_true_si, row.lincov_mean_si)
+    if row.run_count:
+        return float(row.rms_si)
+    return math.hypot(row.lincov_true_si, row.lincov_mean_si)

@@ -119,8 +119,10 @@ def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) ->
     dict of str to Any
         Values by column; empty without rows between the times.
     """
-    raw_rows = pair.raw[(pair.raw.t_s > after) & (pair.raw.t_s < before)]
-    estimate_rows = pair.estimate[(pair.estimate.t_s > after) & (pair.estimate.t_s < before)]
+    is_in_raw = (pair.raw.t_s > after) & (pair.raw.t_s < before)
+    raw_rows = pair.raw[is_in_raw]
+    is_in_estimate = (pair.estimate.t_s > after) & (pair.estimate.t_s < before)
+    estimate_rows = pair.estimate[is_in_estimate]
     if raw_rows.empty or estimate_rows.empty:
         return {}
     unit, factor = tables.people[f"raw_{pair.quantity}", pair.axis]
@@ -167,7 +169,8 @@ def _root_mean_squares(rows: pd.DataFrame) -> _RootMeanSquares:
         squares = (rows.rms_si**2, rows.filter_sigma_si**2, true_square)
     else:
         squares = (true_square, rows.lincov_formal_si**2, true_square)
-    rms, sigma, true = (float(np.sqrt(time_mean(t, square.to_numpy()))) for square in squares)
+    means = [time_mean(t, square.to_numpy()) for square in squares]
+    rms, sigma, true = (float(np.sqrt(mean)) for mean in means)
     return _RootMeanSquares(rms, sigma, true)
 
 
@@ -201,10 +204,12 @@ def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats,
     log_ratio = np.log(lower / base)
     n = len(log_ratio)
     mean = log_ratio.mean(axis=0)
-    half = float(stats.t.isf(alpha / 2.0, n - 1)) * log_ratio.std(axis=0, ddof=1) / np.sqrt(n)
+    student_quantile = float(stats.t.isf(alpha / 2.0, n - 1))
+    half = student_quantile * log_ratio.std(axis=0, ddof=1) / np.sqrt(n)
+    mean_reduction = 1.0 - np.exp(mean)
     low = 1.0 - np.exp(mean + half)
     high = 1.0 - np.exp(mean - half)
-    return 1.0 - np.exp(mean), low, high
+    return mean_reduction, low, high
 
 
 def nozzle_travel(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
@@ -216,7 +221,9 @@ def nozzle_travel(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     rows = []
     for (case, burn, axis), group in tables.nozzle_travel.groupby(["case", "burn", "axis"], sort=False):
         travel = group.pivot(index="run_number", columns="controller_rate", values="travel_rad")
-        percent, low, high = np.nan, np.nan, np.nan
+        percent = np.nan
+        low = np.nan
+        high = np.nan
         if len(travel) > 1 and bool((travel > 0.0).all(axis=None)):
             reductions = reduction(travel[["raw"]].to_numpy(), travel[["filtered"]].to_numpy(), alpha)
             percent, low, high = (100.0 * float(fraction[0]) for fraction in reductions)
@@ -242,8 +249,10 @@ def rate_filter_benefit(tables: Tables) -> pd.DataFrame:
     Movement of the nozzle and reduction_percent as in `nozzle_travel`. possible_percent: reduction with the true rate,
     the largest that any filter can achieve. *_error_mrad: RMS attitude error of the controlled vehicle in burns.
     """
-    travel = pick(nozzle_travel(tables), burn="flight").drop(columns=["burn", "runs"]).reset_index(drop=True)
-    travel["possible_percent"] = 100.0 * (1.0 - travel.true_deg / travel.raw_deg.where(travel.raw_deg > 0.0))
+    travel = pick(nozzle_travel(tables), burn="flight")
+    travel = travel.drop(columns=["burn", "runs"]).reset_index(drop=True)
+    positive_raw = travel.raw_deg.where(travel.raw_deg > 0.0)
+    travel["possible_percent"] = 100.0 * (1.0 - travel.true_deg / positive_raw)
     statistics = pick(motion_statistics(tables), phase="burn")
     errors = statistics.pivot_table(index=["case", "axis"], columns="controller_rate", values="attitude_error_mrad")
     errors = errors.reindex(columns=["raw", "filtered", "true"]).add_suffix("_error_mrad")

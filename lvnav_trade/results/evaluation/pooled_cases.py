@@ -45,7 +45,8 @@ def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     count = len(members(tables, case, pool)) if pool else 1
     if count == 1:
         return tables.labels[case]
-    fixed = ", ".join(f"{axis}={level}" for axis, level in _unpooled_levels(tables, case, pool) if level != "base")
+    unpooled_levels = _unpooled_levels(tables, case, pool)
+    fixed = ", ".join(f"{axis}={level}" for axis, level in unpooled_levels if level != "base")
     return f"{fixed or 'base'}; {count} levels of {', '.join(pool)} together"
 
 
@@ -138,7 +139,10 @@ def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str)
         return pooled
     runs = np.stack([value.runs[:n_run] for value in pool])
     is_finite = np.all(np.isfinite(runs), axis=0)
-    levels = runs[:, is_finite].mean(axis=1) if is_finite.any() else np.empty(0)
+    if is_finite.any():
+        levels = runs[:, is_finite].mean(axis=1)
+    else:
+        levels = np.empty(0)
     return pooled._replace(runs=runs.mean(axis=0), levels=levels)
 
 
@@ -156,4 +160,5 @@ def _pooled_number(values: Sequence[float], is_root: bool, statement: Mapping[st
 
 
 def _unpooled_levels(tables: Tables, case: str, pool: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    return tuple((axis, level) for axis, level in tables.levels[case].items() if axis not in pool)
+    levels = tables.levels[case]
+    return tuple((axis, level) for axis, level in levels.items() if axis not in pool)

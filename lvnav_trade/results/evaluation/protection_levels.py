@@ -74,9 +74,11 @@ def level_exceedances(tables: Tables, case: str, quantity: str) -> tuple[int, in
         distance = np.abs(levels.t_s - event.t_s)
         nearest = levels[distance == distance.min()]
         level = nearest[nearest.axis != "3d"].level_si.to_numpy()
-        size = np.abs(errors.drop(columns="failure").to_numpy(dtype=float))
+        components = errors.drop(columns="failure").to_numpy(dtype=float)
+        size = np.abs(components)
         is_silent = ~(t_alarm.reindex(errors.index).to_numpy() <= event.t_s + SAME_TIME)  # NaN: no alarm
-        is_beyond = (size > level).any(axis=1) | (errors.failure != "").to_numpy()
+        has_failed = (errors.failure != "").to_numpy()
+        is_beyond = (size > level).any(axis=1) | has_failed
         n_exceeding += int((is_silent & is_beyond).sum())
         n_error += len(errors)
     return n_exceeding, n_error

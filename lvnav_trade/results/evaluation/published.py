@@ -169,7 +169,8 @@ def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
 def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
     """Return the band of ours over a published number, wider by half of its last printed digit."""
     low, high = published.get("band") or (0.5, 2.0)
-    half = 0.5 * float(published.get("digit") or 0.0) / abs(float(published["value"]))
+    last_digit = float(published.get("digit") or 0.0)
+    half = 0.5 * last_digit / abs(float(published["value"]))
     return low - abs(low) * half, high + abs(high) * half
 
 
@@ -187,7 +188,8 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     )
     word = row["verdict"]
     if not np.isnan(row["ratio"]):
-        least, most = sorted(float(row["published"]) * end for end in (low, high))
+        published_value = float(row["published"])
+        least, most = sorted(published_value * end for end in (low, high))
         word = verdict(value, least, most, (_tested_number(published, value),))
     return {
         "band_low": low,
@@ -202,12 +204,15 @@ def _tested_number(stated: Mapping[str, Any], value: ExpressionValue) -> str:
     statistic = str(stated.get("statistic"))
     if statistic == "formal":
         return "formal"
-    return "true" if statistic == "lincov" or np.isnan(value.monte_carlo) else "monte_carlo"
+    if statistic == "lincov" or np.isnan(value.monte_carlo):
+        return "true"
+    return "monte_carlo"
 
 
 def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a published number for a case; None: no case has the levels of the number."""
-    value, unit = float(published["value"]), str(published["unit"])
+    value = float(published["value"])
+    unit = str(published["unit"])
     ours = SingleValue(np.nan, "no such case")
     label = ""
     if case is not None:
@@ -239,7 +244,8 @@ def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any
 
 def _single_value(tables: Tables, case: str, published: Mapping[str, Any]) -> SingleValue:
     """Return our number for a published one: of a case, or its reduction against another metric or case."""
-    other_metric, other_levels = published.get("than"), published.get("against")
+    other_metric = published.get("than")
+    other_levels = published.get("against")
     if other_metric is not None:
         larger = in_own_unit(tables, case, {**published, "metric": other_metric})
         return _reduction_percent(in_own_unit(tables, case, published), larger)
@@ -275,7 +281,8 @@ def _expression_value(tables: Tables, case: str | None, published: Mapping[str, 
     """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
     if case is None:
         return None
-    other_metric, other_levels = published.get("than"), published.get("against")
+    other_metric = published.get("than")
+    other_levels = published.get("against")
     if other_metric is None and other_levels is None:
         return value_of("a", {"a": evaluate(tables, case, published, str(published["unit"]))})
     other_cases = [case]
@@ -351,9 +358,12 @@ def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.D
         places.append(matches[0] if matches else len(order))
     ranked = rows.assign(place=places, closeness=-_band_distance(rows))
     ranked = ranked.sort_values(["place", "closeness"], kind="stable").drop_duplicates("item")
-    first_of_place = ranked[ranked.place < len(order)].drop_duplicates("place")
-    remaining = ranked.drop(first_of_place.index).sort_values("closeness", kind="stable")
-    return pd.concat([first_of_place, remaining]).head(n)[list(rows.columns)]
+    has_place = ranked.place < len(order)
+    first_of_place = ranked[has_place].drop_duplicates("place")
+    remaining = ranked.drop(first_of_place.index)
+    remaining = remaining.sort_values("closeness", kind="stable")
+    important = pd.concat([first_of_place, remaining]).head(n)
+    return important[list(rows.columns)]
 
 
 def _band_distance(rows: pd.DataFrame) -> pd.Series:
@@ -367,4 +377,5 @@ def _band_distance(rows: pd.DataFrame) -> pd.Series:
         above = np.log(ours / rows.band_high.astype(float))
     outside = np.maximum(np.maximum(below, above), 0.0)
     has_no_number = ours.isna() | (ours <= 0.0)
-    return pd.Series(np.where(has_no_number, np.inf, outside), index=rows.index)
+    distance = np.where(has_no_number, np.inf, outside)
+    return pd.Series(distance, index=rows.index)

@@ -57,7 +57,8 @@ def scenario_of(tables: Tables, case: str) -> dict[str, Any]:
         if axis.get("between") and level != "base":
             data = _replace_field(data, path, level)
         elif level in (axis.get("labels") or ()):
-            data = _replace_field(data, path, axis["values"][axis["labels"].index(level)])
+            index = axis["labels"].index(level)
+            data = _replace_field(data, path, axis["values"][index])
     return dict(data)
 
 
@@ -67,9 +68,14 @@ def _replace_field(data: Any, path: Sequence[str], value: Any) -> Any:
         return value
     if isinstance(data, list):
         index = int(path[0])
-        return [_replace_field(item, path[1:], value) if k == index else item for k, item in enumerate(data)]
+        items = []
+        for k, item in enumerate(data):
+            items.append(_replace_field(item, path[1:], value) if k == index else item)
+        return items
     data = unmarked(data or {}, path)
-    return {**data, path[0]: _replace_field(data.get(path[0]), path[1:], value)}
+    name = path[0]
+    field = _replace_field(data.get(name), path[1:], value)
+    return {**data, name: field}
 
 
 def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -97,7 +103,8 @@ def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
 
     if not devices:
         return {}
-    rates = [1.0 / parse(str(device["mtbf"]), "s") for device in devices if device.get("mtbf") is not None]
+    times = [device["mtbf"] for device in devices if device.get("mtbf") is not None]
+    rates = [1.0 / parse(str(time), "s") for time in times]
     return {
         "cost": total("cost"),
         "mass_kg": total("mass"),
@@ -171,8 +178,12 @@ def dominating(values: Floats, k: int) -> int:
     k : int
         Index of the row.
     """
-    better = np.all(values <= values[k], axis=1) & np.any(values < values[k], axis=1)
-    return int(np.argmax(better)) if better.any() else -1
+    is_as_good = np.all(values <= values[k], axis=1)
+    is_better_in_one = np.any(values < values[k], axis=1)
+    better = is_as_good & is_better_in_one
+    if better.any():
+        return int(np.argmax(better))
+    return -1
 
 
 def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:

@@ -112,23 +112,29 @@ def _phase_means(tables: Tables, case: str, names: list[tuple[str, str, str]]) -
     numbers_by_times: dict[bytes, list[int]] = {}
     all_series = [_read_series(tables, *name) for name in names]
     for number, series in enumerate(all_series):
-        numbers_by_times.setdefault(series.t.tobytes(), []).append(number)
+        times = series.t.tobytes()
+        numbers_by_times.setdefault(times, []).append(number)
     means: list[dict[str, _Mean]] = [{} for _ in names]
     for numbers in numbers_by_times.values():
-        t = all_series[numbers[0]].t
-        squares = np.stack([all_series[k].squares for k in numbers])
-        runs = np.stack([all_series[k].runs for k in numbers])
-        dof = np.stack([all_series[k].dof for k in numbers])
-        areas = np.diff(t) * (squares[..., 1:] + squares[..., :-1]) / 2.0  # of the trapezoidal rule
+        group = [all_series[k] for k in numbers]
+        t = group[0].t
+        squares = np.stack([series.squares for series in group])
+        runs = np.stack([series.runs for series in group])
+        dof = np.stack([series.dof for series in group])
+        end_sums = squares[..., 1:] + squares[..., :-1]
+        areas = np.diff(t) * end_sums / 2.0  # of the trapezoidal rule
         for name, start, end in phases(tables, case):
             first = int(np.searchsorted(t, start - SAME_TIME))
             stop = int(np.searchsorted(t, end + SAME_TIME, side="right"))
             if stop <= first:
                 continue
-            freedom = runs[:, first:stop].min(axis=1) * dof[:, first:stop].min(axis=1)
+            fewest_runs = runs[:, first:stop].min(axis=1)
+            least_dof = dof[:, first:stop].min(axis=1)
+            freedom = fewest_runs * least_dof
             duration = t[stop - 1] - t[first]
             if duration > 0.0:
-                mean_squares = areas[..., first : stop - 1].sum(axis=-1) / duration
+                integrals = areas[..., first : stop - 1].sum(axis=-1)
+                mean_squares = integrals / duration
             else:
                 mean_squares = squares[..., first]
             for k, mean, degrees in zip(numbers, mean_squares, freedom, strict=True):
@@ -157,9 +163,16 @@ def ranking(tables: Tables) -> pd.DataFrame:
             event = final_event(tables, case)
             history = history_of(tables, case, quantity, axis)
             event_times = pick(tables.events, case=case, kind="event", event=event).t_s
-            last = at_time(history, float(event_times.iloc[0]) if len(event_times) else float(history.t_s.max()))
+            if len(event_times):
+                t = float(event_times.iloc[0])
+            else:
+                t = float(history.t_s.max())
+            last = at_time(history, t)
             runs = int(last.run_count)
-            value = float(last.rms_si) if runs else float(np.hypot(last.lincov_true_si, last.lincov_mean_si))
+            if runs:
+                value = float(last.rms_si)
+            else:
+                value = float(np.hypot(last.lincov_true_si, last.lincov_mean_si))
             low, high = rms_interval(value, runs * float(last.dof_ratio))
             unit, factor = tables.people[quantity, axis]
             rows[case] |= {
@@ -186,7 +199,8 @@ def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
     groups: dict[str, list[tuple[str, str]]] = {}  # level of the axis and case, by the levels of all other axes
     for case, levels in tables.levels.items():
         if axis in levels:
-            label = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis) or "base"
+            other_levels = [f"{name}={level}" for name, level in levels.items() if name != axis]
+            label = ", ".join(other_levels) or "base"
             groups.setdefault(label, []).append((levels[axis], case))
     rows = []
     for label, ((first_level, base), *variants) in groups.items():
@@ -281,7 +295,8 @@ def controlled_rms(error: Floats, draws: Floats) -> ControlledRms:
         in_fold = fold == k
         slope = _ridge_slope(error[~in_fold], draws[~in_fold])
         slope_square = float((slope**2).sum())
-        control[in_fold] = ((draws[in_fold] @ slope) ** 2).sum(axis=1) - slope_square
+        linear_error = draws[in_fold] @ slope
+        control[in_fold] = (linear_error**2).sum(axis=1) - slope_square
         explained += slope_square * in_fold.sum() / n
     controlled = square - control
     mean = float(controlled.mean())
@@ -306,7 +321,8 @@ def _ridge_slope(error: Floats, draws: Floats) -> Floats:
     """
     m = draws.shape[1]
     centred = error - error.mean(axis=0)
-    return np.asarray(np.linalg.solve(draws.T @ draws + m * np.eye(m), draws.T @ centred))
+    normal_matrix = draws.T @ draws + m * np.eye(m)
+    return np.asarray(np.linalg.solve(normal_matrix, draws.T @ centred))
 
 
 def control_variates(tables: Tables) -> pd.DataFrame:

@@ -192,7 +192,10 @@ def _outage_errors(tables: Tables, case: str, quantity: str, fault: Any) -> dict
     error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
     earlier = error[error.t_s < fault.t_s - SAME_TIME]
     has_duration = fault.t_end_s > fault.t_s
-    before = at_time(error, fault.t_s) if has_duration or earlier.empty else earlier.iloc[-1]
+    if has_duration or earlier.empty:
+        before = at_time(error, fault.t_s)
+    else:
+        before = earlier.iloc[-1]
     end = at_time(error, fault.t_end_s)
     after = at_time(error, fault.t_end_s + AFTER)
     worst, t_worst, t_recovered = _worst_until_recovery(tables, case, error, fault, float(before.error))
@@ -241,8 +244,10 @@ def _worst_until_recovery(
     tracked again, and 10 s have passed since its end: an error may grow long after a fault, until its satellites are
     tracked. Without a recovery the search ends with the next fault or with the history.
     """
-    satellites = _recovery_values(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
-    t_all_tracked = fault.t_end_s + max(AFTER, np.nan_to_num(satellites["to_all_s"], nan=np.inf))
+    tracked = tracked_over_time(tables, case)
+    satellites = _recovery_values(tracked, float(fault.t_s), float(fault.t_end_s))
+    until_all_tracked = np.nan_to_num(satellites["to_all_s"], nan=np.inf)
+    t_all_tracked = fault.t_end_s + max(AFTER, until_all_tracked)
     fault_times = faults(tables, case).t_s
     t_next_fault = fault_times[fault_times > fault.t_end_s + SAME_TIME].min()  # NaN if there is none
     is_before_next = ~(errors.t_s >= t_next_fault - SAME_TIME)
@@ -310,7 +315,10 @@ def tracking(tables: Tables) -> pd.DataFrame:
         count = tracked.sum(axis=1)
         with_fix = np.flatnonzero(count >= FIX)
         first = int(with_fix[0]) if with_fix.size else len(t)
-        counts_since = count[first:] if with_fix.size else np.array([np.nan])
+        if with_fix.size:
+            counts_since = count[first:]
+        else:
+            counts_since = np.array([np.nan])
         gaps = _gaps(t[first:], count[first:] >= FIX)
         row = {
             "case": label,
@@ -345,7 +353,8 @@ def recovery(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         for fault in faults(tables, case).itertuples():
-            values = _recovery_values(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
+            tracked = tracked_over_time(tables, case)
+            values = _recovery_values(tracked, float(fault.t_s), float(fault.t_end_s))
             row = {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
             rows.append(row | values)
     return pd.DataFrame(rows, columns=_RECOVERY)
@@ -368,7 +377,10 @@ def _recovery_values(wide: pd.DataFrame, start: float, end: float) -> dict[str, 
     during = tracked[~is_before & ~is_after]
     after = tracked[is_after]
     time_after = t[is_after] - end
-    at_start = tracked[is_before][-1] if is_before.any() else np.zeros(tracked.shape[1], dtype=bool)
+    if is_before.any():
+        at_start = tracked[is_before][-1]
+    else:
+        at_start = np.zeros(tracked.shape[1], dtype=bool)
     is_lost = at_start & ~during.all(axis=0)
     lost_after = after[:, is_lost]
     returns = lost_after.any(axis=0)

@@ -50,9 +50,12 @@ def swings(tables: Tables) -> pd.DataFrame:
     if tables.has_designs:
         frame = possible(tables)
         for name, column in errors_of(tables, frame).items():
-            rows += [{"requirement": name, **row} for row in _requirement_swings(frame, column)]
+            for row in _requirement_swings(frame, column):
+                rows.append({"requirement": name, **row})
     frame = pd.DataFrame(rows, columns=SWINGS)
-    return frame if tables.is_sampled else frame.assign(low_si=np.nan, high_si=np.nan)
+    if tables.is_sampled:
+        return frame
+    return frame.assign(low_si=np.nan, high_si=np.nan)
 
 
 def _requirement_swings(frame: pd.DataFrame, column: str) -> Iterator[dict[str, Any]]:
@@ -139,8 +142,10 @@ def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
     """
     values = levels.to_numpy(dtype=float)
     u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
-    columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
-    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
+    highest_degree = min(degree, len(np.unique(values)) - 1)
+    columns = legendre.legvander(u, highest_degree)[:, 1:]
+    lowest = int(np.argmin(values))
+    highest = int(np.argmax(values))
     ends = [
         _End("low", "", float(values[lowest]), lowest),
         _End("high", "", float(values[highest]), highest),
@@ -151,9 +156,13 @@ def _polynomial_term(levels: pd.Series, degree: int) -> _Term:
 def _level_term(levels: pd.Series) -> _Term:
     """Return the term of an axis of levels: an indicator for each level except the first."""
     names = list(dict.fromkeys(levels))
-    columns = np.array([(levels == name).to_numpy(dtype=float) for name in names[1:]]).T
+    indicators = [(levels == name).to_numpy(dtype=float) for name in names[1:]]
+    columns = np.array(indicators).T
     level_of_designs = list(levels)
-    ends = [_End(str(name), str(name), np.nan, level_of_designs.index(name)) for name in names]
+    ends = []
+    for name in names:
+        first_design = level_of_designs.index(name)
+        ends.append(_End(str(name), str(name), np.nan, first_design))
     return _Term(columns - columns.mean(axis=0), ends)
 
 

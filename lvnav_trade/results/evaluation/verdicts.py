@@ -114,7 +114,9 @@ def _monte_carlo_value(text: str, terms: Mapping[str, MetricValue], runs: Floats
     """
     sample_values = {}
     jackknife_values = {}
-    for (name, term), mean, means_without in zip(terms.items(), runs.mean(axis=1), _jackknife_means(runs), strict=True):
+    means = runs.mean(axis=1)
+    jackknife_means = _jackknife_means(runs)
+    for (name, term), mean, means_without in zip(terms.items(), means, jackknife_means, strict=True):
         sample_values[name] = _root(mean, term)
         jackknife_values[name] = _root(means_without, term)
     value = float(expression.evaluate(text, sample_values))
@@ -148,7 +150,10 @@ def _extend_interval(
         return by_runs
     jackknife_values = {}
     for name, term in terms.items():
-        means = _jackknife_means(term.levels[None])[0] if len(term.levels) else np.full(n, term.runs.mean())
+        if len(term.levels):
+            means = _jackknife_means(term.levels[None])[0]
+        else:
+            means = np.full(n, term.runs.mean())
         jackknife_values[name] = _root(means, term)
     jackknife = np.asarray(expression.evaluate(text, jackknife_values))
     by_levels = _interval(centre, jackknife, expression.is_product(text))
@@ -159,7 +164,8 @@ def _extend_interval(
 
 def _jackknife_means(runs: Floats) -> Floats:
     """Return the jackknife means (n_term, n_run): for each run the mean of all other runs."""
-    return np.asarray((runs.sum(axis=1, keepdims=True) - runs) / (runs.shape[1] - 1))
+    sum_without = runs.sum(axis=1, keepdims=True) - runs
+    return np.asarray(sum_without / (runs.shape[1] - 1))
 
 
 def _root(value: Any, term: MetricValue) -> Any:
@@ -172,7 +178,9 @@ def _root(value: Any, term: MetricValue) -> Any:
     term : MetricValue
         The term.
     """
-    return np.sqrt(np.maximum(value, 0.0)) if term.is_root else value
+    if term.is_root:
+        return np.sqrt(np.maximum(value, 0.0))
+    return value
 
 
 def _interval(centre: float, jackknife: Floats, is_product: bool) -> tuple[float, float]:
@@ -197,14 +205,17 @@ def _interval(centre: float, jackknife: Floats, is_product: bool) -> tuple[float
     # A product is closer to log-normal than to normal.
     by_logarithm = is_product and centre > 0.0 and bool(np.all(jackknife > 0.0))
     if by_logarithm:
-        centre, jackknife = np.log(centre), np.log(jackknife)
+        centre = np.log(centre)
+        jackknife = np.log(jackknife)
     n = len(jackknife)
     deviation = jackknife - jackknife.mean()
     standard_error = np.sqrt((n - 1) / n * np.sum(deviation**2))
     half = float(stats.t.isf(0.5 * (1.0 - _LEVEL), n - 1)) * standard_error
-    low, high = centre - half, centre + half
+    low = centre - half
+    high = centre + half
     if by_logarithm:
-        low, high = np.exp(low), np.exp(high)
+        low = np.exp(low)
+        high = np.exp(high)
     return float(low), float(high)
 
 
@@ -233,7 +244,8 @@ def verdict(value: ExpressionValue, low: float, high: float, tested_by: Sequence
             continue
         least = most = number
         if name == "monte_carlo" and not np.isnan(value.low):
-            least, most = value.low, value.high
+            least = value.low
+            most = value.high
         if not (least < low or most > high):
             verdicts.add(HOLDS)
         elif most < low or least > high:

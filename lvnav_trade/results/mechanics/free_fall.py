@@ -105,22 +105,27 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
     ey = np.sum(e_i * ahead, axis=1)
     e = np.hypot(ex, ey)
     p = h**2 / GM
-    anomaly = np.mod(np.arctan2(-ey, ex), 2.0 * np.pi)  # true anomaly of the state
+    start = np.arctan2(-ey, ex)
+    anomaly = np.mod(start, 2.0 * np.pi)  # true anomaly of the state
 
     radius = np.full(len(r_i), SEMI_MINOR)
     for _ in range(30):  # each step reduces the error by 300 times the slope of the fall
         # r = p / (1 + e cos(true anomaly)), on the descending half of the orbit
-        impact_anomaly = 2.0 * np.pi - np.arccos((p / radius - 1.0) / e)
+        cosine = (p / radius - 1.0) / e
+        impact_anomaly = 2.0 * np.pi - np.arccos(cosine)
         angle = np.mod(impact_anomaly - anomaly, 2.0 * np.pi)
         sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]  # of the geocentric latitude
+        cosine_square = 1.0 - sine**2
         previous = radius
-        radius = SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
-        if not (np.abs(radius - previous) > 1e-6).any():
+        radius = SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * cosine_square)
+        change = np.abs(radius - previous)
+        if not (change > 1e-6).any():
             break
 
     a = p / (1.0 - e * e)
     mean_angle = mean_anomaly(anomaly + angle, e) - mean_anomaly(anomaly, e)
-    return np.asarray(mean_angle * np.sqrt(a**3 / GM))
+    time_per_radian = np.sqrt(a**3 / GM)
+    return np.asarray(mean_angle * time_per_radian)
 
 
 def _state_rate(state: Floats, j2: bool) -> Floats:
@@ -140,7 +145,8 @@ def _state_rate(state: Floats, j2: bool) -> Floats:
     """
     r_i = state[:, :3]
     square = np.einsum("ij,ij->i", r_i, r_i)[:, None]
-    gravitation = -GM * r_i / (square * np.sqrt(square))
+    cube = square * np.sqrt(square)
+    gravitation = -GM * r_i / cube
     if j2:
         gravitation = gravitation + oblateness(r_i)
     return np.concatenate([state[:, 3:], gravitation], axis=1)
@@ -166,7 +172,8 @@ def coast(r_i: ArrayLike, v_i: ArrayLike, seconds: float) -> tuple[Floats, Float
     if seconds == 0.0:
         return r_i, v_i
     time = np.full(len(r_i), seconds)
-    state = _propagate(r_i, v_i, time, True, _step_count(abs(seconds)))
+    n_steps = _step_count(abs(seconds))
+    state = _propagate(r_i, v_i, time, True, n_steps)
     return state[:, :3], state[:, 3:]
 
 
@@ -201,7 +208,8 @@ def _propagate(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> 
         second = _state_rate(state + 0.5 * dt * first, j2)
         third = _state_rate(state + 0.5 * dt * second, j2)
         fourth = _state_rate(state + dt * third, j2)
-        state = state + dt / 6.0 * (first + 2.0 * (second + third) + fourth)
+        weighted_sum = first + 2.0 * (second + third) + fourth
+        state = state + dt / 6.0 * weighted_sum
     return state
 
 
@@ -227,14 +235,18 @@ def _reach_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats
         latitude, longitude, height = geodetic_from_ecef(state[:, :3])
         up = -rotation_e_n(latitude, longitude)[:, 2]
         climb_rate = np.sum(state[:, 3:] * up, axis=1)
-        step = np.clip(-height / climb_rate, -60.0, 60.0)
+        newton_step = -height / climb_rate
+        step = np.clip(newton_step, -60.0, 60.0)
         state = _propagate(state[:, :3], state[:, 3:], step, j2, 4)
         fall = fall + step
         if not (np.abs(step) > 1e-11).any():  # 0.1 um along the path
             break
     _, _, height = geodetic_from_ecef(state[:, :3])
-    is_impact = (np.abs(height) < 1e-3) & (fall > 0.0)
-    return np.where(is_impact, fall, np.nan), np.where(is_impact[:, None], state, np.nan)
+    is_on_ground = np.abs(height) < 1e-3
+    is_impact = is_on_ground & (fall > 0.0)
+    impact_time = np.where(is_impact, fall, np.nan)
+    impact_state = np.where(is_impact[:, None], state, np.nan)
+    return impact_time, impact_state
 
 
 def offsets(from_e: ArrayLike, to_e: ArrayLike, heading: ArrayLike) -> Floats:
@@ -255,9 +267,12 @@ def offsets(from_e: ArrayLike, to_e: ArrayLike, heading: ArrayLike) -> Floats:
     from_e = np.asarray(from_e, dtype=float)
     to_e = np.asarray(to_e, dtype=float)
     latitude, longitude, _ = geodetic_from_ecef(from_e)
-    offset_n = np.einsum("...ij,...j->...i", rotation_e_n(latitude, longitude), to_e - from_e)
+    C_e_n = rotation_e_n(latitude, longitude)
+    offset_n = np.einsum("...ij,...j->...i", C_e_n, to_e - from_e)
     north = offset_n[..., 0]
     east = offset_n[..., 1]
     c = np.cos(heading)
     s = np.sin(heading)
-    return np.stack([c * north + s * east, -s * north + c * east], axis=-1)
+    down_range = c * north + s * east
+    cross_range = -s * north + c * east
+    return np.stack([down_range, cross_range], axis=-1)

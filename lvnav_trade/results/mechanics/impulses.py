@@ -63,17 +63,23 @@ def orbit_errors(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     zero = np.zeros((3, 3))
 
     # h = r x v. Derivatives have the columns velocity, position.
-    momentum_slope = np.concatenate([np.cross(r_i, identity), np.cross(identity, v_i)]).T
+    momentum_by_velocity = np.cross(r_i, identity)
+    momentum_by_position = np.cross(identity, v_i)
+    momentum_slope = np.concatenate([momentum_by_velocity, momentum_by_position]).T
     # e = v x h / GM - r / |r|
     cross_slope = np.concatenate([np.cross(identity, h_i), zero]).T
     cross_slope = cross_slope + np.cross(v_i, momentum_slope.T).T
-    direction_slope = (identity - np.outer(r_i, r_i) / r**2) / r
-    eccentricity_slope = cross_slope / GM - np.concatenate([zero, direction_slope]).T
+    direction_by_position = (identity - np.outer(r_i, r_i) / r**2) / r
+    direction_slope = np.concatenate([zero, direction_by_position]).T
+    eccentricity_slope = cross_slope / GM - direction_slope
 
     towards = unit(r_i)
     normal = unit(h_i)
-    axes = np.stack([towards, np.cross(normal, towards), normal])
-    return np.concatenate([axes @ momentum_slope / h, axes[:2] @ eccentricity_slope])
+    ahead = np.cross(normal, towards)
+    axes = np.stack([towards, ahead, normal])
+    momentum_rows = axes @ momentum_slope / h
+    eccentricity_rows = axes[:2] @ eccentricity_slope
+    return np.concatenate([momentum_rows, eccentricity_rows])
 
 
 def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
@@ -97,8 +103,9 @@ def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
     h = float(np.linalg.norm(orbit.h_i))
     towards = unit(r_i)
     normal = unit(orbit.h_i)
+    transverse = np.cross(normal, towards)
     ex = float(orbit.e_i @ towards)
-    ey = float(orbit.e_i @ np.cross(normal, towards))
+    ey = float(orbit.e_i @ transverse)
 
     # Axes of the orbital plane: towards the position, ahead, normal
     angle = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
@@ -106,18 +113,21 @@ def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
     s = np.sin(angle)
     zero = np.zeros(places)
     radius = h**2 / GM / (1.0 + ex * c + ey * s)
-    velocity = GM / h * np.stack([-(s + ey), c + ex, zero], axis=1)
+    hodograph = np.stack([-(s + ey), c + ex, zero], axis=1)
+    velocity = GM / h * hodograph
     radial = np.stack([c, s, zero], axis=1)
     ahead = np.stack([-s, c, zero], axis=1)
     normals = np.broadcast_to([0.0, 0.0, 1.0], (places, 3))
+    momentum = np.array([0.0, 0.0, h])
 
     effect = np.empty((places, 5, 3))
     for k, impulse in enumerate((radial, ahead, normals)):
         # dh = r x dv and de = (dv x h + v x dh) / GM
         momentum_change = radius[:, None] * np.cross(radial, impulse)
-        cross_change = np.cross(impulse, np.array([0.0, 0.0, h])) + np.cross(velocity, momentum_change)
+        cross_change = np.cross(impulse, momentum) + np.cross(velocity, momentum_change)
+        eccentricity_change = cross_change / GM
         effect[:, :3, k] = momentum_change / h
-        effect[:, 3:, k] = (cross_change / GM)[:, :2]
+        effect[:, 3:, k] = eccentricity_change[:, :2]
     return effect
 
 
@@ -144,7 +154,10 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
     are a solution. The vector p, scaled so that max |B_k' p| = 1, is a primer and gives the lower bound p' error.
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
-    corrections = [_iterate(error[k : k + _CHUNK], pushes, tolerance) for k in range(0, len(error), _CHUNK)]
+    corrections = []
+    for k in range(0, len(error), _CHUNK):
+        chunk = error[k : k + _CHUNK]
+        corrections.append(_iterate(chunk, pushes, tolerance))
     return Correction(
         delta_v=np.concatenate([correction.delta_v for correction in corrections]),
         bound=np.concatenate([correction.bound for correction in corrections]),
@@ -163,29 +176,37 @@ def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     tolerance : float
         Largest relative difference of delta-v and bound at which the iteration ends.
     """
-    n, m = len(error), len(pushes)
+    n = len(error)
+    m = len(pushes)
     pushes_by_axis = np.concatenate([pushes[:, :, axis] for axis in range(3)])  # (3 m, 5)
-    squares = np.einsum("kij,klj->ilk", pushes, pushes).reshape(25, m)  # B_k B_k'
+    products = np.einsum("kij,klj->ilk", pushes, pushes)
+    squares = products.reshape(25, m)  # B_k B_k'
 
     # The problem scales with the error: unit errors are solved.
     size = np.linalg.norm(error, axis=1)
     nonzero = size > 0.0
-    goal = (np.where(nonzero[:, None], error, 1.0) / np.where(nonzero, size, 1.0)[:, None]).T
+    nonzero_error = np.where(nonzero[:, None], error, 1.0)
+    nonzero_size = np.where(nonzero, size, 1.0)
+    goal = (nonzero_error / nonzero_size[:, None]).T
 
     weight = np.full((m, n), 1.0 / m)  # errors are the last axis: every operation runs along it
     best = np.full(n, np.inf)
     bound = np.zeros(n)
     active = np.arange(n)
     for k in range(_ROUNDS):
-        primer = _solve((squares @ weight).reshape(5, 5, -1), goal)
-        along = np.square(pushes_by_axis @ primer).reshape(3, m, -1)
-        length = np.sqrt(np.sum(along, axis=0))  # |B_k' p|
+        weighted_squares = (squares @ weight).reshape(5, 5, -1)
+        primer = _solve(weighted_squares, goal)
+        component_squares = np.square(pushes_by_axis @ primer).reshape(3, m, -1)
+        length = np.sqrt(np.sum(component_squares, axis=0))  # |B_k' p|
         top = length.max(axis=0)
         weight *= length  # magnitudes of the impulses w_k B_k' p
-        best[active] = np.minimum(best[active], weight.sum(axis=0))
-        bound[active] = np.maximum(bound[active], np.sum(primer * goal, axis=0) / top)
+        delta_v = weight.sum(axis=0)
+        lower_bound = np.sum(primer * goal, axis=0) / top
+        best[active] = np.minimum(best[active], delta_v)
+        bound[active] = np.maximum(bound[active], lower_bound)
 
-        far = best[active] - bound[active] > tolerance * best[active]
+        gap = best[active] - bound[active]
+        far = gap > tolerance * best[active]
         active = active[far]
         if not len(active):
             break
@@ -193,7 +214,8 @@ def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
         weight = weight[:, far]
         power = _POWERS[k % len(_POWERS)]
         if power > 1:
-            weight *= (length[:, far] / top[far]) ** (power - 1)
+            relative_length = length[:, far] / top[far]
+            weight *= relative_length ** (power - 1)
         weight = weight / weight.sum(axis=0) + _FLOOR
     return Correction(size * best, size * bound)
 
@@ -220,7 +242,8 @@ def _solve(square: Floats, right: Floats) -> Floats:
             square[j, j:] -= factor * square[i, j:]
             x[j] -= factor * x[i]
     for i in reversed(range(len(x))):
-        x[i] -= np.sum(square[i, i + 1 :] * x[i + 1 :], axis=0)
+        solved = square[i, i + 1 :] * x[i + 1 :]
+        x[i] -= np.sum(solved, axis=0)
         x[i] /= square[i, i]
     return x
 

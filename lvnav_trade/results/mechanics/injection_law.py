@@ -76,15 +76,18 @@ def is_curved(law: InjectionLaw, quantity: str) -> bool:
     """
     vector = law.target[_ECCENTRICITY_VECTOR] + law.mean[_ECCENTRICITY_VECTOR]
     e = float(np.linalg.norm(vector))
-    covariance = law.covariance[:, _ECCENTRICITY_VECTOR][:, :, _ECCENTRICITY_VECTOR].sum(axis=0)
+    covariance_by_source = law.covariance[:, _ECCENTRICITY_VECTOR][:, :, _ECCENTRICITY_VECTOR]
+    covariance = covariance_by_source.sum(axis=0)
     largest_variance = float(np.linalg.eigvalsh(covariance)[-1])
-    if e < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, largest_variance)):
+    largest_sigma = np.sqrt(max(0.0, largest_variance))
+    if e < _CIRCULAR_SIGMAS * largest_sigma:
         return True
     across = np.array([-vector[1], vector[0]]) / e
     across_variance = float(across @ covariance @ across)
     second_order = law.target[_SEMI_MAJOR_AXIS] * across_variance / (np.sqrt(2.0) * e)
     k = INJECTION.index(quantity)
-    first_order = np.sqrt(law.covariance[:, k, k].sum())
+    variance = law.covariance[:, k, k].sum()
+    first_order = np.sqrt(variance)
     return not second_order <= _CURVED * first_order  # `not <=` is true for NaN, the first order at a circular orbit
 
 

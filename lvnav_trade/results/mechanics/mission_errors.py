@@ -121,7 +121,8 @@ def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[
     true = elements(r_i[0], v_i[0])
     estimated_r_i = state.r_i - error[:, 3:]
     estimated_v_i = state.v_i - error[:, :3]
-    estimated = elements(*coast(estimated_r_i, estimated_v_i, epochs.estimated))
+    estimated_state = coast(estimated_r_i, estimated_v_i, epochs.estimated)
+    estimated = elements(*estimated_state)
     return _element_differences(true, estimated)
 
 
@@ -130,7 +131,8 @@ def _element_differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVecto
     differences: dict[str, Floats] = {}
     for metric in _ORBIT_METRICS[:-1]:
         element = metric.removesuffix("_error")
-        differences[metric] = (getattr(true, element) - getattr(estimated, element))[:, None]
+        difference = getattr(true, element) - getattr(estimated, element)
+        differences[metric] = difference[:, None]
     differences["node_error"] = np.mod(differences["node_error"] + np.pi, 2.0 * np.pi) - np.pi
 
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
@@ -175,7 +177,9 @@ def impacts_errors(states: Sequence[State], errors: Sequence[Floats]) -> list[Fl
     falls = np.isfinite(true.fall)[index]
     if falls.any():
         k = index[falls]
-        estimated = impact(r_i[k] - error[falls, 3:], v_i[k] - error[falls, :3], angle[k], lowest=0.0)
+        estimated_r_i = r_i[k] - error[falls, 3:]
+        estimated_v_i = v_i[k] - error[falls, :3]
+        estimated = impact(estimated_r_i, estimated_v_i, angle[k], lowest=0.0)
         estimated_e[falls] = estimated.r_e
     point_error = -offsets(true.r_e[index], estimated_e, true.heading[index])
     return np.split(point_error, np.cumsum(counts)[:-1])
@@ -293,10 +297,12 @@ def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = 
     # Half a step moves the first point away from zero, whose normal deviate is infinite.
     points = sobol.random_base2(round(np.log2(count))) + 0.5 / count
     scale = np.where(sizes > 0.0, sizes, 1.0)
-    variance, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+    scaled_covariance = covariance / np.outer(scale, scale)
+    variance, axes = np.linalg.eigh(scaled_covariance)
     # R with R R' = covariance
     root = scale[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
-    return np.asarray(mean + special.ndtri(points) @ root.T)
+    normals = special.ndtri(points)
+    return np.asarray(mean + normals @ root.T)
 
 
 def near_circular(state: State, covariance: Floats) -> str:

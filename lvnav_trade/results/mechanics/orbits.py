@@ -58,12 +58,14 @@ class OrbitVectors(NamedTuple):
     @property
     def inclination(self) -> Floats:
         """Inclination in rad."""
-        return np.asarray(np.arctan2(np.hypot(self.h_i[..., 0], self.h_i[..., 1]), self.h_i[..., 2]))
+        horizontal = np.hypot(self.h_i[..., 0], self.h_i[..., 1])
+        return np.asarray(np.arctan2(horizontal, self.h_i[..., 2]))
 
     @property
     def node(self) -> Floats:
         """Right ascension of the ascending node in rad, [0, 2 pi), against the inertial x axis."""
-        return np.mod(np.arctan2(self.h_i[..., 0], -self.h_i[..., 1]), 2.0 * np.pi)
+        angle = np.arctan2(self.h_i[..., 0], -self.h_i[..., 1])
+        return np.mod(angle, 2.0 * np.pi)
 
     @property
     def elliptic(self) -> Bools:
@@ -139,17 +141,23 @@ def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats,
         h_i=average.h_i[..., None, :],
         e_i=average.e_i[..., None, :],
     )
-    towards, ahead = _plane(orbit.h_i, np.asarray(r_i, dtype=float)[..., None, :])
+    start_i = np.asarray(r_i, dtype=float)[..., None, :]
+    towards, ahead = _plane(orbit.h_i, start_i)
     ex = np.sum(orbit.e_i * towards, axis=-1)
     ey = np.sum(orbit.e_i * ahead, axis=-1)
     perigee = np.arctan2(ey, ex)
-    angle = (perigee + np.linspace(0.0, 2.0 * np.pi, points, endpoint=False))[..., None]
+    true_anomaly = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
+    angle = (perigee + true_anomaly)[..., None]
     direction = np.cos(angle) * towards + np.sin(angle) * ahead
 
     radius = _radius(orbit.h_i, orbit.e_i, direction)
     variation = _short_periodic(orbit, radius[..., None] * direction)
-    height = _radius(orbit.h_i + variation.h_i, orbit.e_i + variation.e_i, direction) - SEMI_MAJOR
-    return height.min(axis=-1), height.max(axis=-1)
+    h_i = orbit.h_i + variation.h_i
+    e_i = orbit.e_i + variation.e_i
+    height = _radius(h_i, e_i, direction) - SEMI_MAJOR
+    lowest = height.min(axis=-1)
+    highest = height.max(axis=-1)
+    return lowest, highest
 
 
 def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
@@ -169,7 +177,9 @@ def _radius(h_i: Floats, e_i: Floats, direction: Floats) -> Floats:
     (...,) array
         Radius (m).
     """
-    return np.asarray(np.sum(h_i**2, axis=-1) / GM / (1.0 + np.sum(e_i * direction, axis=-1)))
+    semi_latus_rectum = np.sum(h_i**2, axis=-1) / GM
+    e_cos_anomaly = np.sum(e_i * direction, axis=-1)
+    return np.asarray(semi_latus_rectum / (1.0 + e_cos_anomaly))
 
 
 def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
@@ -234,16 +244,21 @@ def _short_periodic(orbit: OrbitVectors, r_i: Floats) -> OrbitVectors:
     acceleration = oblateness(revolution.r_i)
     energy_rate = np.sum(revolution.v_i * acceleration, axis=-1)
     h_rate = np.cross(revolution.r_i, acceleration)
-    e_rate = (np.cross(acceleration, orbit.h_i[..., None, :]) + np.cross(revolution.v_i, h_rate)) / GM
+    h_i = orbit.h_i[..., None, :]
+    cross_rate = np.cross(acceleration, h_i) + np.cross(revolution.v_i, h_rate)
+    e_rate = cross_rate / GM
 
     # NaN for orbits that cannot be averaged
     e = revolution.eccentricity
-    has_anomaly = np.isfinite(np.sqrt(1.0 - e * e)[..., 0])
+    axis_ratio = np.sqrt(1.0 - e * e)
+    has_anomaly = np.isfinite(axis_ratio[..., 0])
     base = np.where(is_elliptic & has_anomaly, 0.0, np.nan)
+    vector_base = base[..., None]
+    vector_weight = weight[..., None]
     return OrbitVectors(
         energy=base - np.sum(weight * energy_rate, axis=-1),
-        h_i=base[..., None] - np.sum(weight[..., None] * h_rate, axis=-2),
-        e_i=base[..., None] - np.sum(weight[..., None] * e_rate, axis=-2),
+        h_i=vector_base - np.sum(vector_weight * h_rate, axis=-2),
+        e_i=vector_base - np.sum(vector_weight * e_rate, axis=-2),
     )
 
 
@@ -281,23 +296,28 @@ def _revolution(h_i: Floats, e_i: Floats, r_i: Floats, quadrature: tuple[Floats,
     radial, transverse = _plane(h_i, r_i)
     towards = radial[..., None, :]
     ahead = transverse[..., None, :]
-    ex = np.sum(e_i[..., None, :] * towards, axis=-1)
-    ey = np.sum(e_i[..., None, :] * ahead, axis=-1)
+    eccentricity_vector = e_i[..., None, :]
+    ex = np.sum(eccentricity_vector * towards, axis=-1)
+    ey = np.sum(eccentricity_vector * ahead, axis=-1)
     e = np.hypot(ex, ey)
 
     h = np.linalg.norm(h_i, axis=-1)[..., None]
     radius = h**2 / GM / (1.0 + ex * c + ey * s)
     direction = c[:, None] * towards + s[:, None] * ahead
-    hodograph = -(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead
+    along_position = -(s + ey)[..., None] * towards
+    across_position = (c + ex)[..., None] * ahead
+    hodograph = along_position + across_position
 
     # t/T is the increase of the mean anomaly over 2 pi, and dt = r^2 / h d(angle).
     start = np.arctan2(-ey, ex)  # true anomaly of the position
     anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)
+    time_fraction = anomaly / (2.0 * np.pi)
+    speed_scale = GM / h
     return _Revolution(
         eccentricity=e,
         r_i=radius[..., None] * direction,
-        v_i=(GM / h)[..., None] * hodograph,
-        weight=(0.5 - anomaly / (2.0 * np.pi)) * angle_weight * radius**2 / h,
+        v_i=speed_scale[..., None] * hodograph,
+        weight=(0.5 - time_fraction) * angle_weight * radius**2 / h,
     )
 
 
@@ -317,7 +337,8 @@ def mean_anomaly(true: Floats, e: Floats) -> Floats:
         Mean anomaly (rad), continuous with the true anomaly.
     """
     beta = e / (1.0 + np.sqrt(1.0 - e * e))
-    eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
+    half_difference = np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
+    eccentric = true - 2.0 * half_difference
     return np.asarray(eccentric - e * np.sin(eccentric))
 
 
@@ -325,5 +346,6 @@ def oblateness(r_i: Floats) -> Floats:
     """Return the J2 term of the gravitation (..., 3) in m/s^2, frame i."""
     r2 = np.einsum("...i,...i->...", r_i, r_i)[..., None]
     sine2 = r_i[..., 2:] ** 2 / r2  # squared sine of the geocentric latitude
-    factor = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
+    r5 = r2 * r2 * np.sqrt(r2)
+    factor = 1.5 * J2 * GM * SEMI_MAJOR**2 / r5
     return np.asarray(factor * r_i * (5.0 * sine2 - np.array([1.0, 1.0, 3.0])))

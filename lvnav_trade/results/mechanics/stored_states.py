@@ -201,7 +201,9 @@ def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> t
     (n_run, 6) array, (n_run,) array of bool
         Errors of velocity (m/s) and position (m), frame i; failed runs, including those whose error is not finite.
     """
-    error = np.concatenate([velocity @ state.turn.T, position @ state.turn.T], axis=1)
+    velocity_i = velocity @ state.turn.T
+    position_i = position @ state.turn.T
+    error = np.concatenate([velocity_i, position_i], axis=1)
     return error, failed | ~np.isfinite(error).all(axis=1)
 
 

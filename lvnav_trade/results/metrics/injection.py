@@ -267,7 +267,10 @@ class ExtraPropellant(_InjectionMetric):
         if law is None:
             return MetricValue(remark=UNGUIDED)
         reason = why_no_law(law, self.quantities_of_law)
-        true = np.nan if reason else float(np.mean(self._law_sizes(law))) / scale
+        if reason:
+            true = np.nan
+        else:
+            true = float(np.mean(self._law_sizes(law))) / scale
         if run_errors is None:
             return MetricValue(true=true, remark=reason, is_root=False)
         extra = run_errors.size / scale

@@ -77,7 +77,10 @@ class MissionError(Metric):
         epochs = epochs_of(stated)
         element_type = "" if epochs.is_mean else ", osculating"
         later = f" + {epochs.estimated:g} s" if epochs.estimated else ""
-        apart = f", true elements at + {epochs.true:g} s" if epochs.true != epochs.estimated else ""
+        if epochs.true != epochs.estimated:
+            apart = f", true elements at + {epochs.true:g} s"
+        else:
+            apart = ""
         return f"{super().label(stated)}{later}{element_type}{apart}"
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:

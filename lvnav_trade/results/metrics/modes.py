@@ -99,7 +99,10 @@ def mode_numbers(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats
     metric = str(stated["metric"])
     if metric == DURATION:
         mode = str(stated["mode"])
-        durations = [_duration(transitions[transitions.run_number == run], mode, first, last) for run in runs]
+        durations = []
+        for run in runs:
+            run_transitions = transitions[transitions.run_number == run]
+            durations.append(_duration(run_transitions, mode, first, last))
         return np.array(durations)
 
     entries = _entries(transitions, stated, first, last)

@@ -73,13 +73,15 @@ class NormalisedError(Metric):
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the normalised error of every run; None if error or P is not available, or P is singular."""
         event = event_of(requirement)
-        W = whitening(case.formal(event, self.quantity))
+        P = case.formal(event, self.quantity)
+        W = whitening(P)
         errors = case.errors(event, self.quantity)
         if W is None or errors.shape[1] != len(W):
             return None
         size = np.linalg.norm(errors @ W.T, axis=1)
         is_infinite = case.failed(event) | ~np.isfinite(size)
-        return RunErrors(np.where(is_infinite, np.inf, size), SIGMAS, SIGMAS, 1.0)
+        size = np.where(is_infinite, np.inf, size)
+        return RunErrors(size, SIGMAS, SIGMAS, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the three components whose norm is the error."""

@@ -35,7 +35,8 @@ class SignalNumber(Metric):
         values = np.empty(0)
         if len(rows):
             rows = within(tables, case, rows, stated)
-            values = rows.value.dropna().to_numpy(dtype=float) if len(rows) else values
+            if len(rows):
+                values = rows.value.dropna().to_numpy(dtype=float)
         if not len(values):
             has_signals = len(pick(tables.satellites, case=case)) > 0
             return MetricValue(remark=NOT_IN_FLIGHT if has_signals else MISSING)

@@ -156,7 +156,10 @@ class StateError(Metric):
             """Return the root of the mean over time of squares."""
             return float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
 
-        run_rms = rows.rms_si if rows.run_count.iloc[0] else np.nan * rows.rms_si
+        if rows.run_count.iloc[0]:
+            run_rms = rows.rms_si
+        else:
+            run_rms = np.nan * rows.rms_si
         run_roots = of_each(tables, case, stated, str(rows.unit.iloc[0]))
         return MetricValue(
             formal=root_mean(rows.lincov_formal_si**2),
@@ -217,7 +220,8 @@ class StateError(Metric):
         scale = scale_of(unit, si)
         if scale is None:
             return SingleValue(np.nan, no_fit(unit))
-        largest = per_run(tables, case, stated, error_column(self.quantity, self.axis, rows.unit.iloc[0]))
+        column = error_column(self.quantity, self.axis, rows.unit.iloc[0])
+        largest = per_run(tables, case, stated, column)
         if not len(largest):
             return SingleValue(np.nan, "no runs, or the phase does not begin and end at events")
         return SingleValue(float(np.median(largest)) / scale, "", np.sort(largest) / scale)

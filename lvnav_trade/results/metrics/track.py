@@ -76,7 +76,8 @@ class TrackError(Metric):
             return MetricValue(remark=no_fit(unit))
         if law is None:
             return MetricValue(remark=MISSING)
-        errors = np.where(results.failed(event), np.inf, self._signed_errors(results, event)) / scale
+        signed_errors = self._signed_errors(results, event)
+        errors = np.where(results.failed(event), np.inf, signed_errors) / scale
         mean = float(law.mean[0]) / scale
         variance = float(law.covariance[0, 0]) / scale**2
         if stated.get("statistic") == "mean":
@@ -131,7 +132,10 @@ class TrackError(Metric):
         state = case.state(event)
         if state is None or len(case.axes("velocity")) != len(state.v_i):
             return None
-        direction_i = state.v_i if self.is_along else np.cross(state.r_i, state.v_i)
+        if self.is_along:
+            direction_i = state.v_i
+        else:
+            direction_i = np.cross(state.r_i, state.v_i)
         return np.asarray(state.turn.T @ (direction_i / np.linalg.norm(direction_i)))
 
     def _signed_errors(self, case: CaseResults, event: str) -> Floats:

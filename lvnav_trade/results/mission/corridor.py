@@ -90,19 +90,23 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     margin : float
         Mahalanobis distance (sigmas) from the mean to the nearest edge; negative outside.
     """
+    corners = np.asarray(polygon, dtype=float)
+    centre = np.asarray(mean, dtype=float)
     # Corners in the whitened plane, where the point is a standard Gaussian
     root = np.linalg.cholesky(np.asarray(covariance, dtype=float))
-    offset = np.asarray(polygon, dtype=float) - np.asarray(mean, dtype=float)
+    offset = corners - centre
     start = np.linalg.solve(root, offset.T).T
     end = np.roll(start, -1, axis=0)
-    length = np.linalg.norm(end - start, axis=1)
+    edge = end - start
+    length = np.linalg.norm(edge, axis=1)
     is_edge = length > 0.0
     start = start[is_edge]
     end = end[is_edge]
 
     # Edges by the signed distance of their line from the mean, and the positions of their ends along it
-    along = (end - start) / length[is_edge][:, None]
-    distance = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]
+    edge_length = length[is_edge][:, None]
+    along = (end - start) / edge_length
+    distance = _cross(start, along)
     first = np.sum(start * along, axis=1)
     last = np.sum(end * along, axis=1)
 
@@ -111,17 +115,26 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     sign = np.sign(distance[off_mean])
     a = first[off_mean] / h
     b = last[off_mean] / h
-    turns = (np.arctan(b) - np.arctan(a)) / (2.0 * np.pi)
+    angle = np.arctan(b) - np.arctan(a)
+    turns = angle / (2.0 * np.pi)
     winding = float(np.sum(sign * turns))
-    outside = float(np.sum(sign * (special.owens_t(h, b) - special.owens_t(h, a))))
+    tail = special.owens_t(h, b) - special.owens_t(h, a)
+    outside = float(np.sum(sign * tail))
 
-    area = np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0])
-    orientation = np.sign(area)
-    inside = float(np.clip(orientation * (winding - outside), 0.0, 1.0))
-    margin = float(np.hypot(np.clip(0.0, first, last), distance).min())
+    twice_area = np.sum(_cross(start, end))
+    orientation = np.sign(twice_area)
+    signed_probability = orientation * (winding - outside)
+    inside = float(np.clip(signed_probability, 0.0, 1.0))
+    beyond_end = np.clip(0.0, first, last)
+    margin = float(np.hypot(beyond_end, distance).min())
     if orientation * winding > 0.5:
         return inside, margin
     return inside, -margin
+
+
+def _cross(first: Floats, second: Floats) -> Floats:
+    """Return the cross products (n,) of vectors (n, 2) in a plane."""
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
 
 def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
@@ -144,11 +157,16 @@ def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
     points = np.asarray(points, dtype=float)
     x = points[:, :1]
     y = points[:, 1:]
-    is_crossed = (start[:, 1] > y) != (end[:, 1] > y)
+    start_x = start[:, 0]
+    start_y = start[:, 1]
+    end_x = end[:, 0]
+    end_y = end[:, 1]
+    is_crossed = (start_y > y) != (end_y > y)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (y - start[:, 1]) / (end[:, 1] - start[:, 1])
-        crossing_x = start[:, 0] + share * (end[:, 0] - start[:, 0])
-    crossings = np.sum(is_crossed & (x < crossing_x), axis=1)
+        share = (y - start_y) / (end_y - start_y)
+        crossing_x = start_x + share * (end_x - start_x)
+    is_on_ray = x < crossing_x
+    crossings = np.sum(is_crossed & is_on_ray, axis=1)
     return np.asarray(crossings % 2 == 1)
 
 

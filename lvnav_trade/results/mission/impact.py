@@ -111,7 +111,8 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
         if np.isfinite(slopes[k]).all():
             row |= _error_columns(laws[k], point, slopes[k], corridor)
         if states[k].event:
-            row |= _run_columns(tables, case, states[k], run_errors[states[k].event], corridor)
+            state = states[k]
+            row |= _run_columns(tables, case, state, run_errors[state.event], corridor)
         else:
             row |= {"runs": 0}  # no runs are stored between events
         rows.append(row)
@@ -225,10 +226,14 @@ def _error_columns(
     sigma = np.sqrt(np.diag(covariance))
     filter_sigma = np.sqrt(np.diag(filter_covariance))
     bias_km = mission_errors.resolved(bias, sigma)
-    correlation = covariance[0, 1] / (sigma[0] * sigma[1]) if sigma.all() else float("nan")
+    if sigma.all():
+        correlation = covariance[0, 1] / (sigma[0] * sigma[1])
+    else:
+        correlation = float("nan")
 
     variance, axes = np.linalg.eigh(covariance)
-    major_heading = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
+    axis_angle = np.arctan2(axes[1, 1], axes[0, 1])
+    major_heading = float(axis_angle) + float(point.heading)
     columns = {
         "down_sigma_km": sigma[0],
         "cross_sigma_km": sigma[1],
@@ -280,7 +285,9 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
             np.tile(theta, m),
             lowest=0.0,
         )
-        offset = free_fall.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
+        true_points = np.tile(true.r_e, (m, 1))
+        headings = np.tile(true.heading, m)
+        offset = free_fall.offsets(true_points, estimated.r_e, headings)
         return np.asarray(-offset.reshape(m, n * 2))
 
     slopes = mission_errors.derivative(errors).reshape(n, 2, 6) * 1e-3
@@ -377,4 +384,6 @@ def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Fl
     north = along * np.cos(heading) - across * np.sin(heading)
     east = along * np.sin(heading) + across * np.cos(heading)
     metres_per_latitude, metres_per_longitude = metres(float(latitude))
-    return np.degrees(latitude + north / metres_per_latitude), np.degrees(longitude + east / metres_per_longitude)
+    latitudes = latitude + north / metres_per_latitude
+    longitudes = longitude + east / metres_per_longitude
+    return np.degrees(latitudes), np.degrees(longitudes)

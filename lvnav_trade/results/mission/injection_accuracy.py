@@ -171,7 +171,9 @@ def _run_columns(runs: Injections, factor: float) -> dict[str, Any]:
 
 def _standard_deviation(values: Floats) -> float:
     """Return the standard deviation of a sample (n,); NaN for fewer than two values."""
-    return float(values.std(ddof=1)) if values.size > 1 else np.nan
+    if values.size > 1:
+        return float(values.std(ddof=1))
+    return np.nan
 
 
 def injection_sources(tables: Tables) -> pd.DataFrame:
@@ -307,7 +309,8 @@ def _expected_end(law: InjectionLaw | None) -> dict[str, float]:
             k = NUMBERS.index(quantity)
             unit = INJECTION_UNITS[quantity]
             columns[f"lincov_{column}_{unit}"] = float(law.mean[k])
-            columns[f"lincov_{column}_sigma_{unit}"] = float(np.sqrt(law.covariance[:, k, k].sum()))
+            variance = law.covariance[:, k, k].sum()
+            columns[f"lincov_{column}_sigma_{unit}"] = float(np.sqrt(variance))
     return columns
 
 

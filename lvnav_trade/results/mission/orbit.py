@@ -306,7 +306,8 @@ def mardia(sample: Floats) -> tuple[float, float, float]:
     p_skewness = float(stats.chi2.sf(n * skewness / 6.0, n_freedom))
     kurtosis_sigma = np.sqrt(8.0 * k * (k + 2) / n)
     p_kurtosis = 2.0 * float(stats.norm.sf(abs(excess_kurtosis) / kurtosis_sigma))
-    return skewness, excess_kurtosis, min(1.0, 2.0 * min(p_skewness, p_kurtosis))
+    p = min(1.0, 2.0 * min(p_skewness, p_kurtosis))
+    return skewness, excess_kurtosis, p
 
 
 def _quantile(error: Floats) -> float:
@@ -380,7 +381,8 @@ def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
     position_only = np.repeat([0.0, 1.0], 3)
     masks = np.array([np.ones(6), velocity_only, position_only])[:, None]
     errors = np.concatenate([draws * masks, runs * masks], axis=1)
-    delta_v = impulses.least_at(state.r_i, state.v_i, errors.reshape(-1, 6)).delta_v.reshape(3, -1)
+    corrections = impulses.least_at(state.r_i, state.v_i, errors.reshape(-1, 6))
+    delta_v = corrections.delta_v.reshape(3, -1)
     cost_by_method = {"linear covariance": delta_v[:, : len(draws)]}
     if len(runs):
         cost_by_method["Monte Carlo"] = delta_v[:, len(draws) :]

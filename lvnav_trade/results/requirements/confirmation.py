@@ -78,7 +78,10 @@ def _navigation_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
             if errors is None or not expected.lincov_true_si > 0.0:
                 continue
             has_failed = not np.isfinite(errors).all()
-            rms = np.inf if has_failed else float(np.sqrt(np.mean(errors**2)))
+            if has_failed:
+                rms = np.inf
+            else:
+                rms = float(np.sqrt(np.mean(errors**2)))
             statistics.append((len(errors), expected.lincov_true_si, expected.lincov_mean_si, rms, factor))
             row = {
                 "case": spot_tables.labels[case],
@@ -105,12 +108,17 @@ def _navigation_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
 
 def _event_errors(runs: pd.DataFrame) -> dict[str, tuple[float, dict[str, Floats]]]:
     """Return the time (s) of every event of a case and the errors (n,) of its runs there, by quantity and axis."""
-    columns = {"_".join(name.split("_")[:2]): runs[name].to_numpy(dtype=float) for name in runs if "_error_" in name}
+    columns = {}
+    for name in runs:
+        if "_error_" in name:
+            quantity_and_axis = "_".join(name.split("_")[:2])
+            columns[quantity_and_axis] = runs[name].to_numpy(dtype=float)
     t = runs.t_s.to_numpy()
     errors_by_event = {}
     for event, rows in runs.groupby("event", sort=False).indices.items():
         errors = {name: column[rows] for name, column in columns.items()}
-        errors_by_event[str(event)] = float(t[rows[0]]), errors
+        t_event = float(t[rows[0]])
+        errors_by_event[str(event)] = t_event, errors
     return errors_by_event
 
 
@@ -151,7 +159,10 @@ def unconfirmed(tables: Tables) -> dict[str, str]:
 
 
 def _disagreement_text(row: Any) -> str:
-    moment = row.event if " at " in row.event else f"at {row.event.replace('_', ' ')}"
+    if " at " in row.event:
+        moment = row.event
+    else:
+        moment = f"at {row.event.replace('_', ' ')}"
     if row.unit:
         result = f"{row.error} is {row.ratio:.3g} times what linear covariance predicts"
     else:
@@ -170,15 +181,19 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     """
     frame = by_runs.verdicts(tables)
     is_refuted = (frame.verdict == "undecided") & frame.case.isin(unconfirmed(tables))
-    frame = frame.assign(verdict=frame.verdict.mask(is_refuted, NOT_CONFIRMED), by="runs")
+    verdict = frame.verdict.mask(is_refuted, NOT_CONFIRMED)
+    frame = frame.assign(verdict=verdict, by="runs")
     keys = ["requirement", "case"]
-    lincov = frame[keys].merge(expected_verdicts(tables), on=keys, how="left").set_index(frame.index)
+    lincov = frame[keys].merge(expected_verdicts(tables), on=keys, how="left")
+    lincov = lincov.set_index(frame.index)
     is_unselected = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
     decides = is_unselected & lincov.verdict.isin(["met", "violated"])
     by_lincov = lincov.verdict.notna() & ((frame.runs == 0) | decides)
     for name in ("verdict", "estimate", "limit", "unit"):
         frame[name] = frame[name].mask(by_lincov, lincov[name])
-    return frame.assign(unit=frame.unit.fillna(""), by=frame.by.mask(by_lincov, "LinCov"))
+    unit = frame.unit.fillna("")
+    method = frame.by.mask(by_lincov, "LinCov")
+    return frame.assign(unit=unit, by=method)
 
 
 def expected_verdicts(tables: Tables) -> pd.DataFrame:
@@ -203,6 +218,7 @@ def improvements(tables: Tables) -> pd.DataFrame:
     frame = by_covariance.improvements(tables)
     met_rows = pick(verdicts(tables), verdict="met")
     met_pairs = set(zip(met_rows.requirement, met_rows.case, strict=True))
-    is_met = np.array([(row.requirement, row.case) in met_pairs for row in frame.itertuples()], dtype=bool)
+    pairs = zip(frame.requirement, frame.case, strict=True)
+    is_met = np.array([pair in met_pairs for pair in pairs], dtype=bool)
     is_refuted = frame.case.isin(unconfirmed(tables))
     return frame[~is_refuted & ~is_met].reset_index(drop=True)

@@ -80,13 +80,16 @@ class RequirementCase(NamedTuple):
         -----
         The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
         """
-        sample, redraw = self.distribution.drawn, self.distribution.redraw
+        sample = self.distribution.drawn
+        redraw = self.distribution.redraw
         if sample is not None:
             if redraw is not None and sources:
                 sample = redraw.sample(sources, factor)
-            return float(np.searchsorted(sample, self.bound) / sample.size)
+            n_within = np.searchsorted(sample, self.bound)
+            return float(n_within / sample.size)
         law = self.distribution.law
-        source_covariance = np.sum([law.sources[name] for name in sources], axis=0)
+        covariances = [law.sources[name] for name in sources]
+        source_covariance = np.sum(covariances, axis=0)
         covariance = law.covariance + (factor**2 - 1.0) * source_covariance
         return norm_probability(law.mean, covariance, self.bound)
 
@@ -95,18 +98,24 @@ class RequirementCase(NamedTuple):
 
         For a metric that is not Gaussian it is the part of the mean square that disappears without these sources.
         """
-        sample, redraw = self.distribution.drawn, self.distribution.redraw
+        sample = self.distribution.drawn
+        redraw = self.distribution.redraw
         if sample is not None and redraw is not None:
             without_sources = redraw.sample(sources, 0.0)
-            return 1.0 - float(np.mean(without_sources**2) / np.mean(sample**2))
+            remaining_share = np.mean(without_sources**2) / np.mean(sample**2)
+            return 1.0 - float(remaining_share)
         law = self.distribution.law
         source_variance = sum(float(np.trace(law.sources[name])) for name in sources)
-        return source_variance / float(np.trace(law.covariance) + law.mean @ law.mean)
+        mean_square = float(np.trace(law.covariance) + law.mean @ law.mean)
+        return source_variance / mean_square
 
     def shares(self) -> dict[str, float]:
         """Return the share of each error source in the mean square."""
         redraw = self.distribution.redraw
-        names = tuple(self.distribution.law.sources) if redraw is None else redraw.sources
+        if redraw is None:
+            names = tuple(self.distribution.law.sources)
+        else:
+            names = redraw.sources
         return {name: self.share((name,)) for name in names}
 
 
@@ -208,7 +217,8 @@ def improvements(tables: Tables) -> pd.DataFrame:
     for requirement, case, requirement_case in _requirement_cases(tables):
         if isinstance(requirement_case, str) or not requirement_case.has_sources:
             continue
-        name, label = requirement["name"], tables.labels[case]
+        name = requirement["name"]
+        label = tables.labels[case]
         verdict = str(by_runs[name, label])
         if verdict in ("violated", "undecided") and not why_not_applicable(tables, case):
             improvement = _improvement(requirement_case)

@@ -109,13 +109,16 @@ def _numeric_axis(
 def _levels(tables: Tables, name: str, axis: dict[str, Any]) -> tuple[list[str], list[Any]]:
     """Return labels and resolved values of the levels of an axis; for a sampled axis those of the cases."""
     if axis["values"] is not None:
-        return [str(label) for label in axis["labels"]], list(axis["values"])
+        labels = [str(label) for label in axis["labels"]]
+        return labels, list(axis["values"])
     labels = list(dict.fromkeys(levels[name] for levels in tables.levels.values()))
-    base_quantity = _QUANTITY.fullmatch(str(_field(tables.campaign.get("base"), axis["path"])))
+    base_value = _field(tables.campaign.get("base"), axis["path"])
+    base_quantity = _QUANTITY.fullmatch(str(base_value))
     if base_quantity is None or base_quantity[2] is None:
         return labels, list(labels)
     unit = base_quantity[2]
-    return labels, [f"{parse(label, unit)!r} {unit}" for label in labels]
+    values = [f"{parse(label, unit)!r} {unit}" for label in labels]
+    return labels, values
 
 
 def _read_quantities(values: Sequence[Any]) -> tuple[str, list[float]] | None:
@@ -128,7 +131,9 @@ def _read_quantities(values: Sequence[Any]) -> tuple[str, list[float]] | None:
             return None
         numbers.append(float(quantity[1]))
         units.add(quantity[2] or "")
-    return (units.pop(), numbers) if len(units) == 1 else None
+    if len(units) == 1:
+        return (units.pop(), numbers)
+    return None
 
 
 class BaseLevel(NamedTuple):
@@ -164,7 +169,10 @@ def base_level(tables: Tables, name: str) -> BaseLevel:
 def _field(base: Any, path: str) -> Any:
     """Return the value of a field of the base scenario, by its dotted path."""
     for key in path.removeprefix("base.").split("."):
-        base = base[int(key)] if isinstance(base, list) else (base or {}).get(key)
+        if isinstance(base, list):
+            base = base[int(key)]
+        else:
+            base = (base or {}).get(key)
     return base
 
 
@@ -186,10 +194,13 @@ def _base_value(tables: Tables, path: str, unit: str) -> float | None:
     quantity = _QUANTITY.fullmatch(str(value))
     if quantity is None:
         return None
-    number, base_unit = float(quantity[1]), quantity[2] or ""
+    number = float(quantity[1])
+    base_unit = quantity[2] or ""
     if base_unit == unit:
         return number
-    return number / parse(f"1 {unit}", base_unit) if base_unit and unit else None
+    if base_unit and unit:
+        return number / parse(f"1 {unit}", base_unit)
+    return None
 
 
 @once
@@ -300,7 +311,8 @@ def crossed(value: np.ndarray, error: np.ndarray, limit: float) -> Iterator[tupl
     for (x0, y0), (x1, y1) in pairwise(zip(value, error, strict=True)):
         are_finite = np.isfinite([y0, y1, limit]).all()
         if are_finite and (y0 < limit) != (y1 < limit):
-            crossing = x0 + (limit - y0) / (y1 - y0) * (x1 - x0)
+            fraction = (limit - y0) / (y1 - y0)
+            crossing = x0 + fraction * (x1 - x0)
             yield float(x0), float(x1), float(crossing)
 
 
@@ -352,7 +364,8 @@ def _tornado_bars(tables: Tables, requirement: str, estimates: pd.DataFrame) -> 
                 error_by_level[levels[axis]] = error
         low_level = min(error_by_level, key=error_by_level.__getitem__)
         high_level = max(error_by_level, key=error_by_level.__getitem__)
-        low, high = error_by_level[low_level], error_by_level[high_level]
+        low = error_by_level[low_level]
+        high = error_by_level[high_level]
         yield {
             "requirement": requirement,
             "case": base_label,

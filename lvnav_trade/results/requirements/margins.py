@@ -48,14 +48,17 @@ def worst(verdicts: pd.Series) -> str:
 @once
 def _unchecked(tables: Tables) -> pd.DataFrame:
     """Return `margins` without the spot check, which changes no margin and takes most of the time."""
-    lincov = by_covariance.expected(tables).reindex(columns=["requirement", "case", *_METHOD_COLUMNS])
-    frame = by_runs.verdicts(tables).merge(lincov, on=["requirement", "case"], how="left", suffixes=("", "_lincov"))
+    keys = ["requirement", "case"]
+    lincov = by_covariance.expected(tables).reindex(columns=[*keys, *_METHOD_COLUMNS])
+    frame = by_runs.verdicts(tables)
+    frame = frame.merge(lincov, on=keys, how="left", suffixes=("", "_lincov"))
     is_unselected = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
     decides = is_unselected & frame.verdict_lincov.isin(["met", "violated"])
     by_lincov = frame.verdict_lincov.notna() & ((frame.runs == 0) | decides)
     for name in _METHOD_COLUMNS:
         frame[name] = frame[name].mask(by_lincov, frame[f"{name}_lincov"])
-    return _sort_margins(frame.assign(by=np.where(by_lincov, "LinCov", "runs")))
+    method = np.where(by_lincov, "LinCov", "runs")
+    return _sort_margins(frame.assign(by=method))
 
 
 def key_cases(tables: Tables) -> dict[str, str]:
@@ -67,7 +70,8 @@ def key_cases(tables: Tables) -> dict[str, str]:
     least_margin = _unchecked(tables).groupby("case", sort=False).margin_ratio.min().dropna()  # ascending
     meeting = least_margin[least_margin >= 0.0]
     roles: dict[str, str] = {}
-    for rows, role in ((least_margin[:1], "worst"), (meeting[:1], "binding"), (least_margin[-1:], "best")):
+    candidates = ((least_margin[:1], "worst"), (meeting[:1], "binding"), (least_margin[-1:], "best"))
+    for rows, role in candidates:
         for case in rows.index:
             roles.setdefault(str(case), role)
     return roles

@@ -71,7 +71,8 @@ def unselected(tables: Tables) -> list[str]:
     selection = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
     labels = []
     for case, levels in tables.levels.items():
-        if any(str(levels.get(axis)) != str(level) for axis, level in selection.items()):
+        is_excluded = any(str(levels.get(axis)) != str(level) for axis, level in selection.items())
+        if is_excluded:
             labels.append(tables.labels[case])
     return labels
 
@@ -134,7 +135,8 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
     else:
         bound = number_in(requirement["below"], errors.unit)
     is_failed = errors.size >= bound
-    n_run, n_failed = len(errors.size), int(is_failed.sum())
+    n_run = len(errors.size)
+    n_failed = int(is_failed.sum())
     monte_carlo = tables.campaign.get("monte_carlo") or {}
     if monte_carlo.get("stop") == DECIDED:
         block = int(monte_carlo.get("block", BLOCK))
@@ -253,7 +255,8 @@ def _edges(side: int, probability: float, confidence: float, block: int) -> Iter
         spent_before += float(from_edge[crossing - 1]) if crossing else 0.0
         if side == 0:
             yield first + crossing - 1
-            first, mass = first + crossing, mass[crossing:]
+            first = first + crossing
+            mass = mass[crossing:]
         else:
             yield first + len(mass) - crossing
             mass = mass[: len(mass) - crossing]

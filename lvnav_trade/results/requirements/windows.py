@@ -259,7 +259,9 @@ def _mission_quantile(state: State, law: ErrorGaussian, metric: str, probability
         mean, covariance = gaussian_or_reason
         return norm_quantile(mean, covariance, probability)
     sample = drawn_of(state, law, metric)
-    return gaussian_or_reason if sample is None else float(np.quantile(sample, probability))
+    if sample is None:
+        return gaussian_or_reason
+    return float(np.quantile(sample, probability))
 
 
 def _history_errors(
@@ -333,14 +335,20 @@ def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floa
     """
     freedom = 3 if axis == "3d" else 1
     normal_quantiles = np.sqrt(stats.chi2.ppf([*_STORED, probability], freedom))
-    stored_places, place = normal_quantiles[:-1], normal_quantiles[-1]
-    upper = int(np.clip(np.searchsorted(stored_places, place), 1, len(_STORED) - 1))
+    stored_places = normal_quantiles[:-1]
+    place = normal_quantiles[-1]
+    insertion = np.searchsorted(stored_places, place)
+    upper = int(np.clip(insertion, 1, len(_STORED) - 1))
     stored = [rows[name].to_numpy(dtype=float) for name in _STORED.values()]
-    low, high = stored[upper - 1], stored[upper]
-    weight = (place - stored_places[upper - 1]) / (stored_places[upper] - stored_places[upper - 1])
+    low = stored[upper - 1]
+    high = stored[upper]
+    low_place = stored_places[upper - 1]
+    high_place = stored_places[upper]
+    weight = (place - low_place) / (high_place - low_place)
     with np.errstate(invalid="ignore"):  # infinite where runs failed
         quantile = low + weight * (high - low)
-    return np.where(np.isinf(high), np.where(weight > 0.0, np.inf, low), quantile)
+    with_failures = np.where(weight > 0.0, np.inf, low)
+    return np.where(np.isinf(high), with_failures, quantile)
 
 
 def _covariance_quantiles(
@@ -356,7 +364,8 @@ def _covariance_quantiles(
     quantiles = np.full(len(rows), np.nan)
     for k in {at_event, *np.argsort(-rms)[:_LARGEST].tolist()}:
         mean, covariance = _error_law(tables, case, metric, float(t[k]))
-        rms_of_law = float(np.sqrt(mean @ mean + np.trace(covariance)))
+        mean_square = mean @ mean + np.trace(covariance)
+        rms_of_law = float(np.sqrt(mean_square))
         scale = rms[k] / rms_of_law if rms_of_law > 0.0 else 0.0
         quantiles[k] = norm_quantile(mean, covariance, probability) * scale
     return quantiles
@@ -377,9 +386,11 @@ def _error_law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> 
     if axis == "3d" and quantity in _BLOCKS:
         joint_laws = laws(tables, case)
         if joint_laws:
-            nearest = int(np.argmin([abs(state.t - t) for state in states(tables, case)]))
+            distance = [abs(state.t - t) for state in states(tables, case)]
+            nearest = int(np.argmin(distance))
             block = _BLOCKS[quantity]
-            return joint_laws[nearest].mean[block], joint_laws[nearest].true[block, block]
+            law_at_state = joint_laws[nearest]
+            return law_at_state.mean[block], law_at_state.true[block, block]
     axes = [axis]
     if axis == "3d":
         axes = [component for name, component in tables.people if name == quantity and component != "3d"]

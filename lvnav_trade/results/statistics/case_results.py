@@ -187,7 +187,9 @@ def number_in(value: Any, unit: str) -> float:
     unit : str
         Unit of the result.
     """
-    return parse(value, unit) if isinstance(value, str) else float(value)
+    if isinstance(value, str):
+        return parse(value, unit)
+    return float(value)
 
 
 def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> float:

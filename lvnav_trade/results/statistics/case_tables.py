@@ -44,13 +44,16 @@ def _read_injection_law(tables: Tables, case: str) -> InjectionLaw | None:
     j = rows.other_quantity.map(quantity_index).to_numpy(dtype=int)
     covariance = np.zeros((len(sources), _N, _N))
     covariance[source, i, j] = covariance[source, j, i] = rows.covariance_si2.to_numpy(dtype=float)
-    knowledge, execution = np.zeros((2, len(sources), len(ORBIT)))
-    knowledge[0] = np.square(numbers.knowledge_si.to_numpy(dtype=float)[: len(ORBIT)])
-    execution[0] = np.square(numbers.execution_si.to_numpy(dtype=float)[: len(ORBIT)])
+    n_orbit = len(ORBIT)
+    knowledge, execution = np.zeros((2, len(sources), n_orbit))
+    knowledge_sigma = numbers.knowledge_si.to_numpy(dtype=float)
+    execution_sigma = numbers.execution_si.to_numpy(dtype=float)
+    knowledge[0] = np.square(knowledge_sigma[:n_orbit])
+    execution[0] = np.square(execution_sigma[:n_orbit])
     navigation_sources = set(rows.source[rows.source_group == "navigation"])
     return InjectionLaw(
         reference=numbers.reference_si.to_numpy(dtype=float),
-        target=numbers.target_si.to_numpy(dtype=float)[: len(ORBIT)],
+        target=numbers.target_si.to_numpy(dtype=float)[:n_orbit],
         mean=numbers.mean_si.to_numpy(dtype=float),
         second_order=numbers.second_order_si.to_numpy(dtype=float),
         sources=tuple(map(str, sources)),
@@ -98,7 +101,8 @@ class CaseTables(CaseResults):
 
     def failed(self, event: str) -> Bools:
         """Return which runs failed, at an event."""
-        return np.asarray(pick(self.tables.runs, case=self.case, event=event).failure.to_numpy() != "")
+        rows = pick(self.tables.runs, case=self.case, event=event)
+        return np.asarray(rows.failure.to_numpy() != "")
 
     def failed_runs(self) -> Bools:
         """Return which runs failed."""
@@ -129,10 +133,13 @@ class CaseTables(CaseResults):
         output = self.output(quantity, axis)
         if intervals.empty or output is None:
             return np.empty(0)
-        error = intervals[error_column(quantity, axis, output.unit)].to_numpy(dtype=float)
-        size = finite_sizes(error, intervals.failure.to_numpy() != "")
+        column = error_column(quantity, axis, output.unit)
+        error = intervals[column].to_numpy(dtype=float)
+        has_failed = intervals.failure.to_numpy() != ""
+        size = finite_sizes(error, has_failed)
         _, run = np.unique(intervals.run_number.to_numpy(), return_inverse=True)
-        largest = np.full(int(run.max()) + 1, -np.inf)
+        n_run = int(run.max()) + 1
+        largest = np.full(n_run, -np.inf)
         np.maximum.at(largest, run, size)
         return largest
 
@@ -182,9 +189,12 @@ class CaseTables(CaseResults):
         if during:
             first, last = phase(self.tables, self.case, during)
             rows = rows_between(rows, first, last)
-            return float(rows.level_si.max()) if len(rows) else float("nan")
+            if len(rows):
+                return float(rows.level_si.max())
+            return float("nan")
         t = instant(self.tables, self.case, at)
         if rows.empty or not np.isfinite(t):
             return float("nan")
-        nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))
+        distance = np.abs(rows.t_s.to_numpy() - t)
+        nearest = int(np.argmin(distance))
         return float(rows.level_si.iloc[nearest])

@@ -58,7 +58,9 @@ def in_people(value: Any) -> str:
         return _abridge([in_people(item) for item in value])
     quantity = split(value)
     if quantity is None:
-        return f"{value:.6g}" if isinstance(value, float) else str(value)
+        if isinstance(value, float):
+            return f"{value:.6g}"
+        return str(value)
     number, unit = quantity
     sheets = _SHEETS.get(unit, ((unit, 1.0),))
     not_above = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]
@@ -94,7 +96,11 @@ def case_names(tables: Tables) -> dict[str, str]:
     axes = list(next(iter(tables.levels.values()), {}))
     definitions = dict(zip(axes, tables.campaign.get("axes") or (), strict=False))
     card_names = {axis: _level_names(definitions[axis]) for axis in axes if axis in definitions}
-    varied_axes = [axis for axis in axes if len({levels[axis] for levels in tables.levels.values()}) > 1]
+    varied_axes = []
+    for axis in axes:
+        distinct_levels = {levels[axis] for levels in tables.levels.values()}
+        if len(distinct_levels) > 1:
+            varied_axes.append(axis)
     name_by_case = {}
     for case, levels in tables.levels.items():
         parts = []
@@ -106,7 +112,10 @@ def case_names(tables: Tables) -> dict[str, str]:
             has_card |= card_name is not None
         name_by_case[case] = SEPARATOR.join(parts) if has_card else tables.labels[case]
     count = Counter(name_by_case.values())
-    return {case: name if count[name] == 1 else tables.labels[case] for case, name in name_by_case.items()}
+    unique_names = {}
+    for case, name in name_by_case.items():
+        unique_names[case] = name if count[name] == 1 else tables.labels[case]
+    return unique_names
 
 
 def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
@@ -116,11 +125,18 @@ def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
     for value in axis.get("values") or ():
         name = value.get("name") if isinstance(value, Mapping) else None
         cards.append(None if name == _NAMELESS else name)
-    are_usable = all(isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name for name in cards)
+    are_usable = all(map(_is_usable, cards))
     are_from_files = all(_CARD_LABEL.fullmatch(str(label)) for label in labels)
-    if not (labels and are_usable and are_from_files) or len(set(cards)) < len(cards):
+    if not (labels and are_usable and are_from_files):
+        return {}
+    if len(set(cards)) < len(cards):
         return {}
     return {str(label): str(name) for label, name in zip(labels, cards, strict=True)}
+
+
+def _is_usable(name: Any) -> bool:
+    """Return whether the name of a card can be part of the name of a case."""
+    return isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name
 
 
 def named(tables: Tables) -> Tables:

@@ -50,7 +50,8 @@ def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) ->
     for name in metric_axes:
         history = pick_columns(tables.history, ("t_s", "lincov_mean_si"), case=case, quantity=quantity, axis=name)
         t, mean_error = history
-        mean.append(float(mean_error[np.argmin(np.abs(t - times[0]))]))
+        nearest = np.argmin(np.abs(t - times[0]))
+        mean.append(float(mean_error[nearest]))
     return Gaussian(np.array(mean), total, by_source)
 
 
@@ -144,13 +145,21 @@ def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: 
             probability = norm_probability(law.mean, law.covariance, bound)
             candidates.append((probability, law, event.replace("_", " ")))
     history = case.history(quantity, axis)
-    in_phase = (history.t >= first - SAME_TIME) & (history.t <= last + SAME_TIME) & (history.true > 0.0)
+    has_started = history.t >= first - SAME_TIME
+    has_not_ended = history.t <= last + SAME_TIME
+    in_phase = has_started & has_not_ended & (history.true > 0.0)
     if axis != "3d" and in_phase.any():
-        t, sigma, mean = history.t[in_phase], history.true[in_phase], history.mean[in_phase]
-        probabilities = probability_between((-bound - mean) / sigma, (bound - mean) / sigma)
+        t = history.t[in_phase]
+        sigma = history.true[in_phase]
+        mean = history.mean[in_phase]
+        low = (-bound - mean) / sigma
+        high = (bound - mean) / sigma
+        probabilities = probability_between(low, high)
         k = int(np.argmin(probabilities))
-        law = Gaussian(mean[k : k + 1], sigma[k : k + 1, None] ** 2, {})
-        candidates.append((float(probabilities[k]), law, f"{t[k]:.0f} s"))
+        variance = sigma[k : k + 1, None] ** 2
+        law = Gaussian(mean[k : k + 1], variance, {})
+        least_probability = float(probabilities[k])
+        candidates.append((least_probability, law, f"{t[k]:.0f} s"))
     if not candidates:
         return None
     _, law, moment = min(candidates, key=lambda candidate: candidate[0])

@@ -43,7 +43,8 @@ def within(tables: Tables, case: str, rows: pd.DataFrame, statement: Mapping[str
     t = instant(tables, case, _event_named(statement))
     if not np.isfinite(t):
         return rows.iloc[:0]
-    nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))
+    distance = np.abs(rows.t_s.to_numpy() - t)
+    nearest = int(np.argmin(distance))
     return rows.iloc[nearest : nearest + 1]
 
 
@@ -97,7 +98,8 @@ def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str
         Errors in the order of the runs, SI, infinite for a failed run; empty if the results do not have them.
     """
     first, last = phase(tables, case, str(statement["during"]))
-    intervals = rows_between(pick(tables.interval_errors, case=case), first, last, end="t_end_s")
+    case_intervals = pick(tables.interval_errors, case=case)
+    intervals = rows_between(case_intervals, first, last, end="t_end_s")
     if intervals.empty or column not in intervals.columns or intervals[column].isna().all():
         return np.empty(0)
     # Errors are stored by interval between events, which cover a phase only if it starts and ends at events.
@@ -111,7 +113,8 @@ def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str
     duration = intervals.t_end_s - intervals.t_s
     square_integral = (size**2 * duration).groupby(intervals.run_number).sum()
     total_duration = duration.groupby(intervals.run_number).sum()
-    return np.sqrt((square_integral / total_duration).to_numpy())
+    mean_square = square_integral / total_duration
+    return np.sqrt(mean_square.to_numpy())
 
 
 def signed(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
@@ -136,6 +139,8 @@ def signed(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -
     quantity, axis = split_metric(str(statement["metric"]))
     if statement.get("during"):
         return np.empty(0)
-    rows = errors_by_axis(tables, case, _event_named(statement), quantity)
-    error = rows[error_column(quantity, axis, unit)].astype(float)
+    event = _event_named(statement)
+    rows = errors_by_axis(tables, case, event, quantity)
+    column = error_column(quantity, axis, unit)
+    error = rows[column].astype(float)
     return error.mask(rows.failure != "", np.inf).to_numpy()

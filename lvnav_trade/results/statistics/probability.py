@@ -153,14 +153,17 @@ def norm_probability(mean: ArrayLike, covariance: ArrayLike, limit: float) -> fl
     """
     if not limit > 0.0:
         return 0.0
-    variance, axes = np.linalg.eigh(np.atleast_2d(np.asarray(covariance, dtype=float)))
+    P = np.atleast_2d(np.asarray(covariance, dtype=float))
+    m = np.atleast_1d(np.asarray(mean, dtype=float))
+    variance, axes = np.linalg.eigh(P)
     sigma = np.sqrt(np.maximum(0.0, variance))  # ascending: the last axis, of largest sigma, is done in closed form
-    centre = axes.T @ np.atleast_1d(np.asarray(mean, dtype=float))
+    centre = axes.T @ m
     radius_squared = np.array([limit**2])
     weight = np.array([1.0])
     for k in range(len(sigma) - 1):
         radius_squared, weight = _integrate_axis(radius_squared, weight, float(centre[k]), float(sigma[k]))
-    inside = _probability_within(np.sqrt(radius_squared), float(centre[-1]), float(sigma[-1]))
+    radius = np.sqrt(radius_squared)
+    inside = _probability_within(radius, float(centre[-1]), float(sigma[-1]))
     return float(np.clip(np.sum(weight * inside), 0.0, 1.0))
 
 
@@ -192,24 +195,29 @@ def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -
     # In components scaled by their limits the box is -1 to 1 along every axis.
     centre = np.asarray(mean, dtype=float) / half_width
     scaled = np.asarray(covariance, dtype=float) / np.outer(half_width, half_width)
-    jitter = 1e-14 * max(float(np.trace(scaled)), 1e-300)  # a component without variance has a factor, too
+    total_variance = float(np.trace(scaled))
+    jitter = 1e-14 * max(total_variance, 1e-300)  # a component without variance has a factor, too
     factor = np.linalg.cholesky(scaled + jitter * np.eye(3))
     weight = np.array([1.0])
     normals = np.zeros((1, 0))  # (n, k): independent standard normals of the components before k, at the nodes
     for k in range(2):
         conditional_mean = (centre[k] + normals @ factor[k, :k])[:, None]
-        low = np.clip((-1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
-        high = np.clip((1.0 - conditional_mean) / factor[k, k], -_REACH, _REACH)
+        sigma = factor[k, k]
+        low = np.clip((-1.0 - conditional_mean) / sigma, -_REACH, _REACH)
+        high = np.clip((1.0 - conditional_mean) / sigma, -_REACH, _REACH)
+        width = high - low
         middle = 0.5 * (high + low)
-        x = middle + 0.5 * (high - low) * _NODES
+        x = middle + 0.5 * width * _NODES
         density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
-        probability = density * 0.5 * (high - low) * _WEIGHTS
+        probability = density * 0.5 * width * _WEIGHTS
         weight = (weight[:, None] * probability).ravel()
         earlier_normals = np.repeat(normals, len(_NODES), axis=0)
         normals = np.column_stack([earlier_normals, x.ravel()])
     conditional_mean = centre[2] + normals @ factor[2, :2]
     sigma = factor[2, 2]
-    last = probability_between((-1.0 - conditional_mean) / sigma, (1.0 - conditional_mean) / sigma)
+    low = (-1.0 - conditional_mean) / sigma
+    high = (1.0 - conditional_mean) / sigma
+    last = probability_between(low, high)
     return float(np.clip(np.sum(weight * last), 0.0, 1.0))
 
 
@@ -237,7 +245,8 @@ def _integrate_axis(radius_squared: Floats, weight: Floats, centre: float, sigma
     half = 0.5 * (high - low)[:, None]
     x = middle + half * np.sin(angle)
     step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
-    exponent = -0.5 * ((x - centre) / sigma) ** 2
+    normalised = (x - centre) / sigma
+    exponent = -0.5 * normalised**2
     density = np.exp(exponent) / (sigma * np.sqrt(2.0 * np.pi))
     rest_squared = np.maximum(radius_squared[:, None] - x**2, 0.0)
     node_weight = weight[:, None] * density * step
@@ -358,7 +367,8 @@ def predicted(u: Floats, value: Floats) -> float:
     orthonormal, _ = np.linalg.qr(design)
     leverage = np.minimum(np.sum(orthonormal**2, axis=1), 1.0 - 1e-9)
     residual = (log_value - design @ fitted(u, value)) / (1.0 - leverage)
-    squared_error = (value - np.exp(log_value - residual)) ** 2
+    prediction = np.exp(log_value - residual)
+    squared_error = (value - prediction) ** 2
     return float(1.0 - np.mean(squared_error) / np.var(value))
 
 

@@ -120,8 +120,10 @@ def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
     instants = [("start", start), *events, ("end", end)]
     spans = [("flight", max(start, 0.0), end)]
     for (first, t_first), (second, t_second) in pairwise(instants):
-        if t_second - t_first > SAME_TIME:
-            spans.append((f"{first} to {second}", t_first, t_second))
+        duration = t_second - t_first
+        if duration > SAME_TIME:
+            name = f"{first} to {second}"
+            spans.append((name, t_first, t_second))
     spans += [(event, t, t) for event, t in events]
     return spans
 
@@ -273,4 +275,6 @@ def time_mean(t: np.ndarray, value: np.ndarray) -> float:
         Values at these times.
     """
     duration = t[-1] - t[0]
-    return float(np.trapezoid(value, t) / duration) if duration > 0.0 else float(value[0])
+    if duration > 0.0:
+        return float(np.trapezoid(value, t) / duration)
+    return float(value[0])

@@ -39,7 +39,8 @@ def controlled_columns(nozzle: NozzleStatistics) -> dict[str, dict[str, Any]]:
 def _travel(nozzle: NozzleStatistics) -> dict[str, Any]:
     feed, run, burn, axis = np.indices(nozzle.total.shape).reshape(4, -1)
     n_burn = nozzle.total.shape[2] - 1
-    burns = np.array([WHOLE, *(f"burn {number}" for number in range(1, n_burn + 1))])
+    burn_names = [f"burn {number}" for number in range(1, n_burn + 1)]
+    burns = np.array([WHOLE, *burn_names])
     return {
         "controller_rate": np.array(FEEDS)[feed],
         "run_number": run,

@@ -48,7 +48,9 @@ def table_of(parts: Sequence[Any], identity: str, passes: int) -> pa.Table:
             values = [texts[k] for k in order]
         else:
             missing = [np.full(len(part.number), np.nan) for part in parts]
-            numbers = [part.numbers.get(field.name, nan) for part, nan in zip(parts, missing, strict=True)]
+            numbers = []
+            for part, nan in zip(parts, missing, strict=True):
+                numbers.append(part.numbers.get(field.name, nan))
             values = np.concatenate(numbers)[order]
         arrays.append(column(values, field.type))
     table = pa.table(arrays, schema=schema)

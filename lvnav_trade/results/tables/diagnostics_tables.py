@@ -79,7 +79,9 @@ def _total_rows(prepared: Prepared, cov: CovHistory) -> Rows:
         name = {"event": event, "t_s": float(cov.t[k]), "source": ""}
         for group in _axis_groups(prepared):
             block = np.ix_(group, group)
-            entries = _covariance_rows(prepared, group, cov.true_cov[k][block], cov.formal_cov[k][block])
+            true = cov.true_cov[k][block]
+            formal = cov.formal_cov[k][block]
+            entries = _covariance_rows(prepared, group, true, formal)
             rows += [name | entry for entry in entries]
     return rows
 
@@ -102,7 +104,10 @@ def _adjoint_rows(event: str, budget: AdjointBudget) -> Rows:
         (output.quantity, output.axis, output.unit, budget.contribution[k]) for k, output in enumerate(budget.outputs)
     ]
     for quantity in dict.fromkeys(output.quantity for output in budget.outputs):
-        axes = [k for k, output in enumerate(budget.outputs) if output.quantity == quantity and output.axis != NORM]
+        axes = []
+        for k, output in enumerate(budget.outputs):
+            if output.quantity == quantity and output.axis != NORM:
+                axes.append(k)
         norm = np.sum([budget.contribution[k] for k in axes], axis=0)
         series.append((quantity, NORM, budget.outputs[axes[0]].unit, norm))
 

@@ -145,7 +145,10 @@ def _arrow_table(name: str, case_id: str, content: dict[str, Any] | list[dict[st
     schema = arrow_schema(name, tuple(further_columns))
     arrays = []
     for field in schema:
-        values = case_id if field.name == "case" else content.get(field.name, ())
+        if field.name == "case":
+            values = case_id
+        else:
+            values = content.get(field.name, ())
         if isinstance(values, str):
             values = Coded([values], np.zeros(n_row))
         elif isinstance(values, int | float):
@@ -333,16 +336,19 @@ class _Variances(NamedTuple):
 def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     """Split the variance by source: every column at the events, the navigation norms over the history."""
     stored_columns = columns(prepared.outputs)
-    variance = add_norms(np.sqrt(np.maximum(cov.budget, 0.0)), prepared.outputs) ** 2
+    sigma = np.sqrt(np.maximum(cov.budget, 0.0))
+    variance = add_norms(sigma, prepared.outputs) ** 2
     total = variance.sum(axis=1, keepdims=True)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
     variances = _Variances(variance, share)
 
     norms = [k for k, output in enumerate(stored_columns) if output.axis == NORM and output.quantity in DRAWN]
     all_columns = list(range(len(stored_columns)))
-    blocks = [_budget_block("", np.arange(len(cov.t)), norms, stored_columns, cov, variances)]
+    all_times = np.arange(len(cov.t))
+    blocks = [_budget_block("", all_times, norms, stored_columns, cov, variances)]
     for event, t in prepared.trajectory.events.items():
-        times = np.array([np.argmin(np.abs(cov.t - t))])
+        nearest = np.argmin(np.abs(cov.t - t))
+        times = np.array([nearest])
         blocks.append(_budget_block(event, times, all_columns, stored_columns, cov, variances))
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 

@@ -92,7 +92,8 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
     delays = prepared.delays
     step = 1  # every n-th epoch is stored
     if len(sky.t) > 1:
-        step = max(1, round(SKY_STEP / float(np.median(np.diff(sky.t)))))
+        interval = float(np.median(np.diff(sky.t)))
+        step = max(1, round(SKY_STEP / interval))
     elevation = sky.elevation[::step]
     tracked = sky.tracked[::step]
     is_stored = (elevation > 0.0) | tracked | (sky.state[::step] != IDLE)
@@ -174,9 +175,11 @@ def _stored_times(prepared: Prepared, cov: CovHistory) -> _StoredTimes:
         if first <= t <= last:
             events.append(event)
             places.append(int(np.argmin(np.abs(cov.t - t))))
-    grid = {int(np.argmin(np.abs(cov.t - t))) for t in np.arange(0.0, last + 1e-6, STEP)}
+    grid_times = np.arange(0.0, last + 1e-6, STEP)
+    grid = {int(np.argmin(np.abs(cov.t - t))) for t in grid_times}
+    no_events = [""] * len(grid)
     return _StoredTimes(
-        events=[*events, *[""] * len(grid)],
+        events=[*events, *no_events],
         places=[*places, *sorted(grid)],
     )
 
@@ -196,7 +199,8 @@ def _state_components(r_i: Floats, v_i: Floats, axes: Floats) -> dict[str, Any]:
     dict of str to (n,) array
         Components of position and velocity, and the quaternion of the rotation from the reporting axes to frame i.
     """
-    turn = frames.quaternions(np.swapaxes(axes, 1, 2), continuous=False)  # the rows are not in order of time
+    to_inertial = np.swapaxes(axes, 1, 2)
+    turn = frames.quaternions(to_inertial, continuous=False)  # the rows are not in order of time
     content = {f"position_{axis}_m": r_i[:, k] for k, axis in enumerate("xyz")}
     content |= {f"velocity_{axis}_m_per_s": v_i[:, k] for k, axis in enumerate("xyz")}
     content |= {f"axes_q{k}_ratio": turn[:, k] for k in range(4)}
@@ -222,14 +226,16 @@ def _joint_covariances(
         Reporting axes at each time as rows, frame i.
     """
     n = len(times.places)
+    to_inertial = np.swapaxes(axes, 1, 2)
     turn = np.zeros((n, 6, 6))
-    turn[:, :3, :3] = np.swapaxes(axes, 1, 2)
-    turn[:, 3:, 3:] = np.swapaxes(axes, 1, 2)
+    turn[:, :3, :3] = to_inertial
+    turn[:, 3:, 3:] = to_inertial
     back = np.swapaxes(turn, 1, 2)
     block = np.ix_(times.places, errors, errors)
     true = turn @ cov.true_cov[block] @ back
     formal = turn @ cov.formal_cov[block] @ back
-    mean = np.einsum("nij,nj->ni", turn, cov.mean[np.ix_(times.places, errors)])
+    reporting_mean = cov.mean[np.ix_(times.places, errors)]
+    mean = np.einsum("nij,nj->ni", turn, reporting_mean)
     i, j = np.triu_indices(6)
     return {
         "event": Coded(times.events, np.repeat(np.arange(n), i.size)),

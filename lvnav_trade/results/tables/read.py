@@ -113,7 +113,8 @@ class Tables:
     @cached_property
     def levels(self) -> dict[str, dict[str, str]]:
         """Level of every axis by digest of the case, in the order of the plan."""
-        return {case: json.loads(axes) for case, axes in zip(self.cases.case, self.cases["axes"], strict=True)}
+        axes_by_case = zip(self.cases.case, self.cases["axes"], strict=True)
+        return {case: json.loads(axes) for case, axes in axes_by_case}
 
     @cached_property
     def people(self) -> dict[tuple[str, str], tuple[str, float]]:

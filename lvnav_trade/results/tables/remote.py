@@ -46,7 +46,8 @@ def copy_to(folder: Path, url: str) -> int:
             target = f"{place}/{name}"
             files.makedirs(target.rpartition("/")[0], exist_ok=True)
             files.put_file(str(folder / name), target)
-        for name in set(earlier_names) - {*names, *_LAST}:
+        stale_names = set(earlier_names) - {*names, *_LAST}
+        for name in stale_names:
             if files.exists(f"{place}/{name}"):
                 files.rm_file(f"{place}/{name}")
     return len(names) + len(_LAST)

@@ -65,7 +65,8 @@ def run_columns(
             "injections": {},
             "failed_injection_draws": {},
         }
-    failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
+    names = [FAILURES.get(int(code), f"code {code}") for code in summary.failed]
+    failures = np.array(names)
     n_event = len(summary.events)
     runs = {
         "run_number": np.repeat(summary.runs, n_event),
@@ -184,8 +185,9 @@ def trace_columns(outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> di
     units = [stored_columns[k].unit for k in norms]
     pieces: list[dict[str, Any]] = []
     for block in blocks:
-        step = max(1, math.ceil(len(block.t) / MOST_TIMES))
-        index = np.arange(len(block.t))[::-step][::-1]
+        n_time = len(block.t)
+        step = max(1, math.ceil(n_time / MOST_TIMES))
+        index = np.arange(n_time)[::-step][::-1]
         t = block.t[index]
         error = add_norms(block.err[0, index], outputs)[:, norms]
         sigma = add_norms(block.sigma[0, index], outputs)[:, norms]

@@ -174,11 +174,14 @@ class Coded(Sequence[str]):
         if len(encoded) == 1:
             text = encoded[0]
             offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(text))
-            return pa.StringArray.from_buffers(n, pa.py_buffer(offsets), pa.py_buffer(text * n))
-        offsets = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+            content = text * n
+            return pa.StringArray.from_buffers(n, pa.py_buffer(offsets), pa.py_buffer(content))
+        lengths = map(len, encoded)
+        offsets = np.cumsum([0, *lengths], dtype=np.int32)
         content = b"".join(encoded)
         distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(offsets), pa.py_buffer(content))
-        numbers = pa.Array.from_buffers(pa.int32(), n, [None, pa.py_buffer(self.numbers)])
+        buffers = [None, pa.py_buffer(self.numbers)]
+        numbers = pa.Array.from_buffers(pa.int32(), n, buffers)
         return distinct.take(numbers)
 
 
@@ -208,15 +211,19 @@ def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.A
     if array.size == 0:
         array = array.astype(dtype)  # numpy converts an empty list to real numbers
     array = np.ascontiguousarray(array.astype(dtype, casting="same_kind", copy=False))
-    content = np.packbits(array, bitorder="little") if kind == pa.bool_() else array
+    if kind == pa.bool_():
+        content = np.packbits(array, bitorder="little")
+    else:
+        content = array
     return pa.Array.from_buffers(kind, array.size, [None, pa.py_buffer(content)])
 
 
 def texts(values: list[str]) -> pa.StringArray:
     """Return texts, most of them repeated, as an Arrow array."""
-    number_by_text = {text: number for number, text in enumerate(dict.fromkeys(values))}
+    distinct = list(dict.fromkeys(values))
+    number_by_text = {text: number for number, text in enumerate(distinct)}
     numbers = np.fromiter((number_by_text[text] for text in values), np.int32, len(values))
-    return Coded(list(number_by_text), numbers).texts()
+    return Coded(distinct, numbers).texts()
 
 
 def binaries(values: list[NDArray[Any]]) -> pa.LargeBinaryArray:
@@ -225,9 +232,11 @@ def binaries(values: list[NDArray[Any]]) -> pa.LargeBinaryArray:
     ends = np.cumsum([0, *sizes], dtype=np.int64)
     content = np.empty(int(ends[-1]), dtype=np.uint8)
     for value, start, end in zip(values, ends, ends[1:], strict=False):
-        content[start:end] = value.reshape(-1).view(np.uint8)
+        flat = value.reshape(-1)
+        content[start:end] = flat.view(np.uint8)
     buffers = [None, pa.py_buffer(ends), pa.py_buffer(content)]
-    return pa.LargeBinaryArray.from_buffers(pa.large_binary(), len(values), buffers)
+    n_row = len(values)
+    return pa.LargeBinaryArray.from_buffers(pa.large_binary(), n_row, buffers)
 
 
 def integers(rows: Sequence[Sequence[int]]) -> pa.ListArray:
