@@ -286,7 +286,8 @@ def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
     gravitation = r_e * (attraction * (1.0 + flattening * (np.array([1.0, 1.0, 3.0]) - sine2)))
     # centrifugal and Coriolis acceleration of the rotating axes
     rate = EARTH_RATE_PZ90
-    x, y = r_e[..., 0], r_e[..., 1]
+    x = r_e[..., 0]
+    y = r_e[..., 1]
     rotation_x = rate * (rate * x + 2.0 * v_e[..., 1])
     rotation_y = rate * (rate * y - 2.0 * v_e[..., 0])
     rotation = np.stack([rotation_x, rotation_y, np.zeros_like(x)], axis=-1)

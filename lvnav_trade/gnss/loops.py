@@ -83,14 +83,17 @@ def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
     cn0 : (...,) dB-Hz
         Carrier-to-noise density.
     """
-    c, spacing, width = _ratio(cn0), card.spacing, card.front_end / card.code_rate
+    c = _ratio(cn0)
+    spacing = card.spacing
+    width = card.front_end / card.code_rate
     squaring = 2.0 / (card.integration * c * (2.0 - spacing))
     if spacing >= math.pi / width:
         shape = spacing
     elif spacing > 1.0 / width:
         shape = 1.0 / width + width / (math.pi - 1.0) * (spacing - 1.0 / width) ** 2
     else:
-        shape, squaring = 1.0 / width, 1.0 / (card.integration * c)
+        shape = 1.0 / width
+        squaring = 1.0 / (card.integration * c)
     return np.asarray(card.chip * np.sqrt(0.5 * card.code_bandwidth / c * shape * (1.0 + squaring)))
 
 
@@ -122,7 +125,8 @@ def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats
     factor : float
         F: 1 for strong signals, 2 near threshold.
     """
-    c, period = _ratio(cn0), card.integration
+    c = _ratio(cn0)
+    period = card.integration
     spread = np.sqrt(4.0 * factor * card.carrier_bandwidth / c * (1.0 + 1.0 / (period * c)))
     return np.asarray(spread / (2.0 * math.pi * period))
 

@@ -73,9 +73,15 @@ def matrix(q0, q1, q2, q3):
     q0, q1, q2, q3 : unit quaternion, scalar part first, body to inertial
     """
     a, b, c = q1 + q1, q2 + q2, q3 + q3  # every product below has the factor 2
-    xx, yy, zz = a * q1, b * q2, c * q3
-    xy, xz, yz = a * q2, a * q3, b * q3
-    wx, wy, wz = a * q0, b * q0, c * q0
+    xx = a * q1
+    yy = b * q2
+    zz = c * q3
+    xy = a * q2
+    xz = a * q3
+    yz = b * q3
+    wx = a * q0
+    wy = b * q0
+    wz = c * q0
     return (
         1.0 - yy - zz,
         xy - wz,

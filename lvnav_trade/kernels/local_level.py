@@ -218,8 +218,12 @@ def _quaternion(m):
     t2 = 1.0 - m[0] + m[4] - m[8]
     t3 = 1.0 - m[0] - m[4] + m[8]
     # 4 q_0 q_1, 4 q_0 q_2, 4 q_0 q_3, 4 q_1 q_2, 4 q_1 q_3, 4 q_2 q_3
-    p01, p02, p03 = m[7] - m[5], m[2] - m[6], m[3] - m[1]
-    p12, p13, p23 = m[3] + m[1], m[2] + m[6], m[7] + m[5]
+    p01 = m[7] - m[5]
+    p02 = m[2] - m[6]
+    p03 = m[3] - m[1]
+    p12 = m[3] + m[1]
+    p13 = m[2] + m[6]
+    p23 = m[7] + m[5]
     q0, q1, q2, q3, t = t0, p01, p02, p03, t0
     q0, q1, q2, q3, t = _larger(p01, t1, p12, p13, t1, q0, q1, q2, q3, t)
     q0, q1, q2, q3, t = _larger(p02, p12, t2, p23, t2, q0, q1, q2, q3, t)
@@ -281,7 +285,10 @@ def to_local(nav, code, q, v, r):
     nav[v], nav[v + 1], nav[v + 2] = rotate(c, nav[v], nav[v + 1], nav[v + 2])
     p0, p1, p2, p3 = _quaternion(c)
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
-    nav[q], nav[q + 1], nav[q + 2], nav[q + 3] = p0, p1, p2, p3
+    nav[q] = p0
+    nav[q + 1] = p1
+    nav[q + 2] = p2
+    nav[q + 3] = p3
 
 
 @jit
@@ -301,5 +308,8 @@ def from_local(nav, code, q, v, r):
     nav[v], nav[v + 1], nav[v + 2] = rotate_back(c, nav[v], nav[v + 1], nav[v + 2])
     p0, p1, p2, p3 = _quaternion((c[0], c[3], c[6], c[1], c[4], c[7], c[2], c[5], c[8]))
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
-    nav[q], nav[q + 1], nav[q + 2], nav[q + 3] = p0, p1, p2, p3
+    nav[q] = p0
+    nav[q + 1] = p1
+    nav[q + 2] = p2
+    nav[q + 3] = p3
     nav[r], nav[r + 1], nav[r + 2] = position_of(px, py, pz)

@@ -5,6 +5,7 @@ only for cases that use them.
 """
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate, rotate_back
+from lvnav_trade.kernels.coning import increment_sums, pair_products, velocity_rotation, within
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
@@ -19,79 +20,12 @@ from lvnav_trade.kernels.strapdown import (
     R,
     V,
     gravity,
-    increment_sums,
     integrate,
     mean_fictitious,
     to_earth_fixed,
     to_inertial,
     turn_sums,
-    within,
 )
-
-
-@jit
-def _pair_products(increments, first, further):
-    """Return coning (3) rad and sculling (3) m/s by the weighted products of all pairs of increments of a step.
-
-    With the weights b_jk, coning is the sum over j < k of b_jk w_j x w_k, and sculling that of
-    b_jk (w_j x f_k + f_j x w_k).
-
-    Parameters
-    ----------
-    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
-    first : index of the first increment of the step
-    further : StrapdownExtensions, with the weights `pairs`
-    """
-    zero = like(increments[first, 0], 0.0)
-    cx = cy = cz = zero
-    sx = sy = sz = zero
-    for k in range(1, further.pairs.shape[0]):
-        px = py = pz = zero
-        ux = uy = uz = zero
-        for j in range(k):
-            weight = further.pairs[j, k]
-            row = first + j
-            px += weight * increments[row, 0]
-            py += weight * increments[row, 1]
-            pz += weight * increments[row, 2]
-            ux += weight * increments[row, 3]
-            uy += weight * increments[row, 4]
-            uz += weight * increments[row, 5]
-        later = first + k
-        wx = increments[later, 0]
-        wy = increments[later, 1]
-        wz = increments[later, 2]
-        dx, dy, dz = cross(px, py, pz, wx, wy, wz)
-        ax, ay, az = cross(px, py, pz, increments[later, 3], increments[later, 4], increments[later, 5])
-        bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-        cx += dx
-        cy += dy
-        cz += dz
-        sx += ax + bx
-        sy += ay + by
-        sz += az + bz
-    return cx, cy, cz, sx, sy, sz
-
-
-@jit
-def _velocity_rotation(wx, wy, wz, fx, fy, fz):
-    """Return the change (3) m/s of a velocity increment by a simultaneous rotation at constant rates.
-
-    It is (1 - cos a) / a^2 w x f + (a - sin a) / a^3 w x (w x f), a the magnitude of w, by series in a^2 (Savage,
-    J. Guidance 21, 1998, part 2).
-
-    Parameters
-    ----------
-    wx, wy, wz : rad, angle increment w of the step, body axes
-    fx, fy, fz : m/s, velocity increment f of the step, body axes
-    """
-    square = wx * wx + wy * wy + wz * wz
-    # (1 - cos a) / a^2 = 1/2! - a^2/4! + a^4/6! - ..., (a - sin a) / a^3 = 1/3! - a^2/5! + a^4/7! - ...
-    first = 0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 - square * (1.0 / 40320.0)))
-    second = 1.0 / 6.0 + square * (-1.0 / 120.0 + square * (1.0 / 5040.0 - square * (1.0 / 362880.0)))
-    ax, ay, az = cross(wx, wy, wz, fx, fy, fz)
-    bx, by, bz = cross(wx, wy, wz, ax, ay, az)
-    return first * ax + second * bx, first * ay + second * by, first * az + second * bz
 
 
 @jit
@@ -173,21 +107,33 @@ def _compensate_step(further, previous, increments, first, algorithm):
     sz = az + algorithm.across * bz
     if algorithm.weights.shape[0] > 0:
         ax, ay, az, bx, by, bz = within(increments, first, algorithm)
-        cx, cy, cz = cx + ax, cy + ay, cz + az
-        sx, sy, sz = sx + bx, sy + by, sz + bz
+        cx = cx + ax
+        cy = cy + ay
+        cz = cz + az
+        sx = sx + bx
+        sy = sy + by
+        sz = sz + bz
     if further.pairs.shape[0] > 0:
-        ax, ay, az, bx, by, bz = _pair_products(increments, first, further)
-        cx, cy, cz = cx + ax, cy + ay, cz + az
-        sx, sy, sz = sx + bx, sy + by, sz + bz
-        ax, ay, az = _velocity_rotation(wx, wy, wz, fx, fy, fz)
+        ax, ay, az, bx, by, bz = pair_products(increments, first, further)
+        cx = cx + ax
+        cy = cy + ay
+        cz = cz + az
+        sx = sx + bx
+        sy = sy + by
+        sz = sz + bz
+        ax, ay, az = velocity_rotation(wx, wy, wz, fx, fy, fz)
     else:
         ax, ay, az = cross(0.5 * wx, 0.5 * wy, 0.5 * wz, fx, fy, fz)
     last = first + n - 1
     for i in range(6):
         previous[i] = increments[last, i]
     if further.pairs.shape[0] == 0:
-        previous[0], previous[1], previous[2] = wx, wy, wz
-        previous[3], previous[4], previous[5] = fx, fy, fz
+        previous[0] = wx
+        previous[1] = wy
+        previous[2] = wz
+        previous[3] = fx
+        previous[4] = fy
+        previous[5] = fz
     dx = fx + ax + sx
     dy = fy + ay + sy
     dz = fz + az + sz
@@ -253,8 +199,12 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
         first = k * algorithm.subsamples
         x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = _compensate_step(further, previous, increments, first, algorithm)
         sx, sy, sz = _add_attitude(nav, sums, half, dx, dy, dz)
-        rx, ry, rz = nav[R], nav[R + 1], nav[R + 2]
-        vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
+        rx = nav[R]
+        ry = nav[R + 1]
+        rz = nav[R + 2]
+        vx = nav[V]
+        vy = nav[V + 1]
+        vz = nav[V + 2]
         if further.local > 0:
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _local_step(
                 further, algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
@@ -263,8 +213,12 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _fixed_step(
                 algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
             )
-        nav[R], nav[R + 1], nav[R + 2] = rx, ry, rz
-        nav[V], nav[V + 1], nav[V + 2] = vx, vy, vz
+        nav[R] = rx
+        nav[R + 1] = ry
+        nav[R + 2] = rz
+        nav[V] = vx
+        nav[V + 1] = vy
+        nav[V + 2] = vz
         # q+ = q(-t) q q(rotation vector), with t the rotation of the axes
         h0, h1, h2, h3 = from_rotation(-tx, -ty, -tz)
         q0, q1, q2, q3 = multiply(h0, h1, h2, h3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
@@ -346,7 +300,9 @@ def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, alg
         to_earth_fixed(nav, algorithm, algorithm.angle + OMEGA * seconds)
     if further.local > 0:
         to_local(nav, further.local, Q, V, R)
-        px, py, pz = nav[R], nav[R + 1], nav[R + 2]
+        px = nav[R]
+        py = nav[R + 1]
+        pz = nav[R + 2]
         _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
         # the sum of the places at start and end has the direction of the place at mid-window
         _rotate_sums(sums, further.local, px + nav[R], py + nav[R + 1], pz + nav[R + 2])

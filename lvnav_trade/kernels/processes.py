@@ -178,8 +178,12 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     for k in range(n_tick):
         tick = first_tick + k
         row = at + k
-        a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
-        f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
+        a0 = dtheta[tick, 0]
+        a1 = dtheta[tick, 1]
+        a2 = dtheta[tick, 2]
+        f0 = dvel[tick, 0]
+        f1 = dvel[tick, 1]
+        f2 = dvel[tick, 2]
         number = np.uint64(tick)
         # a draw is keyed by tick, so it does not depend on how the flight is divided into windows
         n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, number, np.uint64(0))
@@ -215,16 +219,28 @@ def compensate(increments, n_tick, gyro, accel, biases_only, dt):
     dt : s, of a tick
     """
     for k in range(n_tick):
-        a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
-        f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
+        a0 = increments[k, 0]
+        a1 = increments[k, 1]
+        a2 = increments[k, 2]
+        f0 = increments[k, 3]
+        f1 = increments[k, 4]
+        f2 = increments[k, 5]
         w0, w1, w2 = a0, a1, a2
         g0, g1, g2 = f0, f1, f2
         for _ in range(2):
             e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, biases_only, w0, w1, w2, g0, g1, g2, dt)
-            w0, w1, w2 = a0 - e0, a1 - e1, a2 - e2
-            g0, g1, g2 = f0 - e3, f1 - e4, f2 - e5
-        increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
-        increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2
+            w0 = a0 - e0
+            w1 = a1 - e1
+            w2 = a2 - e2
+            g0 = f0 - e3
+            g1 = f1 - e4
+            g2 = f2 - e5
+        increments[k, 0] = w0
+        increments[k, 1] = w1
+        increments[k, 2] = w2
+        increments[k, 3] = g0
+        increments[k, 4] = g1
+        increments[k, 5] = g2
 
 
 @jit
@@ -252,6 +268,7 @@ def profile_value(unit, profile, axis, t):
     float
         Bias (rad/s or m/s^2) or scale factor.
     """
-    first, last = unit.profile_start[profile], unit.profile_end[profile]
+    first = unit.profile_start[profile]
+    last = unit.profile_end[profile]
     share = min(1.0, max(0.0, (t - first) / (last - first)))
     return share * unit.profile[profile, axis]

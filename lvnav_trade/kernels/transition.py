@@ -73,9 +73,15 @@ def sensed_driver(sensor, kind, rate, force):
 @inlined
 def _skew(block, x, y, z):
     """Set a block to the cross-product matrix [x, y, z] x."""
-    block[0], block[1], block[2] = 0.0 * x, -z, y
-    block[3], block[4], block[5] = z, 0.0 * x, -x
-    block[6], block[7], block[8] = -y, x, 0.0 * x
+    block[0] = 0.0 * x
+    block[1] = -z
+    block[2] = y
+    block[3] = z
+    block[4] = 0.0 * x
+    block[5] = -x
+    block[6] = -y
+    block[7] = x
+    block[8] = 0.0 * x
 
 
 @inlined
@@ -89,9 +95,15 @@ def _gradient(block, factor, x, y, z):
     x, y, z : m, position, frame i
     """
     xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
-    block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
-    block[3], block[4], block[5] = factor * xy, factor * yy, factor * yz
-    block[6], block[7], block[8] = factor * xz, factor * yz, factor * zz
+    block[0] = factor * xx
+    block[1] = factor * xy
+    block[2] = factor * xz
+    block[3] = factor * xy
+    block[4] = factor * yy
+    block[5] = factor * yz
+    block[6] = factor * xz
+    block[7] = factor * yz
+    block[8] = factor * zz
 
 
 @inlined
@@ -114,7 +126,9 @@ def _column(block, factor, sums, ux, uy, uz):
 @inlined
 def _cross_column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * [velocity gained x] (integral of C) diag(u); arguments as in `_column`."""
-    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    vx = sums[SUM_V]
+    vy = sums[SUM_V + 1]
+    vz = sums[SUM_V + 2]
     for column in range(3):
         u = (ux, uy, uz)[column]
         x, y, z = cross(vx, vy, vz, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
@@ -202,7 +216,8 @@ def linearise(rates, nav, code):
     """
     if code == RENEWED:
         c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-        renewed, last = rates[0], rates[1]
+        renewed = rates[0]
+        last = rates[1]
         for i in range(9):
             renewed[SUM_C + i] = c[i]
         for i in range(3):
@@ -210,7 +225,9 @@ def linearise(rates, nav, code):
             renewed[SUM_F + i] = last[SUM_F + i]
         # acceleration in frame i: C f
         ax, ay, az = rotate(c, renewed[SUM_F], renewed[SUM_F + 1], renewed[SUM_F + 2])
-        renewed[SUM_V], renewed[SUM_V + 1], renewed[SUM_V + 2] = ax, ay, az
+        renewed[SUM_V] = ax
+        renewed[SUM_V + 1] = ay
+        renewed[SUM_V + 2] = az
 
 
 @jit

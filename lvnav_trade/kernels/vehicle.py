@@ -64,7 +64,8 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     h, columns : (6, n_entry) Jacobian entries and their states
     n_estimated : number of estimated states
     """
-    n, n_entry = P.shape[0], columns.shape[1]
+    n = P.shape[0]
+    n_entry = columns.shape[1]
     for r in range(N_SAMPLE):
         # the motion state and, if there is one, a bias in one pass
         second = min(1, n_entry - 1)
@@ -101,8 +102,12 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
             x[i] += K[r, i] * step
     # P <- P - sum over r of K_r weight_r K_r'
     for i in range(n_estimated):
-        g0, g1, g2 = K[0, i] * weight[0], K[1, i] * weight[1], K[2, i] * weight[2]
-        g3, g4, g5 = K[3, i] * weight[3], K[4, i] * weight[4], K[5, i] * weight[5]
+        g0 = K[0, i] * weight[0]
+        g1 = K[1, i] * weight[1]
+        g2 = K[2, i] * weight[2]
+        g3 = K[3, i] * weight[3]
+        g4 = K[4, i] * weight[4]
+        g5 = K[5, i] * weight[5]
         for j in range(i, n):
             P[i, j] -= g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j] + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
 
@@ -141,7 +146,9 @@ def _velocity_error(sums, a0, a1, a2, f0, f1, f2):
     a0, a1, a2 : rad, attitude error, frame i
     f0, f1, f2 : m/s^2, error of the mean specific force, body axes
     """
-    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    vx = sums[SUM_V]
+    vy = sums[SUM_V + 1]
+    vz = sums[SUM_V + 2]
     return (
         vz * a1 - vy * a2 + sums[0] * f0 + sums[1] * f1 + sums[2] * f2,
         vx * a2 - vz * a0 + sums[3] * f0 + sums[4] * f1 + sums[5] * f2,
@@ -167,8 +174,12 @@ def advance(P, moved, sums, dt, motion):
     half = 0.5 * dt
     # first nine rows of M = (Phi - I) P, column by column; the other rows are zero
     for j in range(n):
-        w0, w1, w2 = _upper(P, w, j), _upper(P, w + 1, j), _upper(P, w + 2, j)
-        f0, f1, f2 = _upper(P, f, j), _upper(P, f + 1, j), _upper(P, f + 2, j)
+        w0 = _upper(P, w, j)
+        w1 = _upper(P, w + 1, j)
+        w2 = _upper(P, w + 2, j)
+        f0 = _upper(P, f, j)
+        f1 = _upper(P, f + 1, j)
+        f2 = _upper(P, f + 2, j)
         gained = _velocity_error(sums, P[0, j], _upper(P, 1, j), _upper(P, 2, j), f0, f1, f2)
         for i in range(3):
             moved[i, j] = sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
@@ -196,7 +207,9 @@ def _add_changes(P, moved, sums, dt, motion, n):
             P[i, j] += moved[i, j]
         for j in range(i, N_NAV):
             P[i, j] = P[i, j] + moved[i, j] + moved[j, i]
-        w0, w1, w2 = moved[i, w], moved[i, w + 1], moved[i, w + 2]
+        w0 = moved[i, w]
+        w1 = moved[i, w + 1]
+        w2 = moved[i, w + 2]
         gained = _velocity_error(
             sums, moved[i, 0], moved[i, 1], moved[i, 2], moved[i, f], moved[i, f + 1], moved[i, f + 2]
         )
@@ -223,7 +236,9 @@ def advance_vector(y, sums, dt, motion):
     w = motion
     f = motion + 3
     half = 0.5 * dt
-    w0, w1, w2 = y[w], y[w + 1], y[w + 2]
+    w0 = y[w]
+    w1 = y[w + 1]
+    w2 = y[w + 2]
     gained = _velocity_error(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
     for i in range(3):
         y[i] = y[i] + sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
@@ -280,7 +295,8 @@ def update_together(P, Y, S, G, h, columns, noise):
     h, columns : (6, n_entry) Jacobian entries and their states
     noise : (6,) diagonal of R
     """
-    n, n_entry = P.shape[0], columns.shape[1]
+    n = P.shape[0]
+    n_entry = columns.shape[1]
     for r in range(N_SAMPLE):  # Y = P H'
         for i in range(n):
             value = h[r, 0] * _upper(P, i, columns[r, 0])
@@ -301,10 +317,18 @@ def update_together(P, Y, S, G, h, columns, noise):
                 value -= 0.5 * G[q, i] * S[q, r]
             Y[r, i] = value
     for i in range(n):  # P <- P - G Y' - Y G', in one pass
-        g0, g1, g2 = G[0, i], G[1, i], G[2, i]
-        g3, g4, g5 = G[3, i], G[4, i], G[5, i]
-        y0, y1, y2 = Y[0, i], Y[1, i], Y[2, i]
-        y3, y4, y5 = Y[3, i], Y[4, i], Y[5, i]
+        g0 = G[0, i]
+        g1 = G[1, i]
+        g2 = G[2, i]
+        g3 = G[3, i]
+        g4 = G[4, i]
+        g5 = G[5, i]
+        y0 = Y[0, i]
+        y1 = Y[1, i]
+        y2 = Y[2, i]
+        y3 = Y[3, i]
+        y4 = Y[4, i]
+        y5 = Y[5, i]
         for j in range(i, n):
             P[i, j] -= (
                 g0 * Y[0, j]
@@ -359,12 +383,16 @@ def advance_vector_transposed(y, sums, dt, motion):
     w = motion
     f = motion + 3
     half = 0.5 * dt
-    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    vx = sums[SUM_V]
+    vy = sums[SUM_V + 1]
+    vz = sums[SUM_V + 2]
     # a velocity gain enters velocity, and with half of the tick position
     p0 = y[3] + half * y[6]
     p1 = y[4] + half * y[7]
     p2 = y[5] + half * y[8]
-    a0, a1, a2 = y[0], y[1], y[2]
+    a0 = y[0]
+    a1 = y[1]
+    a2 = y[2]
     for k in range(3):
         y[w + k] = y[w + k] + sums[k] * a0 + sums[3 + k] * a1 + sums[6 + k] * a2
         y[f + k] = y[f + k] + sums[k] * p0 + sums[3 + k] * p1 + sums[6 + k] * p2

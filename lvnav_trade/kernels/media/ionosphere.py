@@ -26,7 +26,8 @@ def free_combination(first: float, second: float) -> tuple[float, float]:
 
     The weights add up to one. Noise of equal sigma on both is amplified by the root of the sum of their squares.
     """
-    a, b = first * first, second * second
+    a = first * first
+    b = second * second
     return a / (a - b), -b / (a - b)
 
 
@@ -133,8 +134,10 @@ def pierced(
     ratio = (EARTH_RADIUS + np.asarray(height, dtype=float)) / (EARTH_RADIUS + np.asarray(shell, dtype=float))
     # central angle from the sine rule, then the point at this angle and azimuth on the sphere
     central = 0.5 * np.pi - el - np.arcsin(np.minimum(ratio * np.cos(el), 1.0))
-    sc, cc = np.sin(central), np.cos(central)
-    sl, cl = np.sin(lat), np.cos(lat)
+    sc = np.sin(central)
+    cc = np.cos(central)
+    sl = np.sin(lat)
+    cl = np.cos(lat)
     pierced_latitude = np.arcsin(sl * cc + cl * sc * np.cos(az))
     eastwards = np.arctan2(sc * np.sin(az), cl * cc - sl * sc * np.cos(az))
     return np.asarray(pierced_latitude), np.asarray(lon + eastwards)
