@@ -103,8 +103,10 @@ def fictitious(x, y, vx, vy):
     x, y : m, position relative to the Earth's centre, Earth-fixed axes
     vx, vy : m/s, velocity relative to the Earth, Earth-fixed axes
     """
-    ax = OMEGA * OMEGA * x + 2.0 * OMEGA * vy
-    ay = OMEGA * OMEGA * y - 2.0 * OMEGA * vx
+    centrifugal_x = OMEGA * OMEGA * x
+    centrifugal_y = OMEGA * OMEGA * y
+    ax = centrifugal_x + 2.0 * OMEGA * vy
+    ay = centrifugal_y - 2.0 * OMEGA * vx
     return ax, ay
 
 
@@ -121,15 +123,19 @@ def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
     dt : s, of the step
     """
     kx, ky = fictitious(x, y, vx, vy)
-    mean_vx = vx + 0.5 * (sx + dt * (gx + kx))
-    mean_vy = vy + 0.5 * (sy + dt * (gy + ky))
+    gain_x = sx + dt * (gx + kx)
+    gain_y = sy + dt * (gy + ky)
+    mean_vx = vx + 0.5 * gain_x
+    mean_vy = vy + 0.5 * gain_y
     return fictitious(x, y, mean_vx, mean_vy)
 
 
 @inlined
 def rotate_polar(angle_cos, angle_sin, x, y):
     """Return x and y in axes that are rotated about the polar axis by an angle with this cosine and sine."""
-    return angle_cos * x + angle_sin * y, angle_cos * y - angle_sin * x
+    rotated_x = angle_cos * x + angle_sin * y
+    rotated_y = angle_cos * y - angle_sin * x
+    return rotated_x, rotated_y
 
 
 @jit
@@ -152,13 +158,16 @@ def to_earth_fixed(nav, algorithm, angle):
     # velocity relative to the rotating Earth, v - w x r, before the rotation about the polar axis
     vx = nav[V] + OMEGA * ry
     vy = nav[V + 1] - OMEGA * rx
-    nav[V], nav[V + 1] = rotate_polar(c, s, vx, vy)
+    vx, vy = rotate_polar(c, s, vx, vy)
+    nav[V] = vx
+    nav[V + 1] = vy
     x, y = rotate_polar(c, s, rx, ry)
     nav[R] = x - algorithm.origin[0]
     nav[R + 1] = y - algorithm.origin[1]
     nav[R + 2] -= algorithm.origin[2]
     q = multiply(half_c, 0.0, 0.0, -half_s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
+    for i in range(4):
+        nav[Q + i] = q[i]
 
 
 @jit
@@ -179,14 +188,17 @@ def to_inertial(nav, algorithm, angle):
     y = nav[R + 1] + algorithm.origin[1]
     vx = nav[V]
     vy = nav[V + 1]
-    nav[R] = c * x - s * y
-    nav[R + 1] = s * x + c * y
+    rx = c * x - s * y
+    ry = s * x + c * y
+    nav[R] = rx
+    nav[R + 1] = ry
     nav[R + 2] += algorithm.origin[2]
     # v + w x r, with the position in the inertial frame
-    nav[V] = c * vx - s * vy - OMEGA * nav[R + 1]
-    nav[V + 1] = s * vx + c * vy + OMEGA * nav[R]
+    nav[V] = c * vx - s * vy - OMEGA * ry
+    nav[V + 1] = s * vx + c * vy + OMEGA * rx
     q = multiply(half_c, 0.0, 0.0, half_s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
+    for i in range(4):
+        nav[Q + i] = q[i]
 
 
 @jit
@@ -195,10 +207,12 @@ def turn_sums(sums, angle):
     c = math.cos(angle)
     s = math.sin(angle)
     for column in range(3):
-        x = sums[SUM_C + column]
-        y = sums[SUM_C + 3 + column]
-        sums[SUM_C + column] = c * x - s * y
-        sums[SUM_C + 3 + column] = s * x + c * y
+        first = SUM_C + column
+        second = SUM_C + 3 + column
+        x = sums[first]
+        y = sums[second]
+        sums[first] = c * x - s * y
+        sums[second] = s * x + c * y
     x = sums[SUM_V]
     y = sums[SUM_V + 1]
     sums[SUM_V] = c * x - s * y
@@ -302,7 +316,10 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
             gy += ky
             q0, q1, q2, q3 = multiply(1.0 - 0.5 * half_turn * half_turn, 0.0, 0.0, -half_turn, q0, q1, q2, q3)
         else:
-            gx, gy, gz = gravity(algorithm.gravity, rx + half * vx, ry + half * vy, rz + half * vz)
+            x = rx + half * vx
+            y = ry + half * vy
+            z = rz + half * vz
+            gx, gy, gz = gravity(algorithm.gravity, x, y, z)
         nx = vx + sx + dt * gx
         ny = vy + sy + dt * gy
         nz = vz + sz + dt * gz
@@ -316,25 +333,25 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
         q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
 
         # mean of C over the step by the trapezoidal rule, because a spinning body rotates by up to 0.2 rad in a step
-        m0 = m0 + c[0]
-        m1 = m1 + c[1]
-        m2 = m2 + c[2]
-        m3 = m3 + c[3]
-        m4 = m4 + c[4]
-        m5 = m5 + c[5]
-        m6 = m6 + c[6]
-        m7 = m7 + c[7]
-        m8 = m8 + c[8]
+        m0 += c[0]
+        m1 += c[1]
+        m2 += c[2]
+        m3 += c[3]
+        m4 += c[4]
+        m5 += c[5]
+        m6 += c[6]
+        m7 += c[7]
+        m8 += c[8]
         c = matrix(q0, q1, q2, q3)
-        m0 = m0 + c[0]
-        m1 = m1 + c[1]
-        m2 = m2 + c[2]
-        m3 = m3 + c[3]
-        m4 = m4 + c[4]
-        m5 = m5 + c[5]
-        m6 = m6 + c[6]
-        m7 = m7 + c[7]
-        m8 = m8 + c[8]
+        m0 += c[0]
+        m1 += c[1]
+        m2 += c[2]
+        m3 += c[3]
+        m4 += c[4]
+        m5 += c[5]
+        m6 += c[6]
+        m7 += c[7]
+        m8 += c[8]
         th_x += wx
         th_y += wy
         th_z += wz
