@@ -10,43 +10,43 @@ N_NAV_ROWS = 9
 @jit
 def _add_block_rows(P, r, c, block, n):
     """Add a block times the three rows from c on to those from r on, in the first n columns."""
-    d0 = block[0]
-    d1 = block[1]
-    d2 = block[2]
-    d3 = block[3]
-    d4 = block[4]
-    d5 = block[5]
-    d6 = block[6]
-    d7 = block[7]
-    d8 = block[8]
+    b00 = block[0]
+    b01 = block[1]
+    b02 = block[2]
+    b10 = block[3]
+    b11 = block[4]
+    b12 = block[5]
+    b20 = block[6]
+    b21 = block[7]
+    b22 = block[8]
     for j in range(n):
         p0 = P[c, j]
         p1 = P[c + 1, j]
         p2 = P[c + 2, j]
-        P[r, j] = P[r, j] + d0 * p0 + d1 * p1 + d2 * p2
-        P[r + 1, j] = P[r + 1, j] + d3 * p0 + d4 * p1 + d5 * p2
-        P[r + 2, j] = P[r + 2, j] + d6 * p0 + d7 * p1 + d8 * p2
+        P[r, j] = P[r, j] + b00 * p0 + b01 * p1 + b02 * p2
+        P[r + 1, j] = P[r + 1, j] + b10 * p0 + b11 * p1 + b12 * p2
+        P[r + 2, j] = P[r + 2, j] + b20 * p0 + b21 * p1 + b22 * p2
 
 
 @jit
 def _add_block_columns(P, r, c, block, n):
     """Add the three columns from c on times a transposed block to those from r on, in the first n rows."""
-    d0 = block[0]
-    d1 = block[1]
-    d2 = block[2]
-    d3 = block[3]
-    d4 = block[4]
-    d5 = block[5]
-    d6 = block[6]
-    d7 = block[7]
-    d8 = block[8]
+    b00 = block[0]
+    b01 = block[1]
+    b02 = block[2]
+    b10 = block[3]
+    b11 = block[4]
+    b12 = block[5]
+    b20 = block[6]
+    b21 = block[7]
+    b22 = block[8]
     for i in range(n):
         p0 = P[i, c]
         p1 = P[i, c + 1]
         p2 = P[i, c + 2]
-        P[i, r] = P[i, r] + d0 * p0 + d1 * p1 + d2 * p2
-        P[i, r + 1] = P[i, r + 1] + d3 * p0 + d4 * p1 + d5 * p2
-        P[i, r + 2] = P[i, r + 2] + d6 * p0 + d7 * p1 + d8 * p2
+        P[i, r] = P[i, r] + b00 * p0 + b01 * p1 + b02 * p2
+        P[i, r + 1] = P[i, r + 1] + b10 * p0 + b11 * p1 + b12 * p2
+        P[i, r + 2] = P[i, r + 2] + b20 * p0 + b21 * p1 + b22 * p2
 
 
 @jit

@@ -93,7 +93,8 @@ def _add_turned(P, uneven, sums, seconds):
                     total = like(P[0, 0], 0.0)
                     for axis in range(3):
                         product = sums[SUM_C + 3 * i + axis] * sums[SUM_C + 3 * j + axis]
-                        total += (0.5 * uneven[sensor, axis] / seconds) * product
+                        density = 0.5 * uneven[sensor, axis] / seconds
+                        total += density * product
                     value = P[first + i, first + j] + total
                     P[first + i, first + j] = value
                     P[first + j, first + i] = value
@@ -141,14 +142,17 @@ def _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance
     for i in range(n):
         value = P[i, columns[0]] * h[entries[0]]
         for c in range(1, columns.shape[0]):
-            value += P[i, columns[c]] * h[entries[c]]
+            state = columns[c]
+            value += P[i, state] * h[entries[c]]
         Ph[i] = value
     # s = (1 + beta) h P h' + variance, residual = innovation - h x
     s = 0.0 * x[0] + variance
     residual = innovation
     for c in range(columns.shape[0]):
-        s += (1.0 + beta) * h[entries[c]] * Ph[columns[c]]
-        residual = residual - h[entries[c]] * x[columns[c]]
+        state = columns[c]
+        entry = h[entries[c]]
+        s += (1.0 + beta) * entry * Ph[state]
+        residual = residual - entry * x[state]
     return s, residual
 
 
@@ -197,7 +201,8 @@ def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squa
                 value = P[i, j] - gain * Ph[j]
                 P[i, j] = value
                 P[j, i] = value
-    return residual * sqrt(inverse), weight
+    normalised = residual * sqrt(inverse)
+    return normalised, weight
 
 
 @jit
@@ -213,9 +218,12 @@ def update_with_gain(P, x, Ph, h, entries, columns, gain, innovation, variance, 
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
         x[i] += gain[i] * step
-    _joseph(P, Ph, gain, where(accepted, 1.0, 0.0), s, n_estimated, n)
+    applied = where(accepted, 1.0, 0.0)
+    _joseph(P, Ph, gain, applied, s, n_estimated, n)
     inverse = 1.0 / s
-    return residual * sqrt(inverse), where(accepted, inverse, 0.0)
+    normalised = residual * sqrt(inverse)
+    weight = where(accepted, inverse, 0.0)
+    return normalised, weight
 
 
 @jit
@@ -272,7 +280,8 @@ def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
         y1 = y[c + 1]
         y2 = y[c + 2]
         for i in range(3):
-            y[r + i] += block[3 * i] * y0 + block[3 * i + 1] * y1 + block[3 * i + 2] * y2
+            first = 3 * i
+            y[r + i] += block[first] * y0 + block[first + 1] * y1 + block[first + 2] * y2
     for i in range(N_NAV_ERROR, n):
         y[i] *= decay[i]
     if clock >= 0:
@@ -293,7 +302,10 @@ def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
         y1 = y[r + 1]
         y2 = y[r + 2]
         for i in range(3):
-            y[c + i] += blocks[b, i] * y0 + blocks[b, 3 + i] * y1 + blocks[b, 6 + i] * y2
+            b0 = blocks[b, i]
+            b1 = blocks[b, 3 + i]
+            b2 = blocks[b, 6 + i]
+            y[c + i] += b0 * y0 + b1 * y1 + b2 * y2
 
 
 @jit
@@ -301,7 +313,8 @@ def update_vector(y, gain, h, entries, columns):
     """Y <- (I - k h) y; return h y before the update. One vector, or lanes; parameters as in `update_scalar`."""
     projected = like(y[0], 0.0)
     for c in range(columns.shape[0]):
-        projected += h[entries[c]] * y[columns[c]]
+        state = columns[c]
+        projected += h[entries[c]] * y[state]
     for i in range(y.shape[0]):
         y[i] -= gain[i] * projected
     return projected
@@ -314,11 +327,13 @@ def update_covariance(P, work, gain, h, entries, columns, variance):
     for i in range(n):  # work = P h'
         value = like(P[0, 0], 0.0)
         for c in range(columns.shape[0]):
-            value += P[i, columns[c]] * h[entries[c]]
+            state = columns[c]
+            value += P[i, state] * h[entries[c]]
         work[i] = value
     predicted = like(P[0, 0], 0.0)
     for c in range(columns.shape[0]):
-        predicted += h[entries[c]] * work[columns[c]]
+        state = columns[c]
+        predicted += h[entries[c]] * work[state]
     total = predicted + variance
     for i in range(n):
         for j in range(i, n):
@@ -354,6 +369,12 @@ def variance_along(P, first, c0, c1, c2):
     i = first
     j = first + 1
     k = first + 2
-    squares = P[i, i] * c0 * c0 + P[j, j] * c1 * c1 + P[k, k] * c2 * c2
-    products = P[i, j] * c0 * c1 + P[i, k] * c0 * c2 + P[j, k] * c1 * c2
+    xx = P[i, i] * c0 * c0
+    yy = P[j, j] * c1 * c1
+    zz = P[k, k] * c2 * c2
+    xy = P[i, j] * c0 * c1
+    xz = P[i, k] * c0 * c2
+    yz = P[j, k] * c1 * c2
+    squares = xx + yy + zz
+    products = xy + xz + yz
     return squares + 2.0 * products

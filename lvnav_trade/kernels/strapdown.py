@@ -103,10 +103,8 @@ def fictitious(x, y, vx, vy):
     x, y : m, position relative to the Earth's centre, Earth-fixed axes
     vx, vy : m/s, velocity relative to the Earth, Earth-fixed axes
     """
-    centrifugal_x = OMEGA * OMEGA * x
-    centrifugal_y = OMEGA * OMEGA * y
-    ax = centrifugal_x + 2.0 * OMEGA * vy
-    ay = centrifugal_y - 2.0 * OMEGA * vx
+    ax = OMEGA * OMEGA * x + 2.0 * OMEGA * vy
+    ay = OMEGA * OMEGA * y - 2.0 * OMEGA * vx
     return ax, ay
 
 
@@ -133,9 +131,7 @@ def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
 @inlined
 def rotate_polar(angle_cos, angle_sin, x, y):
     """Return x and y in axes that are rotated about the polar axis by an angle with this cosine and sine."""
-    rotated_x = angle_cos * x + angle_sin * y
-    rotated_y = angle_cos * y - angle_sin * x
-    return rotated_x, rotated_y
+    return angle_cos * x + angle_sin * y, angle_cos * y - angle_sin * x
 
 
 @jit
