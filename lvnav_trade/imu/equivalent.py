@@ -46,7 +46,8 @@ def _fused_sigma(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> P
         variance += A**2 @ squares(sigma)
         alike &= not isinstance(sigma, tuple)
     if alike:
-        return math.sqrt(float(variance.sum()) / 3.0)
+        mean_variance = float(variance.sum()) / 3.0
+        return math.sqrt(mean_variance)
     x, y, z = np.sqrt(variance).tolist()
     return x, y, z
 
@@ -66,14 +67,18 @@ def _fused_matrix(imu: ImuSet, sensor: int, scale_field: str, skew_field: str = 
     """
     variance = np.zeros((3, 3))
     for triad, A, card in _fused_axes(imu, sensor):
-        scale = rms(getattr(card, scale_field)) ** 2
+        scale_sigma = getattr(card, scale_field)
+        scale = rms(scale_sigma) ** 2
         skew = rms(getattr(card, skew_field)) ** 2 if skew_field else 0.0
         axis = triad.frames[:, 0] ** 2
         skew_plane = triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2
-        variance += A**2 @ (scale * axis + skew * skew_plane)
+        axis_variance = scale * axis + skew * skew_plane
+        variance += A**2 @ axis_variance
     diagonal = float(np.trace(variance))
     off_diagonal = float(variance.sum()) - diagonal
-    return math.sqrt(diagonal / 3.0), math.sqrt(off_diagonal / 6.0)
+    scale_factor = math.sqrt(diagonal / 3.0)
+    misalignment = math.sqrt(off_diagonal / 6.0)
+    return scale_factor, misalignment
 
 
 def _instability_drive(imu: ImuSet, sensor: int) -> float:
@@ -84,7 +89,8 @@ def _instability_drive(imu: ImuSet, sensor: int) -> float:
     total = 0.0
     for _, A, card in _fused_axes(imu, sensor):
         process = card.instability
-        total += process.sigma**2 / process.time_constant * float(np.sum(A**2))
+        drive = process.sigma**2 / process.time_constant
+        total += drive * float(np.sum(A**2))
     return total / 3.0
 
 

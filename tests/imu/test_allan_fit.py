@@ -10,7 +10,8 @@ import pytest
 
 from lvnav_trade.covariance.diagnostics.imu_stream import stream_at_rest
 from lvnav_trade.imu import allan
-from lvnav_trade.imu.allan_fit import NAMES, covariance, fit, ladder, variances
+from lvnav_trade.imu.allan_covariance import covariance, variances
+from lvnav_trade.imu.allan_fit import NAMES, fit, ladder
 from tests.building import case
 
 SQUARES = np.array([1e-3, 1.0, 0.3, 0.05])
