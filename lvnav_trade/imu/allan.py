@@ -168,14 +168,19 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
     log_time_constants = np.log(peaks / 1.89)
     log_sigmas = np.full(count, math.log(0.8))
     guess = np.concatenate([log_sigmas, log_time_constants])
-    low = np.full(2 * count, -8.0)
+    n_unknown = 2 * count
+    low = np.full(n_unknown, -8.0)
     low[count:] = math.log(0.1 * shortest)
-    high = np.full(2 * count, 3.0)
+    high = np.full(n_unknown, 3.0)
     high[count:] = math.log(10.0 * longest)
     solution = least_squares(log_misfit, guess, bounds=(low, high))
     fitted = processes(solution.x)
     by_time_constant = sorted(fitted, key=lambda process: process.time_constant)
-    return tuple(Process(instability * sigma, time_constant) for sigma, time_constant in by_time_constant)
+    scaled = []
+    for process in by_time_constant:
+        sigma = instability * process.sigma
+        scaled.append(Process(sigma, process.time_constant))
+    return tuple(scaled)
 
 
 def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:

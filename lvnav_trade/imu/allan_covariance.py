@@ -62,7 +62,8 @@ def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
         return np.asarray(-0.5 * t)
     if name == "rate_random_walk":
         return np.asarray(t**3 / 12.0)
-    log_t = np.log(np.maximum(t, 1e-300))  # t^2 ln t is 0 at t = 0
+    above_zero = np.maximum(t, 1e-300)  # t^2 ln t is 0 at t = 0
+    log_t = np.log(above_zero)
     return np.asarray(t**2 * log_t / (2.0 * math.pi))
 
 
@@ -103,11 +104,13 @@ def _covariance_form(a: int, b: int, n: int, dt: float) -> Floats:
     """
     n_a = n + 1 - 2 * a
     n_b = n + 1 - 2 * b
-    kinks = np.unique([j * b - i * a for i in range(3) for j in range(3)])
+    kink_lags = [j * b - i * a for i in range(3) for j in range(3)]
+    kinks = np.unique(kink_lags)
     lags, weights = _summation_lags(kinks, n_a, n_b)
     smooth = _second_covariances(lags, a, b, dt)
     smooth[0] = 0.0
-    lag_weights = weights * _n_pair(lags, n_a, n_b)
+    n_pair = _n_pair(lags, n_a, n_b)
+    lag_weights = weights * n_pair
     total = np.einsum("l,kl,jl->kj", lag_weights, smooth, smooth)
     # quantisation is white noise of the angle: its covariances are zero except at single lags
     is_overlapping = (kinks > -n_b) & (kinks < n_a)
@@ -115,10 +118,11 @@ def _covariance_form(a: int, b: int, n: int, dt: float) -> Floats:
     single = _second_covariances(single_lags, a, b, dt)
     quantisation = single[0]
     n_single = _n_pair(single_lags, n_a, n_b)
+    n_common = min(n_a, n_b)
     discrete = np.einsum("l,l,kl->k", n_single, quantisation, single)
     total[0, 1:] = discrete[1:]
     total[1:, 0] = discrete[1:]
-    fourth_moment = 0.5 * _UNIFORM * 36.0 / 144.0 * min(n_a, n_b)
+    fourth_moment = 0.5 * _UNIFORM * 36.0 / 144.0 * n_common
     total[0, 0] = discrete[0] + fourth_moment
     scale = 4.0 * a * a * b * b * dt**4 * n_a * n_b
     return np.asarray(2.0 * total / scale)
@@ -143,11 +147,13 @@ def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
     lags : (n_lag,) in samples; a, b : averaging times in samples; dt : s, sampling interval
     """
     covariances = np.zeros((len(PROCESSES), len(lags)))
+    index_pairs = list(product(range(3), repeat=2))
     for k, name in enumerate(PROCESSES):
-        for (i, p), (j, q) in product(enumerate(_SECOND), repeat=2):
+        for i, j in index_pairs:
+            factor = _SECOND[i] * _SECOND[j]
             shifted = lags + i * a - j * b
             term = _generalised(name, shifted, dt)
-            covariances[k] += p * q * term
+            covariances[k] += factor * term
     return covariances
 
 
@@ -171,7 +177,9 @@ def _summation_lags(kinks: Ints, n_a: int, n_b: int) -> tuple[Floats, Floats]:
             centre = 0.5 * (low + high)
             lags.append(centre + half * nodes)
             weights.append(half * node_weights)
-    return np.concatenate(lags), np.concatenate(weights)
+    all_lags = np.concatenate(lags)
+    all_weights = np.concatenate(weights)
+    return all_lags, all_weights
 
 
 def _piece_edges(kinks: Ints, n_a: int, n_b: int) -> list[int]:

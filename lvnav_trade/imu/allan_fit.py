@@ -184,8 +184,9 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
     scale = 1.0 / observed
     scaled_design = design * scale[:, None]
     squares = nnls(scaled_design, observed * scale)[0]
+    factors = m.tolist()
     for _ in range(_PASSES):
-        V = covariance(squares, m.tolist(), n, dt)
+        V = covariance(squares, factors, n, dt)
         L = np.linalg.cholesky(V)
         A = np.linalg.solve(L, design)
         b = np.linalg.solve(L, observed)
@@ -216,8 +217,9 @@ def _bound(squares: Floats, k: int, spread: float, design: Floats, m: Ints, n: i
     The bound b solves b = fitted + 1.645 sigma(b), where sigma is computed with the coefficient b in the covariance.
     """
     bounded = squares.copy()
+    factors = m.tolist()
     for _ in range(_PASSES):
-        V = covariance(bounded, m.tolist(), n, dt)
+        V = covariance(bounded, factors, n, dt)
         variance = _square_variances(design, V)[k]
         sigma = math.sqrt(variance)
         bounded[k] = squares[k] + _Z_BOUND * spread * sigma
@@ -231,6 +233,8 @@ def _coefficient(square: float, sigma: float) -> Coefficient:
     Gaussian.
     """
     half_width = _Z * sigma / (3.0 * square)  # of the cube root, relative to it
-    low = square * max(0.0, 1.0 - half_width) ** 3
-    high = square * max(0.0, 1.0 + half_width) ** 3
-    return Coefficient(math.sqrt(square), math.sqrt(low), math.sqrt(high), shown=True)
+    low_root = max(0.0, 1.0 - half_width)
+    high_root = max(0.0, 1.0 + half_width)
+    low = math.sqrt(square * low_root**3)
+    high = math.sqrt(square * high_root**3)
+    return Coefficient(math.sqrt(square), low, high, shown=True)

@@ -105,11 +105,13 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
         mean_variance = float(np.mean(noise))
         mean_random_walk = math.sqrt(mean_variance)
     correlation = _correlation(covariance, bias, fused_bias)
+    bias_sigma = np.sqrt(bias)
+    walk_density = np.sqrt(walk)
     return RelativeErrors(
         random_walk=mean_random_walk,
         by_axis=tuple(random_walk),
-        bias=_per_axis(np.sqrt(bias)),
-        walk=_per_axis(np.sqrt(walk)),
+        bias=_per_axis(bias_sigma),
+        walk=_per_axis(walk_density),
         correlation=_per_axis(correlation),
     )
 

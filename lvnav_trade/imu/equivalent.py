@@ -70,8 +70,9 @@ def _fused_matrix(imu: ImuSet, sensor: int, scale_field: str, skew_field: str = 
         scale_sigma = getattr(card, scale_field)
         scale = rms(scale_sigma) ** 2
         skew = rms(getattr(card, skew_field)) ** 2 if skew_field else 0.0
-        axis = triad.frames[:, 0] ** 2
-        skew_plane = triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2
+        squares_of_frames = triad.frames**2
+        axis = squares_of_frames[:, 0]
+        skew_plane = squares_of_frames[:, 1] + squares_of_frames[:, 2]
         axis_variance = scale * axis + skew * skew_plane
         variance += A**2 @ axis_variance
     diagonal = float(np.trace(variance))
@@ -102,12 +103,18 @@ def _fused_fields(imu: ImuSet, sensor: int) -> dict[str, Any]:
     fields["bias_instability"] = _fused_sigma(
         imu, sensor, lambda triad: triad.instability_axes(triad.instability_sigma)
     )
-    fields["scale_factor"], fields["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
-    fields["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift")
+    scale_factor, misalignment = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
+    scale_factor_drift, _ = _fused_matrix(imu, sensor, "scale_factor_drift")
+    fields["scale_factor"] = scale_factor
+    fields["misalignment"] = misalignment
+    fields["scale_factor_drift"] = scale_factor_drift
     if sensor == GYRO:
         fields["g_sensitivity"] = _fused_sigma(imu, sensor, attrgetter("g_sensitivity"))
     drive = _instability_drive(imu, sensor)
-    fields["instability_time"] = rms(fields["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
+    fields["instability_time"] = 100.0
+    if drive > 0.0:
+        variance = rms(fields["bias_instability"]) ** 2
+        fields["instability_time"] = variance / drive
     return fields
 
 

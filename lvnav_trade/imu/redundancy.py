@@ -136,11 +136,12 @@ def _gains(mean: Floats, sigma: Floats) -> Floats:
     """
     _, below = _integration_points(mean[:, None], sigma)
     below = below[..., 0]
-    probability = np.zeros(mean.size)
-    for k in range(mean.size):
+    n = mean.size
+    probability = np.zeros(n)
+    for k in range(n):
         below_of_others = np.delete(below, k, axis=0)
         counts = _below_probabilities(below_of_others)
-        density = 0.5 * sum(counts[rank] for rank in _ranks(mean.size))
+        density = 0.5 * sum(counts[rank] for rank in _ranks(n))
         mean_height = 0.5 * (density[1:] + density[:-1])
         trapezoids = mean_height * np.diff(below[k])
         probability[k] = np.sum(trapezoids)
