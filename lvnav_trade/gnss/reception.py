@@ -256,8 +256,7 @@ def _receive_signals(
     faults: Sequence[AnyFault],
 ) -> _ReceivedSignals:
     """Return the signals of all satellites at the steps: best antenna, C/N0 and lock of the loops."""
-    link = receiver.link
-    loops = receiver.loops
+    link, loops = receiver.link, receiver.loops
     state = motion(trajectory, steps.t)
     # u_i' C_b_i: components of the direction in body axes
     direction_b = arrival.direction_i[steps.owner] @ matrices(state.q_b_i)
@@ -389,8 +388,7 @@ def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Flo
 
 def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
     """Return the sigmas of range, range rate and carrier phase at one frequency, before the noise tables."""
-    loops = receiver.loops
-    link = receiver.link
+    loops, link = receiver.loops, receiver.link
     card_sigmas = receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.carrier_phase_sigma
     if loops is None or link is None:
         return card_sigmas

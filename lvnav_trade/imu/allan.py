@@ -168,10 +168,9 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
     log_time_constants = np.log(peaks / 1.89)
     log_sigmas = np.full(count, math.log(0.8))
     guess = np.concatenate([log_sigmas, log_time_constants])
-    n_unknown = 2 * count
-    low = np.full(n_unknown, -8.0)
+    low = np.full(2 * count, -8.0)
     low[count:] = math.log(0.1 * shortest)
-    high = np.full(n_unknown, 3.0)
+    high = np.full(2 * count, 3.0)
     high[count:] = math.log(10.0 * longest)
     solution = least_squares(log_misfit, guess, bounds=(low, high))
     fitted = processes(solution.x)
