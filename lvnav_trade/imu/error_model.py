@@ -255,7 +255,7 @@ def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[Er
         term("rate random walk", 0, CONSTANT, 0.0, triad.rate_random_walk),
         term("scale factor", 0, OWN_0, triad.scale_factor),
         term("scale-factor drift", 0, OWN_0, 0.0, triad.scale_factor_drift),
-        # misalignment of each axis towards the next axis, and towards the one after it
+        # misalignment of each axis towards the next axis, and towards the third axis
         term("misalignment", 0, OWN_1, triad.misalignment),
         term("misalignment", 1, OWN_1 + 1, triad.misalignment),
         term("nonlinearity", 0, SQUARE, nonlinearity),

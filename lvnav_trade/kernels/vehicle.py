@@ -61,7 +61,7 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     Parameters
     ----------
     P, x : (n, n) upper triangle and (n,) error state, both updated in place
-    K : (6, n) set to P h' of each measurement after the previous ones
+    K : (6, n) set to P h' of each measurement after the earlier updates
     weight : (6,) set to 1 / innovation variance
     residual : (6,) set to the innovation after the previous measurements
     z : (6,) sample minus predicted sample
@@ -119,7 +119,7 @@ def _subtract_updates(P, K, weight, n_estimated, n):
     Parameters
     ----------
     P : (n, n) upper triangle, updated in place
-    K : (6, n) P h' of each measurement after the previous ones
+    K : (6, n) P h' of each measurement after the earlier updates
     weight : (6,) 1 / innovation variance
     n_estimated, n : number of estimated states and of states
     """
@@ -238,7 +238,7 @@ def joint_gain(G, K, weight, h, columns, n_estimated):
     Parameters
     ----------
     G : (6, n) joint gain, transposed, set here
-    K : (6, n) P h' of each measurement after the previous ones
+    K : (6, n) P h' of each measurement after the earlier updates
     weight : (6,) 1 / innovation variance
     h, columns : (6, n_entry) Jacobian entries and their states
     n_estimated : number of estimated states; the gain of the others is zero
