@@ -215,8 +215,8 @@ def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     numerator = [0.0, 1.0 - decay]
     denominator = [1.0, -decay]
     trail, _ = lfilter(numerator, denominator, level, axis=0, zi=level[:1])
-    settling = time_constant * (1.0 - decay)
-    return increments + (trail - level) * settling
+    lag_time = time_constant * (1.0 - decay)
+    return increments + (trail - level) * lag_time
 
 
 class DeadElement(NamedTuple):
