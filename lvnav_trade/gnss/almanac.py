@@ -253,16 +253,20 @@ def _sem_records(
     """Yield the satellites from a line on, each with its first line."""
     first = _next(rows, start)
     while first < len(rows):
-        lines = rows[first : first + len(_SEM)]
-        if len(lines) < len(_SEM):
-            raise InputError(f"{path}:{lines[-1][0]}: the last satellite has {len(lines)} lines, not {len(_SEM)}")
+        n_line = len(_SEM)
+        lines = rows[first : first + n_line]
+        if len(lines) < n_line:
+            last_line, _ = lines[-1]
+            raise InputError(f"{path}:{last_line}: the last satellite has {len(lines)} lines, not {n_line}")
         values = dict(time)
         for row, fields in zip(lines, _SEM, strict=True):
-            if fields and len(row[1]) != len(fields):
+            line, words = row
+            if fields and len(words) != len(fields):
                 labels = ", ".join(field.label for field in fields)
-                raise InputError(f"{path}:{row[0]}: {len(row[1])} numbers where {len(fields)} should be ({labels})")
+                raise InputError(f"{path}:{line}: {len(words)} numbers where {len(fields)} should be ({labels})")
             for index, field in enumerate(fields):
                 values[field.name] = _read_word(path, row, index, field)
         values["inclination"] += REFERENCE_INCLINATION
-        yield first + 1, AlmanacRecord(**values)  # type: ignore[arg-type]
-        first = _next(rows, first + len(_SEM))
+        record = AlmanacRecord(**values)  # type: ignore[arg-type]
+        yield first + 1, record
+        first = _next(rows, first + n_line)

@@ -70,17 +70,21 @@ class BroadcastEphemerides(NamedTuple):
         n = self.mean_motion
         e = elements["eccentricity"]
         elapsed = t - elements["toe"]
-        anomaly = eccentric_anomaly(elements["mean_anomaly"] + n * elapsed, e)
+        mean_anomaly = elements["mean_anomaly"] + n * elapsed
+        anomaly = eccentric_anomaly(mean_anomaly, e)
         cos_e = np.cos(anomaly)
         sin_e = np.sin(anomaly)
         root = np.sqrt(1.0 - e * e)
         radius_ratio = 1.0 - e * cos_e  # r / a
-        # argument of latitude without corrections: true anomaly plus perigee
-        phase = np.arctan2(root * sin_e, cos_e - e) + elements["perigee"]
+        true_anomaly = np.arctan2(root * sin_e, cos_e - e)
+        # argument of latitude without corrections
+        phase = true_anomaly + elements["perigee"]
         phase_rate = n * root / radius_ratio**2
         # second harmonics
-        twice = np.stack([np.sin(2.0 * phase), np.cos(2.0 * phase)])
-        twice_rate = 2.0 * phase_rate * np.stack([twice[1], -twice[0]])
+        sin_twice = np.sin(2.0 * phase)
+        cos_twice = np.cos(2.0 * phase)
+        twice = np.stack([sin_twice, cos_twice])
+        twice_rate = 2.0 * phase_rate * np.stack([cos_twice, -sin_twice])
         du, du_rate = _harmonic(elements, "latitude", twice, twice_rate)
         dr, dr_rate = _harmonic(elements, "radius", twice, twice_rate)
         di, di_rate = _harmonic(elements, "inclination", twice, twice_rate)
@@ -94,12 +98,14 @@ class BroadcastEphemerides(NamedTuple):
         y = radius * sin_u
         x_rate = radius_rate * cos_u - y * latitude_rate
         y_rate = radius_rate * sin_u + x * latitude_rate
+        node = self.node + self.node_rate * elapsed
+        inclination = elements["inclination"] + di + elements["inclination_rate"] * elapsed
         r_e, v_e = earth_fixed(
             np.stack([x, y]),
             np.stack([x_rate, y_rate]),
-            self.node + self.node_rate * elapsed,
+            node,
             self.node_rate,
-            elements["inclination"] + di + elements["inclination_rate"] * elapsed,
+            inclination,
             elements["inclination_rate"] + di_rate,
         )
         if np.any(self.tilted):
@@ -113,7 +119,10 @@ class BroadcastEphemerides(NamedTuple):
         """
         cos_tilt = math.cos(TILT)
         sin_tilt = math.sin(TILT)
-        tilt = np.array([[1.0, 0.0, 0.0], [0.0, cos_tilt, sin_tilt], [0.0, -sin_tilt, cos_tilt]])
+        x_axis = (1.0, 0.0, 0.0)
+        y_axis = (0.0, cos_tilt, sin_tilt)
+        z_axis = (0.0, -sin_tilt, cos_tilt)
+        tilt = np.array([x_axis, y_axis, z_axis])
         angle = self.earth_rate * elapsed
         r_e = _rotate_z(r @ tilt.T, angle)
         v_e = _rotate_z(v @ tilt.T, angle)
@@ -132,7 +141,8 @@ class BroadcastEphemerides(NamedTuple):
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
         e = self.elements["eccentricity"]
-        mean_anomaly = self.elements["mean_anomaly"] + self.mean_motion * (t - self.elements["toe"])
+        elapsed = t - self.elements["toe"]
+        mean_anomaly = self.elements["mean_anomaly"] + self.mean_motion * elapsed
         anomaly = eccentric_anomaly(mean_anomaly, e)
         return np.asarray(self.relativity_factor * e * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
 
@@ -153,7 +163,9 @@ def _rotate_z(vector: Floats, angle: Floats) -> Floats:
     c = np.cos(angle)
     s = np.sin(angle)
     x, y, z = np.moveaxis(vector, -1, 0)
-    return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+    rotated_x = c * x + s * y
+    rotated_y = c * y - s * x
+    return np.stack([rotated_x, rotated_y, z], axis=-1)
 
 
 def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEphemerides:
@@ -174,20 +186,18 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEp
     tilted = np.array([name in GEOSTATIONARY for name in names], dtype=bool)
     gm = _system_constant(is_galileo, is_beidou, GM_GPS, GM_GALILEO, GM_BEIDOU)
     rate = np.where(is_beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
+    relativity = _system_constant(is_galileo, is_beidou, RELATIVITY_GPS, RELATIVITY_GALILEO, RELATIVITY_BEIDOU)
+    kepler_motion = np.sqrt(gm / axis**3)
+    node = elements["node"] - rate * elements["week_second"]
+    axes_rate = np.where(tilted, 0.0, rate)
     return BroadcastEphemerides(
         names=names,
         elements=elements | {"toe": toe, "toc": toc},
         semi_major_axis=axis,
-        mean_motion=np.sqrt(gm / axis**3) + elements["mean_motion_difference"],
-        node=np.mod(elements["node"] - rate * elements["week_second"], 2.0 * np.pi),
-        node_rate=elements["node_rate"] - np.where(tilted, 0.0, rate),
-        relativity_factor=_system_constant(
-            is_galileo,
-            is_beidou,
-            RELATIVITY_GPS,
-            RELATIVITY_GALILEO,
-            RELATIVITY_BEIDOU,
-        ),
+        mean_motion=kepler_motion + elements["mean_motion_difference"],
+        node=np.mod(node, 2.0 * np.pi),
+        node_rate=elements["node_rate"] - axes_rate,
+        relativity_factor=relativity,
         tilted=tilted,
         earth_rate=rate,
         systems=systems,
@@ -235,11 +245,14 @@ class IntegratedStates(NamedTuple):
         first = min(0, math.floor(steps.min()))
         last = max(1, math.ceil(steps.max()))
         nodes = _integrate(self, first, last)
-        below = np.clip(np.floor(steps).astype(np.int64), first, last - 1)
+        whole_steps = np.floor(steps).astype(np.int64)
+        below = np.clip(whole_steps, first, last - 1)
         satellite = np.arange(self.start.size)
-        before = [values[below - first, satellite] for values in nodes]
-        after = [values[below - first + 1, satellite] for values in nodes]
-        return _interpolate_step(before, after, (steps - below)[..., None])
+        node = below - first
+        before = [values[node, satellite] for values in nodes]
+        after = [values[node + 1, satellite] for values in nodes]
+        fraction = steps - below
+        return _interpolate_step(before, after, fraction[..., None])
 
     def clock(self, t: Floats) -> Floats:
         """Return the broadcast clock offsets, (..., n_sat) s, which include the relativistic term."""
@@ -283,13 +296,19 @@ def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
     attraction = -GM_PZ90 / (r2 * np.sqrt(r2))
     flattening = 1.5 * J2_PZ90 * EQUATOR_PZ90**2 / r2
     sine2 = 5.0 * r_e[..., 2:] ** 2 / r2
-    gravitation = r_e * (attraction * (1.0 + flattening * (np.array([1.0, 1.0, 3.0]) - sine2)))
+    # factor of the attraction by axis
+    oblateness = 1.0 + flattening * (np.array([1.0, 1.0, 3.0]) - sine2)
+    gravitation = r_e * (attraction * oblateness)
     # centrifugal and Coriolis acceleration of the rotating axes
     rate = EARTH_RATE_PZ90
-    x, y = r_e[..., 0], r_e[..., 1]
-    rotation_x = rate * (rate * x + 2.0 * v_e[..., 1])
-    rotation_y = rate * (rate * y - 2.0 * v_e[..., 0])
-    rotation = np.stack([rotation_x, rotation_y, np.zeros_like(x)], axis=-1)
+    x = r_e[..., 0]
+    y = r_e[..., 1]
+    vx = v_e[..., 0]
+    vy = v_e[..., 1]
+    rotation_x = rate * (rate * x + 2.0 * vy)
+    rotation_y = rate * (rate * y - 2.0 * vx)
+    rotation_z = np.zeros_like(x)
+    rotation = np.stack([rotation_x, rotation_y, rotation_z], axis=-1)
     return np.asarray(gravitation + rotation + a_e)
 
 
@@ -312,14 +331,17 @@ def _integrate(satellites: IntegratedStates, first: int, last: int) -> tuple[Flo
     size = (last - first + 1, satellites.start.size, 3)
     r = np.empty(size)
     v = np.empty(size)
-    r[-first] = satellites.r_e
-    v[-first] = satellites.v_e
-    for k in range(1, last + 1):
-        node = k - first
-        r[node], v[node] = _step(r[node - 1], v[node - 1], satellites.a_e, STEP)
-    for k in range(-1, first - 1, -1):
-        node = k - first
-        r[node], v[node] = _step(r[node + 1], v[node + 1], satellites.a_e, -STEP)
+    start = -first  # node at the broadcast time
+    r[start] = satellites.r_e
+    v[start] = satellites.v_e
+    for node in range(start + 1, last - first + 1):
+        r_next, v_next = _step(r[node - 1], v[node - 1], satellites.a_e, STEP)
+        r[node] = r_next
+        v[node] = v_next
+    for node in range(start - 1, -1, -1):
+        r_next, v_next = _step(r[node + 1], v[node + 1], satellites.a_e, -STEP)
+        r[node] = r_next
+        v[node] = v_next
     return r, v, acceleration(r, v, satellites.a_e)
 
 
@@ -371,6 +393,8 @@ def _interpolate_step(before: list[Floats], after: list[Floats], s: Floats) -> t
     c3 = 10.0 * gap - 4.0 * gap_v + 0.5 * gap_a
     c4 = -15.0 * gap + 7.0 * gap_v - gap_a
     c5 = 6.0 * gap - 3.0 * gap_v + 0.5 * gap_a
-    r = r0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-    v = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))
+    higher = c3 + s * (c4 + s * c5)
+    higher_rate = 3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))
+    r = r0 + s * (v0 + s * (0.5 * a0 + s * higher))
+    v = v0 + s * (a0 + s * higher_rate)
     return r, v / STEP

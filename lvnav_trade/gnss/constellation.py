@@ -282,8 +282,9 @@ def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, flo
         node_rate = -oblateness * math.cos(inclination)
     if latitude_rate is None:
         sin2 = math.sin(inclination) ** 2
-        # rates of perigee and of mean anomaly
-        latitude_rate = n + oblateness * ((2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2))
+        perigee_factor = 2.0 - 2.5 * sin2
+        anomaly_factor = 1.0 - 1.5 * sin2
+        latitude_rate = n + oblateness * (perigee_factor + anomaly_factor)
     return axis, inclination, node_rate, latitude_rate
 
 
@@ -309,7 +310,10 @@ def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bo
     axis = elements["root_axis"] ** 2
     mean_motion = np.sqrt(gm / axis**3)
     node_at_applicability = elements["node"] - earth_rate * elements["applicability"]
-    node = node_at_applicability + (elements["node_rate"] - earth_rate) * elapsed
+    relative_rate = elements["node_rate"] - earth_rate
+    node = node_at_applicability + relative_rate * elapsed
+    mean_anomaly = elements["mean_anomaly"] + mean_motion * elapsed
+    clock_bias = elements["clock_bias"] + elements["clock_drift"] * elapsed
     return Orbits(
         names=tuple(f"{letter}{record.prn:02d}" for record in records),
         semi_major_axis=axis,
@@ -318,9 +322,9 @@ def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bo
         node=np.mod(node, 2.0 * math.pi),
         node_rate=elements["node_rate"],
         perigee=elements["perigee"],
-        mean_anomaly=np.mod(elements["mean_anomaly"] + mean_motion * elapsed, 2.0 * math.pi),
+        mean_anomaly=np.mod(mean_anomaly, 2.0 * math.pi),
         mean_motion=mean_motion,
-        clock_bias=elements["clock_bias"] + elements["clock_drift"] * elapsed,
+        clock_bias=clock_bias,
         clock_drift=elements["clock_drift"],
         systems=(letter,) * len(records),
         relativity_factor=RELATIVITY_BEIDOU if is_beidou else RELATIVITY_GPS,

@@ -55,7 +55,8 @@ def troposphere_delay(model: delay_cards.TroposphereModel, geometry: DelayGeomet
     latitude = _column(geometry.latitude)
     if isinstance(model, delay_cards.RayTracedTroposphere):
         lowest = lowest_height(latitude, height, geometry.azimuth, elevation)
-        return interpolated(model, np.broadcast_to(height, elevation.shape), elevation, lowest)
+        heights = np.broadcast_to(height, elevation.shape)
+        return interpolated(model, heights, elevation, lowest)
     if isinstance(model, delay_cards.AnyElevationTroposphere):
         radius = SEMI_MINOR / (1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2)  # Gaussian mean curvature of the ellipsoid
         return troposphere.any_elevation(
@@ -91,8 +92,10 @@ def _weather_delay(
     pressure, temperature, vapour = troposphere.weather(height, model.pressure, model.temperature, model.humidity)
     dry, wet = troposphere.saastamoinen_zenith(pressure, temperature, vapour, latitude, height)
     if isinstance(model, delay_cards.SaastamoinenTroposphere):
-        return np.asarray((dry + wet) / np.sin(bounded))
-    dry_mapping, wet_mapping = troposphere.niell(bounded, latitude, height, _column(geometry.day_of_year))
+        zenith = dry + wet
+        return np.asarray(zenith / np.sin(bounded))
+    day_of_year = _column(geometry.day_of_year)
+    dry_mapping, wet_mapping = troposphere.niell(bounded, latitude, height, day_of_year)
     return np.asarray(dry * dry_mapping + wet * wet_mapping)
 
 
@@ -125,11 +128,13 @@ def ionosphere_delay(
             geometry.azimuth,
             elevation,
         )
-        return np.asarray(delay * (ionosphere.L1 / frequency) ** 2)
+        frequency_ratio = ionosphere.L1 / frequency
+        return np.asarray(delay * frequency_ratio**2)
     if isinstance(model, delay_cards.ContentIonosphere | delay_cards.KlobucharContentIonosphere):
         slant_factor = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
         slant = slant_factor(elevation, height, model.peak, model.scale_height)
-        return np.asarray(delay_per_content * _surface_content(model, geometry) * slant)
+        content = _surface_content(model, geometry)
+        return np.asarray(delay_per_content * content * slant)
     if isinstance(model, delay_cards.EpsteinIonosphere):
         slant = ionosphere.epstein_slant(elevation, height, model.peak, model.bottom, model.top)
         return np.asarray(delay_per_content * model.vertical * slant)
@@ -145,13 +150,14 @@ def _surface_content(
     if isinstance(model, delay_cards.ContentIonosphere):
         return model.vertical
     height = _column(geometry.height)
+    shell = ionosphere.median_height(height, model.peak, model.scale_height)
     latitude, longitude = ionosphere.pierced(
         _column(geometry.latitude),
         _column(geometry.longitude),
         height,
         geometry.azimuth,
         geometry.elevation,
-        ionosphere.median_height(height, model.peak, model.scale_height),
+        shell,
     )
     seconds = _column(geometry.seconds_of_day)
     return ionosphere.klobuchar_content(model.alpha, model.beta, seconds, latitude, longitude)
@@ -185,7 +191,10 @@ def _table(_: delay_cards.RayTracedTroposphere, card: delay_cards.RayTracedTropo
     there.
     """
     air = profile(card.profile)
-    heights = np.concatenate([np.arange(-1e3, 15e3, 500.0), np.arange(15e3, 30e3, 1e3), np.linspace(30e3, TOP, 37)])
+    low_heights = np.arange(-1e3, 15e3, 500.0)
+    middle_heights = np.arange(15e3, 30e3, 1e3)
+    high_heights = np.linspace(30e3, TOP, 37)
+    heights = np.concatenate([low_heights, middle_heights, high_heights])
     height_column = heights[:, None]
     # rising rays: uniform in asinh(sin(elevation) / _FLAT)
     rise = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
@@ -198,10 +207,11 @@ def _table(_: delay_cards.RayTracedTroposphere, card: delay_cards.RayTracedTropo
     receiver_height = np.hypot(lowest_radius, distance) - EARTH_RADIUS
     dip = -np.arctan2(distance, lowest_radius)
     descending_delay = ray(air, receiver_height, dip, card.satellite_radius).delay
-    return (
-        RectBivariateSpline(heights, rise, np.log(np.maximum(rising_delay, _LEAST))),
-        RectBivariateSpline(heights, reach, np.log(np.maximum(descending_delay, _LEAST))),
-    )
+    log_rising = np.log(np.maximum(rising_delay, _LEAST))
+    log_descending = np.log(np.maximum(descending_delay, _LEAST))
+    rising = RectBivariateSpline(heights, rise, log_rising)
+    descending = RectBivariateSpline(heights, reach, log_descending)
+    return rising, descending
 
 
 def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevation: Floats, lowest: Floats) -> Floats:
@@ -225,12 +235,16 @@ def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevati
     delay = np.zeros(elevation.shape)
     rises = (elevation >= 0.0) & (height < TOP)
     rise = np.arcsinh(np.sin(elevation[rises]) / _FLAT)
-    delay[rises] = np.exp(rising.ev(np.maximum(height[rises], BOTTOM), rise))
+    rising_heights = np.maximum(height[rises], BOTTOM)
+    log_rising = rising.ev(rising_heights, rise)
+    delay[rises] = np.exp(log_rising)
     descends = (elevation < 0.0) & (lowest < TOP)
     lowest_heights = np.maximum(lowest[descends], BOTTOM)
     drop = np.maximum(height[descends] - lowest_heights, 0.0)
     # Pythagoras: d^2 = (R + h)^2 - (R + l)^2
-    distance = np.sqrt(drop * (2.0 * EARTH_RADIUS + height[descends] + lowest_heights))
+    radius_sum = 2.0 * EARTH_RADIUS + height[descends] + lowest_heights
+    distance = np.sqrt(drop * radius_sum)
     reach = np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)
-    delay[descends] = np.exp(descending.ev(lowest_heights, reach))
+    log_descending = descending.ev(lowest_heights, reach)
+    delay[descends] = np.exp(log_descending)
     return delay

@@ -39,8 +39,12 @@ def jamming_density(
     R_c, and factor Q of its spectrum (Kaplan and Hegarty, Understanding GPS, 2nd ed., chapter 6). A vehicle below the
     horizon of the jammer receives nothing.
     """
-    total = np.zeros((t.size, max(1, len(receiver.antennas))))
-    code_rate = LoopsCard.model_fields["code_rate"].default if receiver.loops is None else receiver.loops.code_rate
+    n_antenna = max(1, len(receiver.antennas))
+    total = np.zeros((t.size, n_antenna))
+    if receiver.loops is None:
+        code_rate = LoopsCard.model_fields["code_rate"].default
+    else:
+        code_rate = receiver.loops.code_rate
     for _, card, mask, *_ in active(faults, Jamming, trajectory.course, t):
         line, is_above_horizon = _jammer_line(card, trajectory.theta0, t, state.r_i)
         line_of_sight = sight(line, np.zeros_like(line))
@@ -48,10 +52,13 @@ def jamming_density(
         if card.pattern is not None:
             off_boresight = _off_boresight(card, trajectory.theta0, t, -line)
             level = level + pattern_gain(card.pattern, off_boresight)
-        direction_b = np.einsum("nij,ni->nj", frames.matrices(state.q_b_i), line_of_sight.direction)
-        power = 10.0 ** (0.1 * (level[:, None] + gains(receiver.antennas, direction_b)))
-        is_received = (mask & is_above_horizon)[:, None]
-        total += np.where(is_received, power / (card.quality * code_rate), 0.0)
+        C_b_i = frames.matrices(state.q_b_i)
+        direction_b = np.einsum("nij,ni->nj", C_b_i, line_of_sight.direction)
+        received_level = level[:, None] + gains(receiver.antennas, direction_b)
+        power = 10.0 ** (0.1 * received_level)
+        density = power / (card.quality * code_rate)
+        is_received = mask & is_above_horizon
+        total += np.where(is_received[:, None], density, 0.0)
     return total
 
 
@@ -66,7 +73,9 @@ def _jammer_position(card: Jamming, theta0: float, t: Floats) -> Floats:
     t : (n,) s since lift-off
     """
     r_e = np.array(frames.ecef_from_geodetic(card.latitude, card.longitude, card.height))
-    return frames.eci_from_ecef(np.tile(r_e, (t.size, 1)), frames.earth_angle(theta0, t))
+    theta = frames.earth_angle(theta0, t)
+    repeated_r_e = np.tile(r_e, (t.size, 1))
+    return frames.eci_from_ecef(repeated_r_e, theta)
 
 
 def _jammer_line(card: Jamming, theta0: float, t: Floats, r_i: Floats) -> tuple[Floats, Bools]:
@@ -87,9 +96,11 @@ def _jammer_line(card: Jamming, theta0: float, t: Floats, r_i: Floats) -> tuple[
     is_above_horizon : (n,) bool
     """
     jammer_i = _jammer_position(card, theta0, t)
-    down = frames.rotation_i_n(jammer_i, frames.earth_angle(theta0, t))[:, 2]
+    theta = frames.earth_angle(theta0, t)
+    down = frames.rotation_i_n(jammer_i, theta)[:, 2]
     line = jammer_i - r_i
-    return line, np.sum(line * down, axis=1) > 0.0
+    descent = np.sum(line * down, axis=1)
+    return line, descent > 0.0
 
 
 def _off_boresight(card: Jamming, theta0: float, t: Floats, outward: Floats) -> Floats:
@@ -105,15 +116,16 @@ def _off_boresight(card: Jamming, theta0: float, t: Floats, outward: Floats) -> 
         Lines from the jammer, of any length.
     """
     horizontal = math.cos(card.elevation)
-    boresight_n = np.array(
-        [
-            horizontal * math.cos(card.azimuth),
-            horizontal * math.sin(card.azimuth),
-            -math.sin(card.elevation),
-        ]
-    )
-    C_i_n = frames.rotation_i_n(_jammer_position(card, theta0, t), frames.earth_angle(theta0, t))
-    cosine = np.einsum("nij,nj,i->n", C_i_n, outward, boresight_n) / np.linalg.norm(outward, axis=1)
+    north = horizontal * math.cos(card.azimuth)
+    east = horizontal * math.sin(card.azimuth)
+    down = -math.sin(card.elevation)
+    boresight_n = np.array([north, east, down])
+    jammer_i = _jammer_position(card, theta0, t)
+    theta = frames.earth_angle(theta0, t)
+    C_i_n = frames.rotation_i_n(jammer_i, theta)
+    along_boresight = np.einsum("nij,nj,i->n", C_i_n, outward, boresight_n)
+    length = np.linalg.norm(outward, axis=1)
+    cosine = along_boresight / length
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
@@ -131,9 +143,11 @@ def effective(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
     """
     is_jammed = density > 0.0
     noise_to_carrier = 10.0 ** (-0.1 * cn0[is_jammed])
-    jamming_to_carrier = density[is_jammed] * 10.0 ** (-0.1 * carrier[is_jammed])
+    inverse_carrier = 10.0 ** (-0.1 * carrier[is_jammed])
+    jamming_to_carrier = density[is_jammed] * inverse_carrier
+    total = noise_to_carrier + jamming_to_carrier
     effective_cn0 = np.array(cn0)
-    effective_cn0[is_jammed] = -10.0 * np.log10(noise_to_carrier + jamming_to_carrier)
+    effective_cn0[is_jammed] = -10.0 * np.log10(total)
     return effective_cn0
 
 
@@ -157,10 +171,17 @@ def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: 
     for _, card, mask, start, _ in active(faults, Spoofing, trajectory.course, t):
         theta = frames.earth_angle(trajectory.theta0, t)
         # false position and velocity relative to the true position and velocity
-        earth_velocity = np.einsum("nij,i->nj", frames.rotation_i_n(r_i, theta), np.array(card.velocity))
-        offset = earth_velocity * (t - start)[:, None]
+        C_i_n = frames.rotation_i_n(r_i, theta)
+        velocity_n = np.array(card.velocity)
+        earth_velocity = np.einsum("nij,i->nj", C_i_n, velocity_n)
+        elapsed = t - start
+        offset = earth_velocity * elapsed[:, None]
         velocity = earth_velocity + np.cross([0.0, 0.0, OMEGA], offset)
-        false = sight(true.line - offset[:, None], true.moving - velocity[:, None])
-        error = np.stack([false.distance - true.distance, false.rate - true.rate], axis=2)
+        false_line = true.line - offset[:, None]
+        false_moving = true.moving - velocity[:, None]
+        false = sight(false_line, false_moving)
+        range_error = false.distance - true.distance
+        rate_error = false.rate - true.rate
+        error = np.stack([range_error, rate_error], axis=2)
         errors += np.where(mask[:, None, None], error, 0.0)
     return errors

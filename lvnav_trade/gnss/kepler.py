@@ -47,21 +47,27 @@ class Orbits(NamedTuple):
         """
         a = self.semi_major_axis
         e = self.eccentricity
-        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, e)
+        mean_anomaly = self.mean_anomaly + self.mean_motion * t
+        anomaly = eccentric_anomaly(mean_anomaly, e)
         cos_e = np.cos(anomaly)
         sin_e = np.sin(anomaly)
         root = np.sqrt(1.0 - e * e)
         speed = a * self.mean_motion / (1.0 - e * cos_e)
         # first axis towards perigee, then rotated to the ascending node
-        perifocal = np.stack([a * (cos_e - e), a * root * sin_e])
-        perifocal_rate = np.stack([-speed * sin_e, speed * root * cos_e])
+        to_perigee = a * (cos_e - e)
+        across = a * root * sin_e
+        to_perigee_rate = -speed * sin_e
+        across_rate = speed * root * cos_e
+        perifocal = np.stack([to_perigee, across])
+        perifocal_rate = np.stack([to_perigee_rate, across_rate])
         cos_w = np.cos(self.perigee)
         sin_w = np.sin(self.perigee)
         rotation = np.array([[cos_w, -sin_w], [sin_w, cos_w]])
         flat = np.einsum("ijs,j...s->i...s", rotation, perifocal)
         flat_rate = np.einsum("ijs,j...s->i...s", rotation, perifocal_rate)
         node_rate = self.node_rate - EARTH_RATE_GPS
-        return earth_fixed(flat, flat_rate, self.node + node_rate * t, node_rate, self.inclination)
+        node = self.node + node_rate * t
+        return earth_fixed(flat, flat_rate, node, node_rate, self.inclination)
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets from system time by polynomial, (..., n_sat) s, without the relativistic term."""
@@ -69,8 +75,11 @@ class Orbits(NamedTuple):
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
-        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, self.eccentricity)
-        return np.asarray(self.relativity_factor * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
+        e = self.eccentricity
+        mean_anomaly = self.mean_anomaly + self.mean_motion * t
+        anomaly = eccentric_anomaly(mean_anomaly, e)
+        root_axis = np.sqrt(self.semi_major_axis)
+        return np.asarray(self.relativity_factor * e * root_axis * np.sin(anomaly))
 
 
 def earth_fixed(
@@ -98,11 +107,13 @@ def earth_fixed(
     across_rate = vy * cos_i - y * sin_i * tilting
     r_x = x * cos_n - across * sin_n
     r_y = x * sin_n + across * cos_n
-    r_e = np.stack([r_x, r_y, y * sin_i], axis=-1)
+    r_z = y * sin_i
+    r_e = np.stack([r_x, r_y, r_z], axis=-1)
     v_x = vx * cos_n - across_rate * sin_n - node_rate * r_y
     v_y = vx * sin_n + across_rate * cos_n + node_rate * r_x
     v_z = vy * sin_i + y * cos_i * tilting
-    return r_e, np.stack([v_x, v_y, v_z], axis=-1)
+    v_e = np.stack([v_x, v_y, v_z], axis=-1)
+    return r_e, v_e
 
 
 def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:
@@ -111,13 +122,15 @@ def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:
     The initial value E = M + 0.85 e sign(sin M) converges for every eccentricity below 1 (Danby and Burkardt, 1983).
     """
     mean = np.mod(mean_anomaly, 2.0 * math.pi)
-    anomaly = mean + 0.85 * eccentricity * np.sign(np.sin(mean))
+    half_of_orbit = np.sign(np.sin(mean))
+    anomaly = mean + 0.85 * eccentricity * half_of_orbit
     for _ in range(30):
         # Kepler's equation: M = E - e sin E
         residual = mean - anomaly + eccentricity * np.sin(anomaly)
         slope = 1.0 - eccentricity * np.cos(anomaly)
         step = residual / slope
         anomaly = anomaly + step
-        if np.max(np.abs(step), initial=0.0) < 1e-13:
+        largest_step = np.max(np.abs(step), initial=0.0)
+        if largest_step < 1e-13:
             break
     return anomaly

@@ -56,8 +56,11 @@ def pattern_gain(pattern: CosineGain | TableGain, angle: Floats) -> Floats:
     """
     if isinstance(pattern, CosineGain):
         ahead = np.clip(np.cos(angle), 1e-30, None)
-        fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), -pattern.front_to_back)
-        return np.asarray(pattern.peak + np.where(angle < 0.5 * math.pi, fall, -pattern.front_to_back))
+        least = -pattern.front_to_back
+        fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), least)
+        is_ahead = angle < 0.5 * math.pi
+        relative_gain = np.where(is_ahead, fall, least)
+        return np.asarray(pattern.peak + relative_gain)
     return np.asarray(np.interp(angle, pattern.angle, pattern.gain))
 
 
@@ -85,7 +88,8 @@ class AntennaCard(NamedCard):
 
 def gain(card: AntennaCard, angle: Floats) -> Floats:
     """Return the gain (dBi) at angles off boresight (...,) rad, same shape; -inf beyond the cut-off."""
-    return np.asarray(np.where(angle <= card.cutoff, pattern_gain(card.pattern, angle), -np.inf))
+    is_in_view = angle <= card.cutoff
+    return np.asarray(np.where(is_in_view, pattern_gain(card.pattern, angle), -np.inf))
 
 
 def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:
@@ -100,9 +104,15 @@ def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:
     """
     if not cards:
         return np.zeros((*direction_b.shape[:-1], 1))
-    axes = np.array([np.array(card.boresight) / math.hypot(*card.boresight) for card in cards])
-    angle = np.arccos(np.clip(direction_b @ axes.T, -1.0, 1.0))
-    return np.stack([gain(card, angle[..., k]) for k, card in enumerate(cards)], axis=-1)
+    boresights = []
+    for card in cards:
+        length = math.hypot(*card.boresight)
+        boresights.append(np.array(card.boresight) / length)
+    axes = np.array(boresights)
+    cosine = np.clip(direction_b @ axes.T, -1.0, 1.0)
+    angle = np.arccos(cosine)
+    antenna_gains = [gain(card, angle[..., k]) for k, card in enumerate(cards)]
+    return np.stack(antenna_gains, axis=-1)
 
 
 class LinkCard(Card):
@@ -139,7 +149,8 @@ class LinkCard(Card):
     @property
     def system_temperature(self) -> float:
         """Noise temperature (K) of antenna and receiver, referred to the receiver's input."""
-        return self.antenna_temperature + ROOM * (10.0 ** (0.1 * self.noise_figure) - 1.0)
+        noise_factor = 10.0 ** (0.1 * self.noise_figure)
+        return self.antenna_temperature + ROOM * (noise_factor - 1.0)
 
     @property
     def wavelength(self) -> float:
@@ -149,7 +160,8 @@ class LinkCard(Card):
 
 def path_loss(card: LinkCard, distance: Floats) -> Floats:
     """Return the free-space loss 20 log10(4 pi d / lambda) (dB) between isotropic antennas at a distance (m)."""
-    return np.asarray(20.0 * np.log10(4.0 * math.pi * distance / card.wavelength))
+    ratio = 4.0 * math.pi * distance / card.wavelength
+    return np.asarray(20.0 * np.log10(ratio))
 
 
 def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Floats:
@@ -166,10 +178,12 @@ def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Float
     off_nadir : (...,) rad
         Angle at the satellite between its nadir and the antenna.
     """
-    transmitted = card.transmit_power + np.interp(off_nadir, card.transmit_angle, card.transmit_gain)
+    transmit_gain = np.interp(off_nadir, card.transmit_angle, card.transmit_gain)
+    transmitted = card.transmit_power + transmit_gain
     return np.asarray(transmitted - path_loss(card, distance) - card.loss)
 
 
 def carrier_to_noise(card: LinkCard, power: Floats) -> Floats:
     """Return C/N0 (dB-Hz) of a signal from its power (dBW) at the output of the antenna: C - 10 log10(k T) - loss."""
-    return np.asarray(power - (BOLTZMANN_DB + 10.0 * math.log10(card.system_temperature)) - card.implementation_loss)
+    noise_density = BOLTZMANN_DB + 10.0 * math.log10(card.system_temperature)
+    return np.asarray(power - noise_density - card.implementation_loss)

@@ -68,7 +68,8 @@ class LoopsCard(Card):
 
 
 def _ratio(cn0: Floats) -> Floats:
-    return np.asarray(10.0 ** (0.1 * np.maximum(cn0, WEAKEST)))
+    bounded = np.maximum(cn0, WEAKEST)
+    return np.asarray(10.0 ** (0.1 * bounded))
 
 
 def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
@@ -83,15 +84,20 @@ def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
     cn0 : (...,) dB-Hz
         Carrier-to-noise density.
     """
-    c, spacing, width = _ratio(cn0), card.spacing, card.front_end / card.code_rate
+    c = _ratio(cn0)
+    spacing = card.spacing
+    width = card.front_end / card.code_rate
     squaring = 2.0 / (card.integration * c * (2.0 - spacing))
     if spacing >= math.pi / width:
         shape = spacing
     elif spacing > 1.0 / width:
-        shape = 1.0 / width + width / (math.pi - 1.0) * (spacing - 1.0 / width) ** 2
+        excess = spacing - 1.0 / width
+        shape = 1.0 / width + width / (math.pi - 1.0) * excess**2
     else:
-        shape, squaring = 1.0 / width, 1.0 / (card.integration * c)
-    return np.asarray(card.chip * np.sqrt(0.5 * card.code_bandwidth / c * shape * (1.0 + squaring)))
+        shape = 1.0 / width
+        squaring = 1.0 / (card.integration * c)
+    variance = 0.5 * card.code_bandwidth / c * shape * (1.0 + squaring)  # in squared chips
+    return np.asarray(card.chip * np.sqrt(variance))
 
 
 def phase_sigma(card: LoopsCard, cn0: Floats) -> Floats:
@@ -106,7 +112,9 @@ def phase_sigma(card: LoopsCard, cn0: Floats) -> Floats:
         Carrier-to-noise density.
     """
     c = _ratio(cn0)
-    return np.asarray(np.sqrt(card.carrier_bandwidth / c * (1.0 + 0.5 / (card.integration * c))))
+    squaring = 0.5 / (card.integration * c)
+    variance = card.carrier_bandwidth / c * (1.0 + squaring)
+    return np.asarray(np.sqrt(variance))
 
 
 def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats:
@@ -122,8 +130,11 @@ def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats
     factor : float
         F: 1 for strong signals, 2 near threshold.
     """
-    c, period = _ratio(cn0), card.integration
-    spread = np.sqrt(4.0 * factor * card.carrier_bandwidth / c * (1.0 + 1.0 / (period * c)))
+    c = _ratio(cn0)
+    period = card.integration
+    squaring = 1.0 / (period * c)
+    phase_variance = 4.0 * factor * card.carrier_bandwidth / c * (1.0 + squaring)
+    spread = np.sqrt(phase_variance)
     return np.asarray(spread / (2.0 * math.pi * period))
 
 
@@ -142,7 +153,8 @@ def rate_sigma(card: LoopsCard, cn0: Floats, wavelength: float) -> Floats:
     """
     if card.carrier == "fll":
         return wavelength * frequency_sigma(card, cn0)
-    return np.asarray(math.sqrt(2.0) * (wavelength / (2.0 * math.pi) * phase_sigma(card, cn0)) / card.rate_interval)
+    phase = wavelength / (2.0 * math.pi) * phase_sigma(card, cn0)  # m
+    return np.asarray(math.sqrt(2.0) * phase / card.rate_interval)
 
 
 def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) -> Floats:
@@ -166,7 +178,8 @@ def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) 
     (...,)
         rad for a phase loop, Hz for a frequency loop.
     """
-    along = acceleration if card.carrier_order + (card.carrier == "fll") == 2 else jerk
+    n_derivative = card.carrier_order + (card.carrier == "fll")
+    along = acceleration if n_derivative == 2 else jerk
     cycles = np.abs(along) / wavelength / card.natural_frequency**card.carrier_order
     return np.asarray(2.0 * math.pi * cycles if card.carrier == "pll" else cycles)
 
@@ -180,7 +193,8 @@ def shaking(card: LoopsCard, specific_force: Floats) -> Floats:
     specific_force : (...,) m/s^2
         Magnitude of the specific force; vibration is proportional to its excess over 1 g.
     """
-    return np.hypot(card.jitter, card.vibration * np.maximum(specific_force - 9.80665, 0.0))
+    excess = np.maximum(specific_force - 9.80665, 0.0)
+    return np.hypot(card.jitter, card.vibration * excess)
 
 
 def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
@@ -198,10 +212,13 @@ def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
         Phase jitter of the oscillator, one sigma.
     """
     if card.carrier == "fll":
-        power = np.sinc(np.minimum(trail * card.integration, 1.0)) ** 2
+        cycles = np.minimum(trail * card.integration, 1.0)
+        power = np.sinc(cycles) ** 2
     else:
-        power = np.cos(np.minimum(trail, 0.5 * math.pi)) ** 2
-    loss = 10.0 / math.log(10.0) * jitter**2 - 10.0 * np.log10(np.maximum(power, 1e-12))
+        angle = np.minimum(trail, 0.5 * math.pi)
+        power = np.cos(angle) ** 2
+    jitter_loss = 10.0 / math.log(10.0) * jitter**2
+    loss = jitter_loss - 10.0 * np.log10(np.maximum(power, 1e-12))
     return np.asarray(np.minimum(loss, _LARGEST_LOSS))
 
 
@@ -225,8 +242,12 @@ def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, accelerat
     Code loop: 3 sigma + lag within half the correlator spacing.
     """
     if card.carrier == "pll":
-        carrier = np.hypot(phase_sigma(card, cn0), jitter) + trail / 3.0 <= PHASE_LIMIT
+        phase_error = np.hypot(phase_sigma(card, cn0), jitter) + trail / 3.0
+        carrier = phase_error <= PHASE_LIMIT
     else:
-        carrier = 3.0 * frequency_sigma(card, cn0, NEAR_THRESHOLD) + trail <= 0.25 / card.integration
+        frequency_error = 3.0 * frequency_sigma(card, cn0, NEAR_THRESHOLD) + trail
+        carrier = frequency_error <= 0.25 / card.integration
     code_lag = 0.0 if card.code_aided else np.abs(acceleration) * (NATURAL[2] / card.code_bandwidth) ** 2
-    return np.asarray(carrier & (3.0 * code_sigma(card, cn0) + code_lag <= 0.5 * card.spacing * card.chip))
+    code_error = 3.0 * code_sigma(card, cn0) + code_lag
+    code_limit = 0.5 * card.spacing * card.chip
+    return np.asarray(carrier & (code_error <= code_limit))

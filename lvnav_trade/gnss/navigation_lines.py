@@ -44,8 +44,9 @@ def number(where: str, text: str, bounds: NumberBounds) -> float:
     InputError
         The text is no number, or the number is outside the bounds, as nan and inf always are.
     """
+    plain_text = text.strip().upper().replace("D", "E")
     try:
-        value = bounds.read(text.strip().upper().replace("D", "E"))
+        value = bounds.read(plain_text)
     except ValueError:
         expected = "a whole number" if bounds.read is whole else "a number"
         raise InputError(f"{where}: {quoted(text)} is not {expected}") from None

@@ -70,16 +70,21 @@ class PreciseEphemerides(NamedTuple):
         v_e = np.zeros((*steps.shape, 3))
         for node in range(NODES):
             position = self.r_e[first + node, satellite]
-            r_e += position * np.polyval(values[node], steps)[..., None]
-            v_e += position * np.polyval(slopes[node], steps)[..., None]
-        return r_e, v_e / (self.t[1] - self.t[0])
+            weight = np.polyval(values[node], steps)
+            weight_rate = np.polyval(slopes[node], steps)
+            r_e += position * weight[..., None]
+            v_e += position * weight_rate[..., None]
+        spacing = self.t[1] - self.t[0]
+        return r_e, v_e / spacing
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets, linear between nodes, (..., n_sat) s, without the relativistic term."""
         n_sat = len(self.names)
         step = self.t[1] - self.t[0]
-        place = np.broadcast_to((t - self.t[0]) / step, np.broadcast_shapes(np.shape(t), (n_sat,)))
-        below = np.clip(np.floor(place).astype(int), 0, self.t.size - 2)
+        shape = np.broadcast_shapes(np.shape(t), (n_sat,))
+        place = np.broadcast_to((t - self.t[0]) / step, shape)
+        whole_place = np.floor(place).astype(int)
+        below = np.clip(whole_place, 0, self.t.size - 2)
         satellite = np.arange(n_sat)
         fraction = place - below
         before = self.clocks[below, satellite]
@@ -89,20 +94,25 @@ class PreciseEphemerides(NamedTuple):
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term -2 r.v / c^2, (..., n_sat) s, which SP3 clocks do not contain."""
         r_e, v_e = self.ecef(t)
-        # r.v is the same in rotating axes
-        return np.asarray(-2.0 * np.sum(r_e * v_e, axis=-1) / SPEED_OF_LIGHT**2)
+        product = np.sum(r_e * v_e, axis=-1)  # r.v is the same in rotating axes
+        return np.asarray(-2.0 * product / SPEED_OF_LIGHT**2)
 
     def _locate(self, t: Floats) -> tuple[np.ndarray, Floats]:
         """Return the first node of the polynomial at each time, and the time from its centre in steps."""
-        place = (np.asarray(t, dtype=float) - self.t[0]) / (self.t[1] - self.t[0])
-        place = np.broadcast_to(place, np.broadcast_shapes(place.shape, (len(self.names),)))
-        if place.size and not (-1e-9 <= place.min() and place.max() <= self.t.size - 1 + 1e-9):
+        spacing = self.t[1] - self.t[0]
+        place = (np.asarray(t, dtype=float) - self.t[0]) / spacing
+        shape = np.broadcast_shapes(place.shape, (len(self.names),))
+        place = np.broadcast_to(place, shape)
+        last = self.t.size - 1
+        if place.size and not (-1e-9 <= place.min() and place.max() <= last + 1e-9):
             raise InputError(
                 f"orbits: the flight goes beyond them, {self.t[0]:g} to {self.t[-1]:g} s from its lift-off"
             )
-        first = np.clip(np.floor(place).astype(int) - NODES // 2 + 1, 0, self.t.size - NODES)
+        below = np.floor(place).astype(int)
+        first = np.clip(below - NODES // 2 + 1, 0, self.t.size - NODES)
         centre = 0.5 * (NODES - 1)
-        return first, place - first - centre
+        from_centre = place - first - centre
+        return first, from_centre
 
 
 @lru_cache(maxsize=1)
@@ -112,7 +122,8 @@ def _polynomials() -> tuple[Floats, Floats]:
     values = []
     for k in range(NODES):
         roots = np.delete(nodes, k)
-        values.append(np.poly(roots) / np.prod(nodes[k] - roots))
+        scale = np.prod(nodes[k] - roots)
+        values.append(np.poly(roots) / scale)
     slopes = [np.polyder(polynomial) for polynomial in values]
     return np.array(values), np.array(slopes)
 
@@ -130,11 +141,13 @@ def read_positions(path: str | Path) -> PreciseFile:
         if line.startswith("* "):
             times.append(_time(where, line))
         elif line.startswith("P") and times:
-            name = f"{line[1:2].strip() or 'G'}{line[2:4].strip():0>2}"
+            system = line[1:2].strip() or "G"
+            name = f"{system}{line[2:4].strip():0>2}"
             nodes.setdefault(name, {})[times[-1]] = _read_node(where, line)
     t = np.array(times)
-    if t.size < 2 * _MARGIN or np.ptp(np.diff(t)) > 1e-6 or t[1] <= t[0]:
-        raise InputError(f"{path}: {t.size} epochs; at least {2 * _MARGIN} are needed, evenly spaced")
+    fewest = 2 * _MARGIN
+    if t.size < fewest or np.ptp(np.diff(t)) > 1e-6 or t[1] <= t[0]:
+        raise InputError(f"{path}: {t.size} epochs; at least {fewest} are needed, evenly spaced")
     r_e = {}
     clock = {}
     for name, satellite_nodes in nodes.items():
@@ -163,7 +176,8 @@ def _read_node(where: str, line: str) -> _Node:
     x, y, z, clock = (_number(where, line, k) for k in range(4))
     if x == y == z == 0.0:
         return _Node(_MISSING.r_e, clock)
-    return _Node((1e3 * x, 1e3 * y, 1e3 * z), clock)
+    position = (1e3 * x, 1e3 * y, 1e3 * z)
+    return _Node(position, clock)
 
 
 def _check_time_system(path: str | Path, lines: list[str]) -> None:
@@ -193,7 +207,9 @@ def _number(where: str, line: str, k: int) -> float:
     InputError
         The text is not a number, or the number is impossible.
     """
-    value = number(where, line[4 + 14 * k : 18 + 14 * k], _MICROSECONDS if k == 3 else _KM)
+    start = 4 + 14 * k
+    text = line[start : start + 14]
+    value = number(where, text, _MICROSECONDS if k == 3 else _KM)
     if k < 3:
         return value
     return math.nan if value >= _NO_CLOCK else 1e-6 * value
@@ -206,7 +222,8 @@ def _time(where: str, line: str) -> float:
         year, month, day, hour, minute = map(whole, words[:5])
         seconds = decimal(words[5])
         moment = datetime(year, month, day, hour, minute, tzinfo=UTC)
-        return (moment - GPS_ORIGIN).total_seconds() + seconds
+        elapsed = moment - GPS_ORIGIN
+        return elapsed.total_seconds() + seconds
     except (ValueError, IndexError, OverflowError):
         raise InputError(f"{where}: not a time of an SP3 file") from None
 
@@ -237,14 +254,21 @@ def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float
     place = (reference - t[0]) / steps[0]
     if not _MARGIN - 1 <= place <= t.size - _MARGIN:
         raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it is at epoch {place:.1f}")
-    near = slice(max(0, int(place) - NODES), int(place) + 2 * NODES)
+    below = int(place)
+    near = slice(max(0, below - NODES), below + 2 * NODES)
     nodes = first_of_equal[near]
     complete_names = []
     positions = []
     clocks = []
     for name in names:
-        position = np.concatenate([file.r_e.get(name, np.full((file.t.size, 3), np.nan)) for file in files])[nodes]
-        clock = np.concatenate([file.clock.get(name, np.full(file.t.size, np.nan)) for file in files])[nodes]
+        file_positions = []
+        file_clocks = []
+        for file in files:
+            n_node = file.t.size
+            file_positions.append(file.r_e.get(name, np.full((n_node, 3), np.nan)))
+            file_clocks.append(file.clock.get(name, np.full(n_node, np.nan)))
+        position = np.concatenate(file_positions)[nodes]
+        clock = np.concatenate(file_clocks)[nodes]
         if np.isfinite(position).all() and np.isfinite(clock).all():
             complete_names.append(name)
             positions.append(position)

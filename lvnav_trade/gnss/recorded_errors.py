@@ -127,7 +127,8 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
         names += card.velocity.columns
     names = list(dict.fromkeys(names))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
-    t = (table[:, names.index(card.time.column)] - card.time.liftoff) * si(card.time.unit, "s")
+    time_column = table[:, names.index(card.time.column)]
+    t = (time_column - card.time.liftoff) * si(card.time.unit, "s")
     interval = refuse_unordered(t, card.file, places)
     median = float(np.median(interval))
     largest = _GAP * median if card.largest_gap is None else card.largest_gap
@@ -145,7 +146,8 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
     if card.velocity is not None:
         errors[:, 3:] = _read_errors(table, names, card.velocity, card.truth_minus_solution)
     _refuse_large(errors, card.file, places)
-    return ErrorRecording(t, errors * card.factor, float(t[-1] - t[0]) + median)
+    period = float(t[-1] - t[0]) + median
+    return ErrorRecording(t, errors * card.factor, period)
 
 
 def _read_errors(table: Floats, names: list[str], columns: _ErrorColumns, truth_minus_solution: bool) -> Floats:
@@ -162,9 +164,11 @@ def _read_errors(table: Floats, names: list[str], columns: _ErrorColumns, truth_
     truth_minus_solution : bool
         Whether the file has the opposite sign.
     """
-    values = table[:, [names.index(name) for name in columns.columns]]
+    indices = [names.index(name) for name in columns.columns]
+    values = table[:, indices]
     sign = -1.0 if truth_minus_solution else 1.0
-    return np.asarray(values * si(columns.known_unit, columns.SI) * sign)
+    scale = si(columns.known_unit, columns.SI)
+    return np.asarray(values * scale * sign)
 
 
 def _refuse_large(errors: Floats, file: str, places: list[str]) -> None:
@@ -222,14 +226,17 @@ def sampled(card: ErrorTable, t: Floats) -> Floats:
     sample_times = t[None, :]
     if card.outside == "repeat":
         start_shifts = rows.period * np.arange(card.starts) / card.starts
-        sample_times = times[0] + np.mod(t[None, :] + start_shifts[:, None] - times[0], rows.period)
+        shifted = t[None, :] + start_shifts[:, None] - times[0]
+        sample_times = times[0] + np.mod(shifted, rows.period)
         # the first row again, after a period
         times = np.append(times, times[0] + rows.period)
         errors = np.vstack([errors, errors[:1]])
-    samples = np.stack([np.interp(sample_times, times, column) for column in errors.T], axis=-1)
+    columns = [np.interp(sample_times, times, column) for column in errors.T]
+    samples = np.stack(columns, axis=-1)
     if card.outside == "zero":
-        is_outside = (sample_times < times[0] - _SLACK) | (sample_times > times[-1] + _SLACK)
-        samples[is_outside] = 0.0
+        is_before = sample_times < times[0] - _SLACK
+        is_after = sample_times > times[-1] + _SLACK
+        samples[is_before | is_after] = 0.0
     return samples
 
 

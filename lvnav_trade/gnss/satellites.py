@@ -52,35 +52,42 @@ class CombinedSatellites(NamedTuple):
     @property
     def names(self) -> tuple[str, ...]:
         """Names such as "G05", (n_sat,), part after part."""
-        return tuple(name for part in self.parts for name in part.names)
+        return tuple(name for group in self.parts for name in group.names)
 
     @property
     def systems(self) -> tuple[str, ...]:
         """Letters as in RINEX, (n_sat,): G (GPS), E (Galileo), R (GLONASS)."""
-        return tuple(letter for part in self.parts for letter in part.systems)
+        return tuple(letter for group in self.parts for letter in group.systems)
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
         positions = []
         velocities = []
-        for part, times in self._split(t):
-            r_e, v_e = part.ecef(times)
+        for group, times in self._split(t):
+            r_e, v_e = group.ecef(times)
             positions.append(r_e)
             velocities.append(v_e)
-        return np.concatenate(positions, axis=-2), np.concatenate(velocities, axis=-2)
+        position = np.concatenate(positions, axis=-2)
+        velocity = np.concatenate(velocities, axis=-2)
+        return position, velocity
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets from system time, (..., n_sat) s, without the relativistic term."""
-        return np.concatenate([part.clock(times) for part, times in self._split(t)], axis=-1)
+        clocks = [group.clock(times) for group, times in self._split(t)]
+        return np.concatenate(clocks, axis=-1)
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term due to the eccentricity of the orbit, (..., n_sat) s."""
-        return np.concatenate([part.relativity(times) for part, times in self._split(t)], axis=-1)
+        terms = [group.relativity(times) for group, times in self._split(t)]
+        return np.concatenate(terms, axis=-1)
 
     def _split(self, t: Floats) -> "list[tuple[Satellites, Floats]]":
-        sizes = [len(part.names) for part in self.parts]
-        times = np.broadcast_to(t, np.broadcast_shapes(np.shape(t), (sum(sizes),)))
-        return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
+        sizes = [len(group.names) for group in self.parts]
+        shape = np.broadcast_shapes(np.shape(t), (sum(sizes),))
+        times = np.broadcast_to(t, shape)
+        ends = np.cumsum(sizes)
+        part_times = np.split(times, ends[:-1], axis=-1)
+        return list(zip(self.parts, part_times, strict=True))
 
 
 Satellites = Orbits | BroadcastEphemerides | IntegratedStates | PreciseEphemerides | CombinedSatellites
@@ -102,8 +109,8 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
         return _part_satellites(constellation, epoch)
     combined = CombinedSatellites(tuple(_part_satellites(part, epoch) for part in constellation.parts))
     letters: list[str] = []
-    for part in combined.parts:
-        letters += sorted(set(part.systems))
+    for system_satellites in combined.parts:
+        letters += sorted(set(system_satellites.systems))
     shared = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
     if shared:
         raise InputError(f"two parts of the combined constellation give {shared[0]}")
@@ -116,9 +123,11 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
 def content(constellation: Constellation) -> str:
     """Return digests of the files of a constellation, empty without files; InputError if a file cannot be read."""
     digests = []
-    for part in parts_of(constellation):
-        for file in _files(part):
-            digests.append(hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest())
+    for card in parts_of(constellation):
+        for file in _files(card):
+            file_content = read_bytes(file, DATA_BYTES)
+            digest = hashlib.sha256(file_content).hexdigest()
+            digests.append(digest)
     return " ".join(digests)
 
 
@@ -172,7 +181,8 @@ def _broadcast_satellites(card: RinexConstellation, epoch: str) -> Satellites:
     files, navigation, records, letters = _contents(card)
     usable: list[Ephemeris | StateVector] = []
     for letter in letters:
-        latest = nearest((record for record in records if record.name[0] == letter), lift_off)
+        system_records = [record for record in records if record.name[0] == letter]
+        latest = nearest(system_records, lift_off)
         healthy = [record for record in latest.values() if is_usable(record)]
         if not healthy:
             fault = "" if latest else _first_fault(navigation, letter)
@@ -181,7 +191,9 @@ def _broadcast_satellites(card: RinexConstellation, epoch: str) -> Satellites:
         recent = [record for record in healthy if abs(_time(record) - lift_off) <= limit]
         if not recent:
             ages = [lift_off - _time(record) for record in healthy]
-            raise InputError(f"{files}: {_too_far(min(ages, key=abs), epoch, _NAMES[letter], limit)}")
+            smallest_age = min(ages, key=abs)
+            message = _too_far(smallest_age, epoch, _NAMES[letter], limit)
+            raise InputError(f"{files}: {message}")
         usable += recent
     usable.sort(key=lambda record: record.name)
     ephemerides = [record for record in usable if isinstance(record, Ephemeris)]
@@ -190,7 +202,9 @@ def _broadcast_satellites(card: RinexConstellation, epoch: str) -> Satellites:
         return broadcast(ephemerides, lift_off)
     if not ephemerides:
         return integrated(states, lift_off)
-    return CombinedSatellites((broadcast(ephemerides, lift_off), integrated(states, lift_off)))
+    kepler_satellites = broadcast(ephemerides, lift_off)
+    glonass_satellites = integrated(states, lift_off)
+    return CombinedSatellites((kepler_satellites, glonass_satellites))
 
 
 def _first_fault(navigation: list[NavigationFile], letter: str) -> str:
@@ -210,7 +224,8 @@ def is_usable(item: Ephemeris | StateVector) -> bool:
     if isinstance(item, StateVector):
         return item.health == 0.0
     if item.name[0] == "E":
-        return not int(item.health) & _HEALTH_E1 and 0.0 <= item.accuracy < _NO_SISA
+        is_healthy = not int(item.health) & _HEALTH_E1
+        return is_healthy and 0.0 <= item.accuracy < _NO_SISA
     return item.health == 0.0 and 0.0 <= item.accuracy <= _NO_URA
 
 
@@ -231,8 +246,10 @@ def left_out(constellation: Constellation) -> list[str]:
                 if record.name[0] in letters and not record.is_unhealthy:
                     broken.append(record)
             if broken:
-                names = ", ".join(sorted({record.name for record in broken}))
-                count = f"{len(broken)} broken record{'s' if len(broken) > 1 else ''} of {names}"
+                satellite_names = {record.name for record in broken}
+                names = ", ".join(sorted(satellite_names))
+                plural = "s" if len(broken) > 1 else ""
+                count = f"{len(broken)} broken record{plural} of {names}"
                 place = broken[0].fault.removeprefix(f"{file}:")
                 lines.append(f"{file}: {count} left out, the first at line {place}")
     return lines
@@ -248,7 +265,8 @@ def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
     """
     ranked: dict[str, tuple[tuple[float, bool], _Item]] = {}
     for item in items:
-        rank = (abs(_time(item) - time), _is_other_message(item))
+        distance = abs(_time(item) - time)
+        rank = (distance, _is_other_message(item))
         if item.name not in ranked or rank < ranked[item.name][0]:
             ranked[item.name] = (rank, item)
     return {name: item for name, (_, item) in ranked.items()}
@@ -280,8 +298,11 @@ def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
     limit : float
         Largest age (s).
     """
-    size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
-    distance = f"{size} {'after' if age > 0.0 else 'before'}"
+    hours = abs(age) / 3600.0
+    days = abs(age) / 86400.0
+    size = f"{hours:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{days:.1f} days"
+    side = "after" if age > 0.0 else "before"
+    distance = f"{size} {side}"
     limit_hours = f"{limit / 3600.0:g} h"
     return f"the lift-off {epoch} is {distance} the nearest ephemeris of {system}; longest_age allows {limit_hours}"
 
@@ -312,13 +333,15 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
             continue
         files, navigation, _, letters = _contents(card)
         for letter in sorted({*letters} - {"G"}):
-            offset = _nearest_offset(navigation, letter, gps_seconds(epoch))
+            lift_off = gps_seconds(epoch)
+            offset = _nearest_offset(navigation, letter, lift_off)
             if offset is None:
                 raise InputError(f"{files}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
-            age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
+            age = lift_off + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
             bias = offset.bias + offset.drift * age
             in_system = np.array(systems) == letter
-            errors[:, in_system, 0] = -SPEED_OF_LIGHT * bias[:, None]
+            range_error = -SPEED_OF_LIGHT * bias
+            errors[:, in_system, 0] = range_error[:, None]
             errors[:, in_system, 1] = -SPEED_OF_LIGHT * offset.drift
     return errors
 
@@ -357,9 +380,9 @@ def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> 
     terms = np.zeros(sent.shape)
     first = 0
     for card in parts_of(constellation):
-        part = _part_satellites(card, epoch)
-        after = first + len(part.names)
+        system_satellites = _part_satellites(card, epoch)
+        after = first + len(system_satellites.names)
         if card.relativity:
-            terms[..., first:after] = part.relativity(sent[..., first:after])
+            terms[..., first:after] = system_satellites.relativity(sent[..., first:after])
         first = after
     return terms

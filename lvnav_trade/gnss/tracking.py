@@ -172,23 +172,27 @@ class _Channels:
         in_view = self.signals.expected[0] & ~self.lossy[0]
         elevation = np.where(in_view, self.signals.elevation[0], -np.inf)
         order = np.argsort(-elevation, kind="stable")
-        for sat in order[: min(self.channels, int(in_view.sum()))]:
+        n_tracked = min(self.channels, int(in_view.sum()))
+        for sat in order[:n_tracked]:
             self._change_state(0, int(sat), TRACK, "tracked from the start")
 
     def advance(self, step: int) -> None:
         """Advance all channels to a step: losses of lock, then ended searches and pull-ins, then new searches."""
         t = float(self.signals.t[step])
-        for sat in np.flatnonzero(~self.signals.expected[step] & (self.state != IDLE)):
+        hidden = ~self.signals.expected[step] & (self.state != IDLE)
+        for sat in np.flatnonzero(hidden):
             self.lost[sat] = np.nan
             self.vain[sat] = 0
             self._change_state(step, int(sat), IDLE, CAUSES[HIDDEN])
         busy = (self.state == TRACK) | (self.state == ACQUIRE)
         lossy = self.lossy[step]
-        if np.any(busy & (lossy | ~np.isnan(self.failing))):
+        is_failing = lossy | ~np.isnan(self.failing)
+        if np.any(busy & is_failing):
             for sat in np.flatnonzero(busy):
                 self._check_lock(step, t, int(sat), bool(lossy[sat]))
         if t >= self.next:
-            for sat in np.flatnonzero((self.state == SEARCH) | (self.state == ACQUIRE)):
+            in_pass = (self.state == SEARCH) | (self.state == ACQUIRE)
+            for sat in np.flatnonzero(in_pass):
                 self._end_pass(step, t, int(sat))
             self._schedule()
         self._start_searches(step, t)
@@ -240,24 +244,30 @@ class _Channels:
 
     def _start_searches(self, step: int, t: float) -> None:
         """Assign free channels and searchers to satellites that are expected in view."""
-        waiting = self.signals.expected[step] & ((self.state == IDLE) | (self.state == LOST))
+        without_channel = (self.state == IDLE) | (self.state == LOST)
+        waiting = self.signals.expected[step] & without_channel
         if not np.any(waiting):
             return
         n_search = int(np.sum(self.state == SEARCH))
         n_acquire = int(np.sum(self.state == ACQUIRE))
         n_track = int(np.sum(self.state == TRACK))
-        free = min(self.card.searchers - n_search, self.channels - n_search - n_acquire - n_track)
+        free_searchers = self.card.searchers - n_search
+        free_channels = self.channels - n_search - n_acquire - n_track
+        free = min(free_searchers, free_channels)
         if free <= 0:
             return
         aided = self.card.aiding == "fused" or (self.card.aiding == "own" and n_track >= FIX)
         elevation = self.signals.elevation[step]
-        order = sorted(np.flatnonzero(waiting).tolist(), key=lambda sat: (self.vain[sat], -elevation[sat]))
+        candidates = np.flatnonzero(waiting).tolist()
+        order = sorted(candidates, key=lambda sat: (self.vain[sat], -elevation[sat]))
         for sat in order[:free]:
-            recent = t - self.lost[sat] < self.card.memory  # false without an earlier loss (NaN)
+            since_loss = t - self.lost[sat]
+            recent = since_loss < self.card.memory  # false without an earlier loss (NaN)
             pass_time = self.card.reacquire_time if recent else self.card.search_time
             pass_time *= self.card.aided_factor if aided else 1.0
             self._change_state(step, sat, SEARCH, "aided search" if aided else "search")
-            self.found[sat] = t + pass_time * share(self.card, self.names[sat], t)
+            fraction = share(self.card, self.names[sat], t)
+            self.found[sat] = t + pass_time * fraction
             self.due[sat] = t + pass_time
         self._schedule()
 
@@ -322,13 +332,15 @@ def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
         Steps, rising.
     """
     # 1 - exp(-rate dt)
-    probability = -np.expm1(-card.rate * np.diff(t, prepend=t[:1]))
+    interval = np.diff(t, prepend=t[:1])
+    probability = -np.expm1(-card.rate * interval)
     slips = np.zeros((t.size, len(names)), dtype=np.bool_)
     if card.rate <= 0.0:
         return slips
     for s, name in enumerate(names):
         for step in range(t.size):
-            slips[step, s] = _uniform(card.realisation, "cycle slip", name, t[step]) < probability[step]
+            draw = _uniform(card.realisation, "cycle slip", name, t[step])
+            slips[step, s] = draw < probability[step]
     return slips
 
 
@@ -362,7 +374,8 @@ def continuous(
     if card is not None and card.below is not None:
         locked &= cn0 >= card.below
     continues = locked.copy()
-    continues[1:] &= locked[:-1] & (antenna[1:] == antenna[:-1])
+    same_antenna = antenna[1:] == antenna[:-1]
+    continues[1:] &= locked[:-1] & same_antenna
     continues[:1] = False
     if card is not None:
         continues &= ~slipped(card, names, t)

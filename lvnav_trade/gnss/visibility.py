@@ -172,13 +172,16 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
     shell = receiver.mask_height
     if shell is None:
         return receiver.mask
-    antenna_e = frames.ecef_from_eci(antenna_r, frames.earth_angle(theta0, t))
+    theta = frames.earth_angle(theta0, t)
+    antenna_e = frames.ecef_from_eci(antenna_r, theta)
     height = frames.geodetic_from_ecef(antenna_e)[2]
     radius = np.linalg.norm(antenna_r, axis=-1) - height
     cosine = (radius + shell) / (radius + np.maximum(height, shell))
     dip = -np.arccos(np.clip(cosine, -1.0, 1.0))
     sinking = receiver.mask * (1.0 - height / shell)
-    return np.asarray(np.where(height > shell, dip, sinking))[:, None]
+    is_above_shell = height > shell
+    elevation_mask = np.where(is_above_shell, dip, sinking)
+    return np.asarray(elevation_mask)[:, None]
 
 
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
@@ -192,7 +195,9 @@ def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[
     t : (n_epoch,) s since lift-off
     """
     state = motion(trajectory, t)
-    return point_of(state, frames.matrices(state.q_b_i), np.array(receiver.lever_b))
+    C_b_i = frames.matrices(state.q_b_i)
+    lever_b = np.array(receiver.lever_b)
+    return point_of(state, C_b_i, lever_b)
 
 
 def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
@@ -211,8 +216,10 @@ def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats)
     """
     travel = np.full((t.size, len(above.names)), 0.075)  # s, typical for a satellite at 22 000 km
     for _ in range(LIGHT_TIME_ROUNDS):
-        r_i, v_i = satellite_inertial(above, theta0, t[:, None] - travel)
-        travel = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1) / SPEED_OF_LIGHT
+        sent = t[:, None] - travel
+        r_i, v_i = satellite_inertial(above, theta0, sent)
+        distance = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1)
+        travel = distance / SPEED_OF_LIGHT
     return Transmission(travel, r_i, v_i)
 
 
@@ -229,5 +236,10 @@ def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Flo
     """
     r_e, v_e = above.ecef(t)
     theta = frames.earth_angle(theta0, t)
-    turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)
-    return frames.eci_from_ecef(r_e, theta), frames.eci_from_ecef(v_e + turning, theta)
+    x = r_e[..., 0]
+    y = r_e[..., 1]
+    # velocity of the rotating axes: OMEGA x r
+    axes_velocity = OMEGA * np.stack([-y, x, np.zeros_like(x)], axis=-1)
+    r_i = frames.eci_from_ecef(r_e, theta)
+    v_i = frames.eci_from_ecef(v_e + axes_velocity, theta)
+    return r_i, v_i

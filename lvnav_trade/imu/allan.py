@@ -40,7 +40,8 @@ def white(density: float, tau: Floats) -> Floats:
     tau : (n,) s
         Averaging times.
     """
-    return np.asarray(density / np.sqrt(tau))
+    root_tau = np.sqrt(tau)
+    return np.asarray(density / root_tau)
 
 
 def random_walk(density: float, tau: Floats) -> Floats:
@@ -53,7 +54,8 @@ def random_walk(density: float, tau: Floats) -> Floats:
     tau : (n,) s
         Averaging times.
     """
-    return np.asarray(density * np.sqrt(tau / 3.0))
+    root_tau = np.sqrt(tau / 3.0)
+    return np.asarray(density * root_tau)
 
 
 def gauss_markov(process: Process, tau: Floats) -> Floats:
@@ -69,18 +71,25 @@ def gauss_markov(process: Process, tau: Floats) -> Floats:
     # series x^2 / 3 - x^3 / 4 of the bracket for small x, where the difference loses all digits
     series = x * (1.0 / 3.0 - 0.25 * x)
     large_x = np.maximum(x, 1e-3)
-    bracket = np.where(x < 1e-3, series, 1.0 / large_x * _bracket(large_x))
-    return np.asarray(process.sigma * np.sqrt(2.0 * bracket))
+    closed_form = 1.0 / large_x * _bracket(large_x)
+    is_small = x < 1e-3
+    relative_variance = 2.0 * np.where(is_small, series, closed_form)
+    return np.asarray(process.sigma * np.sqrt(relative_variance))
 
 
 def _bracket(x: Floats) -> Floats:
     """Return the bracket of the Allan variance of a Gauss-Markov process, as in the module's equation."""
-    return 1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * x)
+    first_decay = np.exp(-x)
+    second_decay = np.exp(-2.0 * x)
+    numerator = 3.0 - 4.0 * first_decay + second_decay
+    return 1.0 - numerator / (2.0 * x)
 
 
 def together(*deviations: Floats) -> Floats:
     """Return the Allan deviation of the sum of independent processes: the root sum of squares."""
-    return np.asarray(np.sqrt(np.sum(np.square(deviations), axis=0)))
+    variances = np.square(deviations)
+    total_variance = np.sum(variances, axis=0)
+    return np.asarray(np.sqrt(total_variance))
 
 
 def overlapping(rates: Floats, dt: float, factors: Sequence[int]) -> Floats:
@@ -96,12 +105,18 @@ def overlapping(rates: Floats, dt: float, factors: Sequence[int]) -> Floats:
         Averaging times in samples, each below n / 2.
     """
     start = np.zeros((1, *rates.shape[1:]))
-    angle = np.concatenate([start, np.cumsum(rates, axis=0)]) * dt
+    rate_sums = np.cumsum(rates, axis=0)
+    angle = np.concatenate([start, rate_sums]) * dt
     deviations = []
     for factor in factors:
-        second_difference = angle[2 * factor :] - 2.0 * angle[factor:-factor] + angle[: -2 * factor]
-        variance = 0.5 * np.mean(second_difference * second_difference, axis=0)
-        deviations.append(np.sqrt(variance) / (factor * dt))
+        first = angle[: -2 * factor]
+        middle = angle[factor:-factor]
+        last = angle[2 * factor :]
+        second_difference = last - 2.0 * middle + first
+        square = second_difference * second_difference
+        variance = 0.5 * np.mean(square, axis=0)
+        tau = factor * dt
+        deviations.append(np.sqrt(variance) / tau)
     return np.array(deviations)
 
 
@@ -133,24 +148,38 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
     tau = np.geomspace(shortest, longest, 60)
 
     def processes(x: Floats) -> list[Process]:
-        pairs = zip(x[:count], x[count:], strict=True)
-        return [Process(float(np.exp(log_sigma)), float(np.exp(log_time))) for log_sigma, log_time in pairs]
+        log_sigmas = x[:count]
+        log_times = x[count:]
+        fitted = []
+        for log_sigma, log_time in zip(log_sigmas, log_times, strict=True):
+            sigma = float(np.exp(log_sigma))
+            time_constant = float(np.exp(log_time))
+            fitted.append(Process(sigma, time_constant))
+        return fitted
 
     def log_misfit(x: Floats) -> Floats:
         deviations = [gauss_markov(process, tau) for process in processes(x)]
-        return np.asarray(np.log(together(*deviations) / FLOOR))
+        relative_deviation = together(*deviations) / FLOOR
+        return np.asarray(np.log(relative_deviation))
 
     # unknowns: logarithms of the sigmas (relative to B), then of the time constants (s)
     edges = np.geomspace(shortest, longest, count + 1)
-    time_constants = np.sqrt(edges[1:] * edges[:-1]) / 1.89
-    guess = np.concatenate([np.full(count, math.log(0.8)), np.log(time_constants)])
+    peaks = np.sqrt(edges[1:] * edges[:-1])
+    log_time_constants = np.log(peaks / 1.89)
+    log_sigmas = np.full(count, math.log(0.8))
+    guess = np.concatenate([log_sigmas, log_time_constants])
     low = np.full(2 * count, -8.0)
     low[count:] = math.log(0.1 * shortest)
     high = np.full(2 * count, 3.0)
     high[count:] = math.log(10.0 * longest)
     solution = least_squares(log_misfit, guess, bounds=(low, high))
-    by_time_constant = sorted(processes(solution.x), key=lambda process: process.time_constant)
-    return tuple(Process(instability * sigma, time_constant) for sigma, time_constant in by_time_constant)
+    fitted = processes(solution.x)
+    by_time_constant = sorted(fitted, key=lambda process: process.time_constant)
+    scaled = []
+    for process in by_time_constant:
+        sigma = instability * process.sigma
+        scaled.append(Process(sigma, process.time_constant))
+    return tuple(scaled)
 
 
 def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:
@@ -162,7 +191,10 @@ def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:
     lags : (n,) s
     """
     lags = np.abs(np.asarray(lags, dtype=float))
-    terms = [process.sigma**2 * np.exp(-lags / process.time_constant) for process in processes]
+    terms = []
+    for process in processes:
+        decay = np.exp(-lags / process.time_constant)
+        terms.append(process.sigma**2 * decay)
     return np.asarray(sum(terms))
 
 
@@ -184,7 +216,10 @@ def autoregressive(processes: Sequence[Process], order: int, dt: float) -> tuple
     """
     from scipy.linalg import solve_toeplitz
 
-    covariance = autocovariance(processes, np.arange(order + 1) * np.float64(dt))
-    coefficients = np.asarray(solve_toeplitz(covariance[:-1], covariance[1:]))
-    driving_variance = float(covariance[0] - coefficients @ covariance[1:])
+    lags = np.arange(order + 1) * np.float64(dt)
+    covariance = autocovariance(processes, lags)
+    variance = covariance[0]
+    lagged = covariance[1:]
+    coefficients = np.asarray(solve_toeplitz(covariance[:-1], lagged))
+    driving_variance = float(variance - coefficients @ lagged)
     return coefficients, math.sqrt(driving_variance)

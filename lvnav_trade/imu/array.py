@@ -51,18 +51,17 @@ class MountedImu(ImuCard):
     def directions(self) -> Floats:
         """Unit vectors (n, 3) of its sensing axes, body axes."""
         axes = np.eye(3) if self.axes is None else np.array(self.axes, dtype=float)
-        axes = axes / np.linalg.norm(axes, axis=1)[:, None]
+        lengths = np.linalg.norm(axes, axis=1)
+        axes = axes / lengths[:, None]
         if not any(self.orientation):
             return np.asarray(axes)
-        sr, sp, sy = np.sin(self.orientation)
+        sr, sp, sy = np.sin(self.orientation)  # roll, pitch, yaw
         cr, cp, cy = np.cos(self.orientation)
-        body_to_imu = np.array(
-            [
-                [cp * cy, cp * sy, -sp],
-                [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
-                [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
-            ]
-        )
+        # axes of the IMU in body axes
+        x_axis = (cp * cy, cp * sy, -sp)
+        y_axis = (sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp)
+        z_axis = (cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)
+        body_to_imu = np.array([x_axis, y_axis, z_axis])
         return np.asarray(axes @ body_to_imu)
 
 
@@ -111,7 +110,8 @@ class ImuSet(NamedCard):
         for label in ("gyro", "accel"):
             sizes = _sizes(self, label)
             if sizes.any() and not sizes.all():
-                yield f"weights: {self.weights}: units.{int(np.argmin(sizes))}.{label} has none; weight them equally"
+                number = int(np.argmin(sizes))
+                yield f"weights: {self.weights}: units.{number}.{label} has none; weight them equally"
 
     @property
     def rate(self) -> float:
@@ -133,11 +133,13 @@ def _redundancy_faults(card: ImuSet) -> Iterable[str]:
     if card.parity is not None:
         yield from _untestable(card, card.parity)
     if card.parity is not None and card.parity.window * card.rate < 1.0:
-        yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
+        sample = 1.0 / card.rate
+        yield f"parity.window: {card.parity.window:g} s is less than a sample of {sample:g} s"
     if card.parity is None and card.selection != "mid_value":
         return
     for number, unit in enumerate(card.units):
-        for name, triad in (("gyro", unit.gyro), ("accel", unit.accel)):
+        sensor_triads = (("gyro", unit.gyro), ("accel", unit.accel))
+        for name, triad in sensor_triads:
             if rms(triad.random_walk) <= 0.0:
                 yield f"units.{number}.{name}.random_walk: is zero; thresholds of redundant units need it, give it"
 
@@ -153,7 +155,8 @@ def _hand_over_faults(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
     if len(card.units) < 2:
         yield "selection: prime: there is no unit to hand over to; give two or more"
     if min(spans, default=3) < 3:
-        yield f"selection: prime: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
+        number = int(np.argmin(spans))
+        yield f"selection: prime: units.{number} senses along {min(spans)} of 3 dimensions"
     if card.weights != "random_walk":
         yield f"weights: {card.weights}: one unit is used at a time, so there are no weights"
     if (card.hand_over is None) == (card.parity is None):
@@ -182,7 +185,8 @@ def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
 def _mid_value_faults(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
     """Yield the input errors of mid-value selection; spans: dimensions that each IMU senses along."""
     if min(spans, default=3) < 3:
-        yield f"selection: mid_value: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
+        number = int(np.argmin(spans))
+        yield f"selection: mid_value: units.{number} senses along {min(spans)} of 3 dimensions"
     if card.weights != "random_walk":
         yield f"weights: {card.weights}: mid-value selection has no weights"
     if len(card.units) < 3:
@@ -198,11 +202,17 @@ def _tested_without(card: ImuSet, number: int) -> bool:
     if not remaining:
         return False
     axes = np.vstack(remaining)
-    return len(axes) > 3 and int(np.linalg.matrix_rank(axes, tol=SMALLEST)) == 3
+    if len(axes) <= 3:
+        return False
+    rank = int(np.linalg.matrix_rank(axes, tol=SMALLEST))
+    return rank == 3
 
 
 def _card_tag(value: Any) -> str:
-    is_array = "units" in value if isinstance(value, dict) else isinstance(value, ImuSet)
+    if isinstance(value, dict):
+        is_array = "units" in value
+    else:
+        is_array = isinstance(value, ImuSet)
     return "several_units" if is_array else "one_unit"
 
 
@@ -216,9 +226,13 @@ def _sizes(card: ImuSet, sensor: str) -> Floats:
     if card.weights == "equal":
         return np.ones(len(cards))
     if card.weights == "bias":
-        biases = [math.hypot(rms(triad.bias_repeatability), triad.instability_sigma) for triad in cards]
+        biases = []
+        for triad in cards:
+            repeatability = rms(triad.bias_repeatability)
+            biases.append(math.hypot(repeatability, triad.instability_sigma))
         return np.array(biases)
-    return np.array([rms(triad.random_walk) for triad in cards])
+    random_walks = [rms(triad.random_walk) for triad in cards]
+    return np.array(random_walks)
 
 
 class Triad(NamedTuple):
@@ -249,7 +263,8 @@ def least_squares(directions: Floats, weights: Floats) -> Floats:
         Diagonal of W.
     """
     weighted = directions * weights[:, None]
-    return np.asarray(np.linalg.solve(weighted.T @ directions, weighted.T))
+    normal_matrix = weighted.T @ directions
+    return np.asarray(np.linalg.solve(normal_matrix, weighted.T))
 
 
 def _frames(axes: Floats) -> Floats:
@@ -260,12 +275,17 @@ def _frames(axes: Floats) -> Floats:
     """
     is_orthogonal = len(axes) == 3 and np.allclose(axes @ axes.T, np.eye(3), atol=1e-12)
     if is_orthogonal and np.linalg.det(axes) > 0.0:
-        return np.array([np.roll(axes, -k, axis=0) for k in range(3)])
+        cyclic = [np.roll(axes, -k, axis=0) for k in range(3)]
+        return np.array(cyclic)
     # second direction: across the axis and the body axis that is farthest from it
-    farthest = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    closeness = np.abs(axes)
+    farthest_number = np.argmin(closeness, axis=1)
+    farthest = np.eye(3)[farthest_number]
     second = np.cross(axes, farthest)
-    second /= np.linalg.norm(second, axis=1)[:, None]
-    return np.stack([axes, second, np.cross(axes, second)], axis=1)
+    length = np.linalg.norm(second, axis=1)
+    second /= length[:, None]
+    third = np.cross(axes, second)
+    return np.stack([axes, second, third], axis=1)
 
 
 def triads_of(card: ImuSet) -> tuple[Triad, ...]:
@@ -279,14 +299,16 @@ def triads_of(card: ImuSet) -> tuple[Triad, ...]:
         for first in range(0, len(axes), 3):
             members = axes[first : first + 3]
             n = len(members)
+            end = column + n
             frames = np.zeros((3, 3, 3))
             frames[:n] = _frames(members)
             gyro = np.zeros((3, 3))
-            gyro[:, :n] = gyro_columns[:, column : column + n]
+            gyro[:, :n] = gyro_columns[:, column:end]
             accel = np.zeros((3, 3))
-            accel[:, :n] = accel_columns[:, column : column + n]
-            triads.append(Triad(unit=number, n_axis=n, frames=frames, gyro=gyro, accel=accel))
-            column += n
+            accel[:, :n] = accel_columns[:, column:end]
+            triad = Triad(unit=number, n_axis=n, frames=frames, gyro=gyro, accel=accel)
+            triads.append(triad)
+            column = end
     return tuple(triads)
 
 
@@ -300,10 +322,13 @@ def _fused_columns(card: ImuSet, sensor: str, directions: Sequence[Floats]) -> F
     n_axis = [len(axes) for axes in directions]
     sizes = _sizes(card, sensor)
     relative = sizes / sizes[0] if sizes.all() else np.ones(len(sizes))
-    weights = np.repeat(relative**-2.0, n_axis)
+    imu_weights = relative**-2.0
+    weights = np.repeat(imu_weights, n_axis)
     if card.selection == "prime":
-        weights[n_axis[0] :] = 0.0
-    return least_squares(np.vstack(directions), weights)
+        n_prime = n_axis[0]
+        weights[n_prime:] = 0.0
+    axes = np.vstack(directions)
+    return least_squares(axes, weights)
 
 
 def own_solutions(card: ImuSet) -> Floats:
@@ -318,8 +343,9 @@ def own_solutions(card: ImuSet) -> Floats:
         column = 0
         for index, triad in enumerate(triads):
             if triad.unit == number:
-                columns[index, :, : triad.n_axis] = A[:, column : column + triad.n_axis]
-                column += triad.n_axis
+                n = triad.n_axis
+                columns[index, :, :n] = A[:, column : column + n]
+                column += n
     return columns
 
 
@@ -335,7 +361,8 @@ def axis_weights(card: ImuSet) -> Floats:
     for row, sensor in enumerate(("gyro", "accel")):
         sigma = _sizes(card, sensor)
         if sigma.all():
-            weights[row] = (sigma / sigma[0])[owners] ** -2.0
+            relative = sigma / sigma[0]
+            weights[row] = relative[owners] ** -2.0
     return weights
 
 
@@ -363,5 +390,7 @@ def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
         # an IMU with several triads has three parts of an error in each
         first_part = 3 * owners[:triad].count((unit, card))
         for term in error_terms(card):
-            terms.append(term._replace(name=keyed(term.name, unit), part=term.part + first_part, triad=triad))
+            name = keyed(term.name, unit)
+            number = term.part + first_part
+            terms.append(term._replace(name=name, part=number, triad=triad))
     return terms

@@ -31,12 +31,14 @@ def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
     columns = [np.zeros((2, 3, 3)) for _ in triads]
     for number, sign in ((first, 1.0), (second, -1.0)):
         axes = imu.units[number].directions
-        A = least_squares(axes, np.ones(len(axes)))
+        equal_weights = np.ones(len(axes))
+        A = least_squares(axes, equal_weights)
         column = 0
         for index, triad in enumerate(triads):
             if triad.unit == number:
-                columns[index][:, :, : triad.n_axis] = sign * A[:, column : column + triad.n_axis]
-                column += triad.n_axis
+                n = triad.n_axis
+                columns[index][:, :, :n] = sign * A[:, column : column + n]
+                column += n
     return columns
 
 
@@ -71,14 +73,18 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
     # variances by axis: noise, bias and walk of the difference, bias of the fused triad, and covariance of both biases
     noise, bias, walk, fused_bias, covariance = np.zeros((5, 3))
     biases_alike = True
-    for triad, columns in zip(triads_of(imu), difference(imu, first, second), strict=True):
+    derivatives = difference(imu, first, second)
+    for triad, columns in zip(triads_of(imu), derivatives, strict=True):
         unit = imu.units[triad.unit]
         D = columns[sensor]
         A = triad.gyro if sensor == GYRO else triad.accel
         card = unit.gyro if sensor == GYRO else unit.accel
-        instability = np.array(squares(card.instability_axes(card.instability_sigma)))
-        lasting = np.array(squares(card.bias_repeatability)) + instability
-        drift = np.array(squares(card.rate_random_walk)) + instability * 2.0 / card.instability.time_constant
+        instability_sigma = card.instability_axes(card.instability_sigma)
+        instability = np.array(squares(instability_sigma))
+        repeatability = np.array(squares(card.bias_repeatability))
+        lasting = repeatability + instability
+        rate_random_walk = np.array(squares(card.rate_random_walk))
+        drift = rate_random_walk + instability * 2.0 / card.instability.time_constant
         bias += D**2 @ lasting
         walk += D**2 @ drift
         covariance += (D * A) @ lasting
@@ -88,20 +94,24 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
         if isinstance(card.random_walk, tuple):
             noise += D**2 @ squares(card.random_walk)
         else:  # the axes of the IMU are equal: mean over the body axes
-            noise += rms(card.random_walk) ** 2 * (float(np.sum(D**2)) / 3.0)
+            mean_square = float(np.sum(D**2)) / 3.0
+            noise += rms(card.random_walk) ** 2 * mean_square
     if biases_alike:
         for variance in (bias, walk, covariance, fused_bias):
             variance[:] = np.mean(variance)
     random_walk = np.sqrt(noise).tolist()
     mean_random_walk = random_walk[0]
     if len(set(random_walk)) > 1:
-        mean_random_walk = math.sqrt(float(np.mean(noise)))
+        mean_variance = float(np.mean(noise))
+        mean_random_walk = math.sqrt(mean_variance)
     correlation = _correlation(covariance, bias, fused_bias)
+    bias_sigma = np.sqrt(bias)
+    walk_density = np.sqrt(walk)
     return RelativeErrors(
         random_walk=mean_random_walk,
         by_axis=tuple(random_walk),
-        bias=_per_axis(np.sqrt(bias)),
-        walk=_per_axis(np.sqrt(walk)),
+        bias=_per_axis(bias_sigma),
+        walk=_per_axis(walk_density),
         correlation=_per_axis(correlation),
     )
 
@@ -117,8 +127,10 @@ def _correlation(covariance: Floats, variance: Floats, other_variance: Floats) -
         Their variances.
     """
     scale = np.sqrt(variance * other_variance)
-    is_correlated = (scale > 0.0) & (np.abs(covariance) > 1e-12 * scale)
-    return np.divide(covariance, scale, out=np.zeros(3), where=is_correlated)
+    is_above_rounding = np.abs(covariance) > 1e-12 * scale
+    is_correlated = (scale > 0.0) & is_above_rounding
+    uncorrelated = np.zeros(3)
+    return np.divide(covariance, scale, out=uncorrelated, where=is_correlated)
 
 
 def _per_axis(values: Floats) -> PerAxis:

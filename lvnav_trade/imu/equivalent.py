@@ -46,7 +46,8 @@ def _fused_sigma(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> P
         variance += A**2 @ squares(sigma)
         alike &= not isinstance(sigma, tuple)
     if alike:
-        return math.sqrt(float(variance.sum()) / 3.0)
+        mean_variance = float(variance.sum()) / 3.0
+        return math.sqrt(mean_variance)
     x, y, z = np.sqrt(variance).tolist()
     return x, y, z
 
@@ -66,14 +67,19 @@ def _fused_matrix(imu: ImuSet, sensor: int, scale_field: str, skew_field: str = 
     """
     variance = np.zeros((3, 3))
     for triad, A, card in _fused_axes(imu, sensor):
-        scale = rms(getattr(card, scale_field)) ** 2
+        scale_sigma = getattr(card, scale_field)
+        scale = rms(scale_sigma) ** 2
         skew = rms(getattr(card, skew_field)) ** 2 if skew_field else 0.0
-        axis = triad.frames[:, 0] ** 2
-        skew_plane = triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2
-        variance += A**2 @ (scale * axis + skew * skew_plane)
+        squares_of_frames = triad.frames**2
+        axis = squares_of_frames[:, 0]
+        skew_plane = squares_of_frames[:, 1] + squares_of_frames[:, 2]
+        axis_variance = scale * axis + skew * skew_plane
+        variance += A**2 @ axis_variance
     diagonal = float(np.trace(variance))
     off_diagonal = float(variance.sum()) - diagonal
-    return math.sqrt(diagonal / 3.0), math.sqrt(off_diagonal / 6.0)
+    scale_factor = math.sqrt(diagonal / 3.0)
+    misalignment = math.sqrt(off_diagonal / 6.0)
+    return scale_factor, misalignment
 
 
 def _instability_drive(imu: ImuSet, sensor: int) -> float:
@@ -84,7 +90,8 @@ def _instability_drive(imu: ImuSet, sensor: int) -> float:
     total = 0.0
     for _, A, card in _fused_axes(imu, sensor):
         process = card.instability
-        total += process.sigma**2 / process.time_constant * float(np.sum(A**2))
+        drive = process.sigma**2 / process.time_constant
+        total += drive * float(np.sum(A**2))
     return total / 3.0
 
 
@@ -96,12 +103,18 @@ def _fused_fields(imu: ImuSet, sensor: int) -> dict[str, Any]:
     fields["bias_instability"] = _fused_sigma(
         imu, sensor, lambda triad: triad.instability_axes(triad.instability_sigma)
     )
-    fields["scale_factor"], fields["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
-    fields["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift")
+    scale_factor, misalignment = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
+    scale_factor_drift, _ = _fused_matrix(imu, sensor, "scale_factor_drift")
+    fields["scale_factor"] = scale_factor
+    fields["misalignment"] = misalignment
+    fields["scale_factor_drift"] = scale_factor_drift
     if sensor == GYRO:
         fields["g_sensitivity"] = _fused_sigma(imu, sensor, attrgetter("g_sensitivity"))
     drive = _instability_drive(imu, sensor)
-    fields["instability_time"] = rms(fields["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
+    fields["instability_time"] = 100.0
+    if drive > 0.0:
+        variance = rms(fields["bias_instability"]) ** 2
+        fields["instability_time"] = variance / drive
     return fields
 
 

@@ -108,7 +108,8 @@ class TriadCard(Card):
         processes = self.instability_processes
         variance = sum(process.sigma**2 for process in processes)
         slowest = processes[-1]
-        return Process(math.sqrt(variance), slowest.time_constant * variance / slowest.sigma**2)
+        time_constant = slowest.time_constant * variance / slowest.sigma**2
+        return Process(math.sqrt(variance), time_constant)
 
     def instability_axes(self, sigma: float) -> PerAxis:
         """Return the sigma by axis of a process whose root mean square over the axes is `sigma`."""
@@ -183,7 +184,8 @@ def error_terms(card: ImuCard) -> list[ErrorTerm]:
     """Return the true error parameters of an IMU, without those whose size is zero."""
     terms = _triad_terms("gyro", GYRO, card.gyro)
     for axis in range(3):
-        terms.append(ErrorTerm("gyro g-sensitivity", axis, GYRO, OTHER_0 + axis, card.gyro.g_sensitivity))
+        term = ErrorTerm("gyro g-sensitivity", axis, GYRO, OTHER_0 + axis, card.gyro.g_sensitivity)
+        terms.append(term)
     terms += _triad_terms("accelerometer", ACCEL, card.accel)
     return [term for term in terms if term.varies]
 
@@ -210,8 +212,11 @@ def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     decay = math.exp(-dt / time_constant)
     level = increments / dt
     # the sensor's output at the start of each tick trails the level of the tick before
-    trail, _ = lfilter([0.0, 1.0 - decay], [1.0, -decay], level, axis=0, zi=level[:1])
-    return increments + (trail - level) * (time_constant * (1.0 - decay))
+    numerator = [0.0, 1.0 - decay]
+    denominator = [1.0, -decay]
+    trail, _ = lfilter(numerator, denominator, level, axis=0, zi=level[:1])
+    lag_time = time_constant * (1.0 - decay)
+    return increments + (trail - level) * lag_time
 
 
 class DeadElement(NamedTuple):
@@ -250,7 +255,7 @@ def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[Er
         term("rate random walk", 0, CONSTANT, 0.0, triad.rate_random_walk),
         term("scale factor", 0, OWN_0, triad.scale_factor),
         term("scale-factor drift", 0, OWN_0, 0.0, triad.scale_factor_drift),
-        # misalignment of each axis towards the next axis, and towards the one after it
+        # misalignment of each axis towards the next axis, and towards the third axis
         term("misalignment", 0, OWN_1, triad.misalignment),
         term("misalignment", 1, OWN_1 + 1, triad.misalignment),
         term("nonlinearity", 0, SQUARE, nonlinearity),
@@ -278,7 +283,8 @@ def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadE
     (n_tick, 3) rad or m/s
         The array `increments` itself if nothing is clipped or dead.
     """
-    largest_square = float(np.max(np.einsum("ij,ij->i", increments, increments), initial=0.0))
+    squares = np.einsum("ij,ij->i", increments, increments)
+    largest_square = float(np.max(squares, initial=0.0))
     if not dead and largest_square < 0.99 * limit**2:
         return increments  # the component along an axis is at most the length of the vector
     components = increments @ axes.T
@@ -287,8 +293,11 @@ def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadE
         ticks = np.flatnonzero(element.ticks)
         if not ticks.size:
             continue
-        has_last = element.last and ticks[0] > 0
-        output[ticks, element.axis] = output[ticks[0] - 1, element.axis] if has_last else 0.0
+        first = ticks[0]
+        has_last = element.last and first > 0
+        output[ticks, element.axis] = output[first - 1, element.axis] if has_last else 0.0
     if np.array_equal(output, components):
         return increments
-    return np.asarray(increments + (output - components) @ np.linalg.pinv(axes).T)
+    change = output - components
+    to_body = np.linalg.pinv(axes).T
+    return np.asarray(increments + change @ to_body)

@@ -58,7 +58,9 @@ def _normals(dimension: int, count: int) -> Floats:
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (dimension + 1.0))
     steps = root ** -np.arange(1.0, dimension + 1.0)
-    lattice = np.mod(0.5 + np.outer(np.arange(1, count + 1), steps), 1.0)
+    numbers = np.arange(1, count + 1)
+    offsets = 0.5 + np.outer(numbers, steps)
+    lattice = np.mod(offsets, 1.0)
     points = ndtri(lattice)
     return np.concatenate([points, -points])
 
@@ -76,22 +78,28 @@ def _below_probabilities(below: Floats) -> Floats:
     counts = np.zeros((len(below) + 1, *below.shape[1:]))
     counts[0] = 1.0
     for probability in below:
-        counts[1:] = counts[1:] * (1.0 - probability) + counts[:-1] * probability
-        counts[0] = counts[0] * (1.0 - probability)
+        above = 1.0 - probability
+        counts[1:] = counts[1:] * above + counts[:-1] * probability
+        counts[0] = counts[0] * above
     return counts
 
 
 def _ranks(n: int) -> tuple[int, int]:
     """Return the ranks (from 0) of the two middle readings, which are the same for odd n."""
-    return (n - 1) // 2, n // 2
+    lower = (n - 1) // 2
+    upper = n // 2
+    return lower, upper
 
 
 def _integration_points(mean: Floats, sigma: Floats) -> tuple[Floats, Floats]:
     """Return integration points (k, m), rising, and the probabilities (n, k, m) that readings lie below them."""
     spread = sigma[:, None, None]
-    points = mean[:, None] + spread * _GRID[:, None]
-    x = np.sort(points.reshape(-1, mean.shape[1]), axis=0)
-    return x, ndtr((x - mean[:, None]) / spread)
+    centre = mean[:, None]
+    points = centre + spread * _GRID[:, None]
+    n_column = mean.shape[1]
+    x = np.sort(points.reshape(-1, n_column), axis=0)
+    normalised = (x - centre) / spread
+    return x, ndtr(normalised)
 
 
 def _expected(mean: Floats, sigma: Floats) -> Floats:
@@ -111,8 +119,10 @@ def _expected(mean: Floats, sigma: Floats) -> Floats:
     total = np.zeros(mean.shape[1])
     for rank in _ranks(len(mean)):
         above = counts[: rank + 1].sum(axis=0)
-        trapezoids = 0.5 * (above[1:] + above[:-1]) * np.diff(x, axis=0)
-        total += 0.5 * (x[0] + np.sum(trapezoids, axis=0))
+        mean_height = 0.5 * (above[1:] + above[:-1])
+        trapezoids = mean_height * np.diff(x, axis=0)
+        integral = np.sum(trapezoids, axis=0)
+        total += 0.5 * (x[0] + integral)
     return total
 
 
@@ -126,13 +136,17 @@ def _gains(mean: Floats, sigma: Floats) -> Floats:
     """
     _, below = _integration_points(mean[:, None], sigma)
     below = below[..., 0]
-    probability = np.zeros(mean.size)
-    for k in range(mean.size):
-        counts = _below_probabilities(np.delete(below, k, axis=0))
-        density = 0.5 * sum(counts[rank] for rank in _ranks(mean.size))
-        trapezoids = 0.5 * (density[1:] + density[:-1]) * np.diff(below[k])
+    n = mean.size
+    probability = np.zeros(n)
+    for k in range(n):
+        below_of_others = np.delete(below, k, axis=0)
+        counts = _below_probabilities(below_of_others)
+        density = 0.5 * sum(counts[rank] for rank in _ranks(n))
+        mean_height = 0.5 * (density[1:] + density[:-1])
+        trapezoids = mean_height * np.diff(below[k])
         probability[k] = np.sum(trapezoids)
-    return np.asarray(probability / probability.sum())  # the sum is one but for the integration error
+    total = probability.sum()  # one but for the integration error
+    return np.asarray(probability / total)
 
 
 def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
@@ -158,15 +172,22 @@ def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
     gains = _gains(mean, sigma)
     errors = sigma * _normals(n, MANY)
     sorted_readings = np.sort(mean + errors, axis=1)
-    median = sorted_readings[:, list(_ranks(n))].mean(axis=1)
-    total = float(np.var(median - errors @ gains))
+    middle_ranks = list(_ranks(n))
+    median = sorted_readings[:, middle_ranks].mean(axis=1)
+    residual = median - errors @ gains
+    total = float(np.var(residual))
     # the lasting part of the residual is its mean over the white noise
     constant = lasting * _normals(n, FEW)
-    averaged = _expected((mean + constant).T, white) - constant @ gains
+    mean_median = _expected((mean + constant).T, white)
+    averaged = mean_median - constant @ gains
     constant_part = float(np.var(averaged))
+    white_part = max(0.0, total - constant_part)
+    linear_lasting = float(np.sum((gains * lasting) ** 2))
+    linear_white = float(np.sum((gains * white) ** 2))
+    median_mean = _expected(mean[:, None], sigma)
     return MedianModel(
         gains=gains,
-        mean=float(_expected(mean[:, None], sigma)[0]),
-        lasting=float(np.sum((gains * lasting) ** 2)) + min(constant_part, total),
-        white=float(np.sum((gains * white) ** 2)) + max(0.0, total - constant_part),
+        mean=float(median_mean[0]),
+        lasting=linear_lasting + min(constant_part, total),
+        white=linear_white + white_part,
     )

@@ -7,7 +7,10 @@ from lvnav_trade.kernels.lanes import where
 @jit
 def cross(ax, ay, az, bx, by, bz):
     """Return the three components of the vector product a x b, in the axes of a and b."""
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    x = ay * bz - az * by
+    y = az * bx - ax * bz
+    z = ax * by - ay * bx
+    return x, y, z
 
 
 @inlined
@@ -72,10 +75,18 @@ def matrix(q0, q1, q2, q3):
     ----------
     q0, q1, q2, q3 : unit quaternion, scalar part first, body to inertial
     """
-    a, b, c = q1 + q1, q2 + q2, q3 + q3  # every product below has the factor 2
-    xx, yy, zz = a * q1, b * q2, c * q3
-    xy, xz, yz = a * q2, a * q3, b * q3
-    wx, wy, wz = a * q0, b * q0, c * q0
+    a = q1 + q1  # every product below has the factor 2
+    b = q2 + q2
+    c = q3 + q3
+    xx = a * q1
+    yy = b * q2
+    zz = c * q3
+    xy = a * q2
+    xz = a * q3
+    yz = b * q3
+    wx = a * q0
+    wy = b * q0
+    wz = c * q0
     return (
         1.0 - yy - zz,
         xy - wz,
@@ -104,8 +115,10 @@ def from_rotation(x, y, z):
     """
     h = 0.25 * (x * x + y * y + z * z)
     # with half of the angle a/2 = sqrt(h): cos(a/2), and sin(a/2) / a
-    cosine = 1.0 + h * (-0.5 + h * (1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))))
-    half_sinc = 0.5 + h * (-1.0 / 12.0 + h * (1.0 / 240.0 + h * (-1.0 / 10080.0 + h * (1.0 / 725760.0))))
+    cosine = 1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))
+    cosine = 1.0 + h * (-0.5 + h * cosine)
+    half_sinc = 1.0 / 240.0 + h * (-1.0 / 10080.0 + h * (1.0 / 725760.0))
+    half_sinc = 0.5 + h * (-1.0 / 12.0 + h * half_sinc)
     return cosine, half_sinc * x, half_sinc * y, half_sinc * z
 
 
@@ -115,7 +128,8 @@ def normalise(q0, q1, q2, q3):
 
     The norm may differ from 1 by rounding and integration errors e: an error of order e^2 remains.
     """
-    scale = 1.5 - 0.5 * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+    square = q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3
+    scale = 1.5 - 0.5 * square
     return scale * q0, scale * q1, scale * q2, scale * q3
 
 
@@ -141,5 +155,7 @@ def rotation_vector(d0, d1, d2, d3):
     d0, d1, d2, d3 : quaternion, scalar part first; its negative gives the same result
     """
     # angle = 2 asin(|d|), with the cubic term of the arc sine; q and -q are the same attitude, hence the sign
-    factor = where(d0 < 0.0, -2.0, 2.0) * (1.0 + (d1 * d1 + d2 * d2 + d3 * d3) * (1.0 / 6.0))
+    sine_square = d1 * d1 + d2 * d2 + d3 * d3
+    series = 1.0 + sine_square * (1.0 / 6.0)
+    factor = where(d0 < 0.0, -2.0, 2.0) * series
     return factor * d1, factor * d2, factor * d3

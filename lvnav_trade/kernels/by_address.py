@@ -167,13 +167,16 @@ class _Lower(Lower):  # type: ignore[misc]
 
     def _pointer(self, array: Any, name: str, index_type: Any, index_name: str) -> Any:
         """Return the address of an element; a negative index counts from the end."""
-        builder, model = self.builder, self.context.data_model_manager[array]
+        builder = self.builder
+        model = self.context.data_model_manager[array]
         value = self.loadvar(name)
         index = self.context.cast(builder, self.loadvar(index_name), self.typeof(index_name), index_type)
         shape = cgutils.unpack_tuple(builder, model.get(builder, value, "shape"), array.ndim)
-        index_types, indices = (index_type,), [index]
+        index_types = (index_type,)
+        indices = [index]
         if isinstance(index_type, types.BaseTuple):
-            index_types, indices = tuple(index_type), cgutils.unpack_tuple(builder, index, array.ndim)
+            index_types = tuple(index_type)
+            indices = cgutils.unpack_tuple(builder, index, array.ndim)
         places = []
         for axis_type, axis_index, size in zip(index_types, indices, shape, strict=True):
             places.append(fix_integer_index(self.context, builder, axis_type, axis_index, size))

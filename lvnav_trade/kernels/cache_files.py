@@ -50,7 +50,8 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
             content = Path(self._cache_path, name).read_bytes()
         except OSError:
             return None
-        digest, data = content[:_DIGEST], content[_DIGEST:]
+        digest = content[:_DIGEST]
+        data = content[_DIGEST:]
         return pickle.loads(data) if self._digest(data) == digest else None
 
     def _write(self, name: str, value: Any) -> None:

@@ -36,7 +36,8 @@ def choosing(kernels: Iterable[Any]) -> Callable[[Callable[..., Any]], Callable[
 
     def generate(function: Callable[..., Any]) -> Callable[..., Any]:
         available = list(inspect.signature(function).parameters)
-        lines, called = list[str](), dict[str, Any]()
+        lines = list[str]()
+        called = dict[str, Any]()
         for kernel, codes in numbers.items():
             label = _label(kernel, called)
             called[label] = kernel

@@ -19,7 +19,9 @@ def spectral_densities(h0: float, h_minus2: float) -> tuple[float, float]:
     2 pi^2 h_minus2 for a clock in seconds. In metres both have the factor c squared; Canepa and Servidia, eq. 2.2,
     print c.
     """
-    return SPEED_OF_LIGHT**2 * 0.5 * h0, SPEED_OF_LIGHT**2 * 2.0 * math.pi**2 * h_minus2
+    bias_density = SPEED_OF_LIGHT**2 * 0.5 * h0
+    drift_density = SPEED_OF_LIGHT**2 * 2.0 * math.pi**2 * h_minus2
+    return bias_density, drift_density
 
 
 def step_covariance(dt: float, h0: float, h_minus2: float) -> tuple[float, float, float]:
@@ -38,7 +40,10 @@ def step_covariance(dt: float, h0: float, h_minus2: float) -> tuple[float, float
         Variance of bias (m^2), covariance of bias and drift (m^2/s), variance of drift (m^2/s^2).
     """
     bias, drift = spectral_densities(h0, h_minus2)
-    return bias * dt + drift * dt**3 / 3.0, drift * dt**2 / 2.0, drift * dt
+    bias_variance = bias * dt + drift * dt**3 / 3.0
+    covariance = drift * dt**2 / 2.0
+    drift_variance = drift * dt
+    return bias_variance, covariance, drift_variance
 
 
 def clock_step(dt: float, h0: float, h_minus2: float) -> tuple[float, float, float]:
@@ -59,4 +64,5 @@ def clock_step(dt: float, h0: float, h_minus2: float) -> tuple[float, float, flo
         return 0.0, 0.0, 0.0
     a11 = math.sqrt(q11)
     a21 = q12 / a11
-    return a11, a21, math.sqrt(max(0.0, q22 - a21 * a21))
+    a22 = math.sqrt(max(0.0, q22 - a21 * a21))
+    return a11, a21, a22

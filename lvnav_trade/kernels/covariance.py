@@ -15,66 +15,15 @@ With given gains everything is linear in the sources, so the true covariance is 
 
 import numpy as np
 
+from lvnav_trade.kernels.block_products import N_NAV_ROWS, advance_by_blocks
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where
 from lvnav_trade.kernels.strapdown import SUM_C
-from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.kernels.transition import ATT, VEL
 
-N_NAV_ERROR = 9
+N_NAV_ERROR = N_NAV_ROWS
 NOT_USED = -1.0
 """Gate of a measurement that is not used: no squared innovation is below it, so its weight is zero."""
-
-
-@jit
-def _add_block_rows(P, r, c, block, n):
-    """Add a block times the three rows from c on to those from r on, in the first n columns."""
-    d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
-    d6, d7, d8 = block[6], block[7], block[8]
-    for j in range(n):
-        p0, p1, p2 = P[c, j], P[c + 1, j], P[c + 2, j]
-        P[r, j] = P[r, j] + d0 * p0 + d1 * p1 + d2 * p2
-        P[r + 1, j] = P[r + 1, j] + d3 * p0 + d4 * p1 + d5 * p2
-        P[r + 2, j] = P[r + 2, j] + d6 * p0 + d7 * p1 + d8 * p2
-
-
-@jit
-def _add_block_columns(P, r, c, block, n):
-    """Add the three columns from c on times a transposed block to those from r on, in the first n rows."""
-    d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
-    d6, d7, d8 = block[6], block[7], block[8]
-    for i in range(n):
-        p0, p1, p2 = P[i, c], P[i, c + 1], P[i, c + 2]
-        P[i, r] = P[i, r] + d0 * p0 + d1 * p1 + d2 * p2
-        P[i, r + 1] = P[i, r + 1] + d3 * p0 + d4 * p1 + d5 * p2
-        P[i, r + 2] = P[i, r + 2] + d6 * p0 + d7 * p1 + d8 * p2
-
-
-@jit
-def _advance(P, blocks, rows, columns, n):
-    """P <- Phi P Phi' without the decay of parameters: each block acts on rows, then on columns.
-
-    Only the first nine rows are computed; the columns below them are copied from the rows. The block of position by
-    velocity is a multiple of the identity, so one number replaces nine.
-    """
-    for b in range(rows.shape[0]):
-        if rows[b] == POS and columns[b] == VEL:
-            seconds = blocks[b][0]
-            for i in range(3):
-                for j in range(n):
-                    P[POS + i, j] += seconds * P[VEL + i, j]
-        else:
-            _add_block_rows(P, rows[b], columns[b], blocks[b], n)
-    for b in range(rows.shape[0]):
-        if rows[b] == POS and columns[b] == VEL:
-            seconds = blocks[b][0]
-            for i in range(N_NAV_ERROR):
-                for j in range(3):
-                    P[i, POS + j] += seconds * P[i, VEL + j]
-        else:
-            _add_block_columns(P, rows[b], columns[b], blocks[b], N_NAV_ERROR)
-    for i in range(N_NAV_ERROR):
-        for j in range(i + 1, n):
-            P[j, i] = P[i, j]
 
 
 @jit
@@ -118,7 +67,7 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     n = P.shape[0]
     for i in range(n):
         P[i, i] += 0.5 * noise[i]
-    _advance(P, blocks, rows, columns, n)
+    advance_by_blocks(P, blocks, rows, columns, n)
     finish_window(P, decay, noise, clock, seconds)
 
 
@@ -144,7 +93,8 @@ def _add_turned(P, uneven, sums, seconds):
                     total = like(P[0, 0], 0.0)
                     for axis in range(3):
                         product = sums[SUM_C + 3 * i + axis] * sums[SUM_C + 3 * j + axis]
-                        total += (0.5 * uneven[sensor, axis] / seconds) * product
+                        density = 0.5 * uneven[sensor, axis] / seconds
+                        total += density * product
                     value = P[first + i, first + j] + total
                     P[first + i, first + j] = value
                     P[first + j, first + i] = value
@@ -192,14 +142,17 @@ def _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance
     for i in range(n):
         value = P[i, columns[0]] * h[entries[0]]
         for c in range(1, columns.shape[0]):
-            value += P[i, columns[c]] * h[entries[c]]
+            state = columns[c]
+            value += P[i, state] * h[entries[c]]
         Ph[i] = value
     # s = (1 + beta) h P h' + variance, residual = innovation - h x
     s = 0.0 * x[0] + variance
     residual = innovation
     for c in range(columns.shape[0]):
-        s += (1.0 + beta) * h[entries[c]] * Ph[columns[c]]
-        residual = residual - h[entries[c]] * x[columns[c]]
+        state = columns[c]
+        entry = h[entries[c]]
+        s += (1.0 + beta) * entry * Ph[state]
+        residual = residual - entry * x[state]
     return s, residual
 
 
@@ -248,7 +201,8 @@ def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squa
                 value = P[i, j] - gain * Ph[j]
                 P[i, j] = value
                 P[j, i] = value
-    return residual * sqrt(inverse), weight
+    normalised = residual * sqrt(inverse)
+    return normalised, weight
 
 
 @jit
@@ -264,9 +218,12 @@ def update_with_gain(P, x, Ph, h, entries, columns, gain, innovation, variance, 
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
         x[i] += gain[i] * step
-    _joseph(P, Ph, gain, where(accepted, 1.0, 0.0), s, n_estimated, n)
+    applied = where(accepted, 1.0, 0.0)
+    _joseph(P, Ph, gain, applied, s, n_estimated, n)
     inverse = 1.0 / s
-    return residual * sqrt(inverse), where(accepted, inverse, 0.0)
+    normalised = residual * sqrt(inverse)
+    weight = where(accepted, inverse, 0.0)
+    return normalised, weight
 
 
 @jit
@@ -294,7 +251,8 @@ def normalised_square(P, X, y, x, n):
     """
     total = like(x[0], 0.0)
     for i in range(n):
-        pivot, residual = P[i, i], x[i]
+        pivot = P[i, i]
+        residual = x[i]
         for j in range(i):
             value = P[i, j]
             for k in range(j):
@@ -315,10 +273,15 @@ def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
     """Replace the vector y (n,) by Phi y; parameters as in `predict`, for one run or lane views of eight."""
     n = y.shape[0]
     for b in range(rows.shape[0]):
-        r, c, block = rows[b], columns[b], blocks[b]
-        y0, y1, y2 = y[c], y[c + 1], y[c + 2]
+        r = rows[b]
+        c = columns[b]
+        block = blocks[b]
+        y0 = y[c]
+        y1 = y[c + 1]
+        y2 = y[c + 2]
         for i in range(3):
-            y[r + i] += block[3 * i] * y0 + block[3 * i + 1] * y1 + block[3 * i + 2] * y2
+            first = 3 * i
+            y[r + i] += block[first] * y0 + block[first + 1] * y1 + block[first + 2] * y2
     for i in range(N_NAV_ERROR, n):
         y[i] *= decay[i]
     if clock >= 0:
@@ -333,10 +296,16 @@ def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
     for i in range(N_NAV_ERROR, y.shape[0]):
         y[i] *= decay[i]
     for b in range(rows.shape[0] - 1, -1, -1):
-        r, c = rows[b], columns[b]
-        y0, y1, y2 = y[r], y[r + 1], y[r + 2]
+        r = rows[b]
+        c = columns[b]
+        y0 = y[r]
+        y1 = y[r + 1]
+        y2 = y[r + 2]
         for i in range(3):
-            y[c + i] += blocks[b, i] * y0 + blocks[b, 3 + i] * y1 + blocks[b, 6 + i] * y2
+            b0 = blocks[b, i]
+            b1 = blocks[b, 3 + i]
+            b2 = blocks[b, 6 + i]
+            y[c + i] += b0 * y0 + b1 * y1 + b2 * y2
 
 
 @jit
@@ -344,7 +313,8 @@ def update_vector(y, gain, h, entries, columns):
     """Y <- (I - k h) y; return h y before the update. One vector, or lanes; parameters as in `update_scalar`."""
     projected = like(y[0], 0.0)
     for c in range(columns.shape[0]):
-        projected += h[entries[c]] * y[columns[c]]
+        state = columns[c]
+        projected += h[entries[c]] * y[state]
     for i in range(y.shape[0]):
         y[i] -= gain[i] * projected
     return projected
@@ -357,11 +327,13 @@ def update_covariance(P, work, gain, h, entries, columns, variance):
     for i in range(n):  # work = P h'
         value = like(P[0, 0], 0.0)
         for c in range(columns.shape[0]):
-            value += P[i, columns[c]] * h[entries[c]]
+            state = columns[c]
+            value += P[i, state] * h[entries[c]]
         work[i] = value
     predicted = like(P[0, 0], 0.0)
     for c in range(columns.shape[0]):
-        predicted += h[entries[c]] * work[columns[c]]
+        state = columns[c]
+        predicted += h[entries[c]] * work[state]
     total = predicted + variance
     for i in range(n):
         for j in range(i, n):
@@ -394,7 +366,15 @@ def enter(P, y, variance, b, first):
 @jit
 def variance_along(P, first, c0, c1, c2):
     """Return the variance c' P c of a block of three states, from `first` on, along a direction c."""
-    i, j, k = first, first + 1, first + 2
-    squares = P[i, i] * c0 * c0 + P[j, j] * c1 * c1 + P[k, k] * c2 * c2
-    products = P[i, j] * c0 * c1 + P[i, k] * c0 * c2 + P[j, k] * c1 * c2
+    i = first
+    j = first + 1
+    k = first + 2
+    xx = P[i, i] * c0 * c0
+    yy = P[j, j] * c1 * c1
+    zz = P[k, k] * c2 * c2
+    xy = P[i, j] * c0 * c1
+    xz = P[i, k] * c0 * c2
+    yz = P[j, k] * c1 * c2
+    squares = xx + yy + zz
+    products = xy + xz + yz
     return squares + 2.0 * products

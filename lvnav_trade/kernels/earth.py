@@ -57,7 +57,8 @@ def gravity_j2(x: Any, y: Any, z: Any) -> Any:
     c2 = 1.5 * J2 * SEMI_MAJOR * SEMI_MAJOR / r2
     s2 = z * z / r2
     horizontal = k * (1.0 - c2 * (5.0 * s2 - 1.0))
-    return -(horizontal * x), -(horizontal * y), -(k * (1.0 - c2 * (5.0 * s2 - 3.0)) * z)
+    vertical = k * (1.0 - c2 * (5.0 * s2 - 3.0))
+    return -(horizontal * x), -(horizontal * y), -(vertical * z)
 
 
 @jit
@@ -80,12 +81,16 @@ def gravity_j4(x: Any, y: Any, z: Any) -> Any:
     c2 = J2 * q2
     c3 = J3 * (q2 * q)
     c4 = J4 * (q2 * q2)
-    slope3 = 7.5 * s2 - 1.5  # P'_3, and so on
+    # slope3: P'_3, and so on
+    slope3 = 7.5 * s2 - 1.5
     slope4 = (17.5 * s2 - 7.5) * s
     slope5 = (39.375 * s2 - 26.25) * s2 + 1.875
     k = GM / r2
-    radial = k * (1.0 - c2 * slope3 - c3 * slope4 - c4 * slope5) / r
-    polar = k * (c2 * (3.0 * s) + c3 * slope3 + c4 * slope4)
+    slope2 = 3.0 * s
+    radial_sum = 1.0 - c2 * slope3 - c3 * slope4 - c4 * slope5
+    polar_sum = c2 * slope2 + c3 * slope3 + c4 * slope4
+    radial = k * radial_sum / r
+    polar = k * polar_sum
     return -(radial * x), -(radial * y), -(radial * z) - polar
 
 
@@ -107,10 +112,12 @@ def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
     c = 1.5 * J2 * SEMI_MAJOR * SEMI_MAJOR / r2
     level = 3.0 + c * (5.0 - 35.0 * z2)  # factor of the products of horizontal coordinates
     inner = 1.0 - c * (5.0 * z2 - 1.0)
-    tilted = k * (3.0 + c * (15.0 - 35.0 * z2)) / r2
+    steep = 3.0 + c * (15.0 - 35.0 * z2)  # factor of the products with z
+    tilted = k * steep / r2
+    polar = 30.0 * z2 - 3.0 - 35.0 * z2 * z2
     xx = k * (level * x2 - inner)
     yy = k * (level * y2 - inner)
-    zz = k * (3.0 * z2 - 1.0 + c * (30.0 * z2 - 3.0 - 35.0 * z2 * z2))
+    zz = k * (3.0 * z2 - 1.0 + c * polar)
     xy = k * level * x * y / r2
     xz = tilted * x * z
     yz = tilted * y * z
@@ -142,7 +149,9 @@ def height_and_up(x: Any, y: Any, z: Any) -> Any:
     scale = 1.0 / sqrt(p2 * (k * k) + polar * polar)
     level = k * scale
     sine = polar * scale  # of the latitude
-    height = p2 * level + z * sine - SEMI_MAJOR * sqrt(1.0 - ECCENTRICITY_2 * (sine * sine))
+    # distance of the surface from the centre along the normal
+    surface = SEMI_MAJOR * sqrt(1.0 - ECCENTRICITY_2 * (sine * sine))
+    height = p2 * level + z * sine - surface
     return height, x * level, y * level, sine
 
 
@@ -151,5 +160,8 @@ def gravity_along(r: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `gravity_j4` at positions r (n, 3) in m, frame i or e, as (n, 3) in m/s^2, the same frame."""
     g = np.empty_like(r)
     for k in range(r.shape[0]):
-        g[k, 0], g[k, 1], g[k, 2] = gravity_j4(r[k, 0], r[k, 1], r[k, 2])
+        gx, gy, gz = gravity_j4(r[k, 0], r[k, 1], r[k, 2])
+        g[k, 0] = gx
+        g[k, 1] = gy
+        g[k, 2] = gz
     return g

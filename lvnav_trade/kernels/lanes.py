@@ -115,9 +115,11 @@ def _locate(context, builder, lane_view, value, index_type, index):
     """
     proxy = _proxy(context, builder, lane_view, value)
     shape = cgutils.unpack_tuple(builder, proxy.shape)
-    parts, part_types = [index], [index_type]
+    parts = [index]
+    part_types = [index_type]
     if isinstance(index_type, types.BaseTuple):
-        parts, part_types = cgutils.unpack_tuple(builder, index), index_type.types
+        parts = cgutils.unpack_tuple(builder, index)
+        part_types = index_type.types
     indices = []
     for part, part_type in zip(parts, part_types, strict=True):
         indices.append(context.cast(builder, part, part_type, types.intp))

@@ -50,7 +50,9 @@ def position_of(px, py, pz):
     px, py, pz : place, Earth-fixed axes
     """
     ux, uy, uz, height, _, prime = place_of(px, py, pz)
-    return (prime + height) * ux, (prime + height) * uy, (prime * (1.0 - ECCENTRICITY_2) + height) * uz
+    level = prime + height
+    polar = prime * (1.0 - ECCENTRICITY_2) + height
+    return level * ux, level * uy, polar * uz
 
 
 @jit
@@ -74,7 +76,10 @@ def axes_of(code, px, py, pz):
     ny = -uz * uy / level
     nz = level
     if code == NED:
-        return nx, ny, nz, ex, ey, ez, -ux, -uy, -uz
+        dx = -ux
+        dy = -uy
+        dz = -uz
+        return nx, ny, nz, ex, ey, ez, dx, dy, dz
     return ex, ey, ez, nx, ny, nz, ux, uy, uz
 
 
@@ -122,7 +127,8 @@ def transport_rate(code, px, py, pz, vx, vy, vz):
     north, east, _ = north_east_up(code, vx, vy, vz)
     rate_north = east / (prime + height)
     rate_east = -north / (meridian + height)
-    rate_up = rate_north * uz / sqrt(ux * ux + uy * uy)
+    level = sqrt(ux * ux + uy * uy)  # cosine of the latitude
+    rate_up = rate_north * uz / level
     return local(code, rate_north, rate_east, rate_up)
 
 
@@ -136,7 +142,8 @@ def earth_rate(code, px, py, pz):
     px, py, pz : place
     """
     length = sqrt(px * px + py * py + pz * pz)
-    rate_north = OMEGA * sqrt(px * px + py * py) / length
+    level = sqrt(px * px + py * py)
+    rate_north = OMEGA * level / length
     rate_up = OMEGA * pz / length
     return local(code, rate_north, 0.0 * px, rate_up)
 
@@ -161,11 +168,10 @@ def moving(px, py, pz, code, vx, vy, vz):
     to_north = length * north / (meridian + height)
     to_east = length * east / (prime + height) / level  # times (-u_y, u_x, 0), which has the length `level`
     upwards = up / SEMI_MAJOR
-    return (
-        -to_north * uz * ux / level - to_east * uy + upwards * ux,
-        -to_north * uz * uy / level + to_east * ux + upwards * uy,
-        to_north * level + upwards * uz,
-    )
+    dx = -to_north * uz * ux / level - to_east * uy + upwards * ux
+    dy = -to_north * uz * uy / level + to_east * ux + upwards * uy
+    dz = to_north * level + upwards * uz
+    return dx, dy, dz
 
 
 @jit
@@ -187,7 +193,11 @@ def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
     lx, ly, lz = rotate(axes_of(code, px, py, pz), gx, gy, gz)
     ix, iy, iz = earth_rate(code, px, py, pz)
     tx, ty, tz = transport_rate(code, px, py, pz, vx, vy, vz)
-    kx, ky, kz = cross(2.0 * ix + tx, 2.0 * iy + ty, 2.0 * iz + tz, vx, vy, vz)
+    # 2 w_ie + w_en
+    wx = 2.0 * ix + tx
+    wy = 2.0 * iy + ty
+    wz = 2.0 * iz + tz
+    kx, ky, kz = cross(wx, wy, wz, vx, vy, vz)
     return lx - kx, ly - ky, lz - kz
 
 
@@ -218,9 +228,17 @@ def _quaternion(m):
     t2 = 1.0 - m[0] + m[4] - m[8]
     t3 = 1.0 - m[0] - m[4] + m[8]
     # 4 q_0 q_1, 4 q_0 q_2, 4 q_0 q_3, 4 q_1 q_2, 4 q_1 q_3, 4 q_2 q_3
-    p01, p02, p03 = m[7] - m[5], m[2] - m[6], m[3] - m[1]
-    p12, p13, p23 = m[3] + m[1], m[2] + m[6], m[7] + m[5]
-    q0, q1, q2, q3, t = t0, p01, p02, p03, t0
+    p01 = m[7] - m[5]
+    p02 = m[2] - m[6]
+    p03 = m[3] - m[1]
+    p12 = m[3] + m[1]
+    p13 = m[2] + m[6]
+    p23 = m[7] + m[5]
+    q0 = t0
+    q1 = p01
+    q2 = p02
+    q3 = p03
+    t = t0
     q0, q1, q2, q3, t = _larger(p01, t1, p12, p13, t1, q0, q1, q2, q3, t)
     q0, q1, q2, q3, t = _larger(p02, p12, t2, p23, t2, q0, q1, q2, q3, t)
     q0, q1, q2, q3, t = _larger(p03, p13, p23, t3, t3, q0, q1, q2, q3, t)
@@ -238,13 +256,12 @@ def _larger(p0, p1, p2, p3, s, q0, q1, q2, q3, t):
     q0, q1, q2, q3, t : second vector of four, and its size
     """
     is_larger = s > t
-    return (
-        where(is_larger, p0, q0),
-        where(is_larger, p1, q1),
-        where(is_larger, p2, q2),
-        where(is_larger, p3, q3),
-        where(is_larger, s, t),
-    )
+    larger_0 = where(is_larger, p0, q0)
+    larger_1 = where(is_larger, p1, q1)
+    larger_2 = where(is_larger, p2, q2)
+    larger_3 = where(is_larger, p3, q3)
+    size = where(is_larger, s, t)
+    return larger_0, larger_1, larger_2, larger_3, size
 
 
 @jit
@@ -265,7 +282,9 @@ def to_local(nav, code, q, v, r):
     # fixed point: the normal is parallel to (x, y, z (N + h) / (N (1 - e^2) + h)), N the radius of the prime vertical
     for _ in range(_ROUNDS):
         prime = SEMI_MAJOR / sqrt(1.0 - ECCENTRICITY_2 * (uz * uz))
-        uz = z * (prime + height) / (prime * (1.0 - ECCENTRICITY_2) + height)
+        level = prime + height
+        polar = prime * (1.0 - ECCENTRICITY_2) + height
+        uz = z * level / polar
         length = sqrt(x * x + y * y + uz * uz)
         ux = x / length
         uy = y / length
@@ -278,10 +297,16 @@ def to_local(nav, code, q, v, r):
     nav[r + 1] = length * uy
     nav[r + 2] = length * uz
     c = axes_of(code, ux, uy, uz)
-    nav[v], nav[v + 1], nav[v + 2] = rotate(c, nav[v], nav[v + 1], nav[v + 2])
+    vx, vy, vz = rotate(c, nav[v], nav[v + 1], nav[v + 2])
+    nav[v] = vx
+    nav[v + 1] = vy
+    nav[v + 2] = vz
     p0, p1, p2, p3 = _quaternion(c)
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
-    nav[q], nav[q + 1], nav[q + 2], nav[q + 3] = p0, p1, p2, p3
+    nav[q] = p0
+    nav[q + 1] = p1
+    nav[q + 2] = p2
+    nav[q + 3] = p3
 
 
 @jit
@@ -298,8 +323,18 @@ def from_local(nav, code, q, v, r):
     py = nav[r + 1]
     pz = nav[r + 2]
     c = axes_of(code, px, py, pz)
-    nav[v], nav[v + 1], nav[v + 2] = rotate_back(c, nav[v], nav[v + 1], nav[v + 2])
-    p0, p1, p2, p3 = _quaternion((c[0], c[3], c[6], c[1], c[4], c[7], c[2], c[5], c[8]))
+    vx, vy, vz = rotate_back(c, nav[v], nav[v + 1], nav[v + 2])
+    nav[v] = vx
+    nav[v + 1] = vy
+    nav[v + 2] = vz
+    transposed = (c[0], c[3], c[6], c[1], c[4], c[7], c[2], c[5], c[8])
+    p0, p1, p2, p3 = _quaternion(transposed)
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
-    nav[q], nav[q + 1], nav[q + 2], nav[q + 3] = p0, p1, p2, p3
-    nav[r], nav[r + 1], nav[r + 2] = position_of(px, py, pz)
+    nav[q] = p0
+    nav[q + 1] = p1
+    nav[q + 2] = p2
+    nav[q + 3] = p3
+    x, y, z = position_of(px, py, pz)
+    nav[r] = x
+    nav[r + 1] = y
+    nav[r + 2] = z

@@ -5,8 +5,9 @@ only for cases that use them.
 """
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate, rotate_back
+from lvnav_trade.kernels.coning import compensate_step
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.local_level import axes_of, falling, from_local, moving, position_of, to_local, turning
 from lvnav_trade.kernels.strapdown import (
@@ -19,79 +20,12 @@ from lvnav_trade.kernels.strapdown import (
     R,
     V,
     gravity,
-    increment_sums,
     integrate,
     mean_fictitious,
     to_earth_fixed,
     to_inertial,
     turn_sums,
-    within,
 )
-
-
-@jit
-def _pair_products(increments, first, further):
-    """Return coning (3) rad and sculling (3) m/s by the weighted products of all pairs of increments of a step.
-
-    With the weights b_jk, coning is the sum over j < k of b_jk w_j x w_k, and sculling that of
-    b_jk (w_j x f_k + f_j x w_k).
-
-    Parameters
-    ----------
-    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
-    first : index of the first increment of the step
-    further : StrapdownExtensions, with the weights `pairs`
-    """
-    zero = like(increments[first, 0], 0.0)
-    cx = cy = cz = zero
-    sx = sy = sz = zero
-    for k in range(1, further.pairs.shape[0]):
-        px = py = pz = zero
-        ux = uy = uz = zero
-        for j in range(k):
-            weight = further.pairs[j, k]
-            row = first + j
-            px += weight * increments[row, 0]
-            py += weight * increments[row, 1]
-            pz += weight * increments[row, 2]
-            ux += weight * increments[row, 3]
-            uy += weight * increments[row, 4]
-            uz += weight * increments[row, 5]
-        later = first + k
-        wx = increments[later, 0]
-        wy = increments[later, 1]
-        wz = increments[later, 2]
-        dx, dy, dz = cross(px, py, pz, wx, wy, wz)
-        ax, ay, az = cross(px, py, pz, increments[later, 3], increments[later, 4], increments[later, 5])
-        bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-        cx += dx
-        cy += dy
-        cz += dz
-        sx += ax + bx
-        sy += ay + by
-        sz += az + bz
-    return cx, cy, cz, sx, sy, sz
-
-
-@jit
-def _velocity_rotation(wx, wy, wz, fx, fy, fz):
-    """Return the change (3) m/s of a velocity increment by a simultaneous rotation at constant rates.
-
-    It is (1 - cos a) / a^2 w x f + (a - sin a) / a^3 w x (w x f), a the magnitude of w, by series in a^2 (Savage,
-    J. Guidance 21, 1998, part 2).
-
-    Parameters
-    ----------
-    wx, wy, wz : rad, angle increment w of the step, body axes
-    fx, fy, fz : m/s, velocity increment f of the step, body axes
-    """
-    square = wx * wx + wy * wy + wz * wz
-    # (1 - cos a) / a^2 = 1/2! - a^2/4! + a^4/6! - ..., (a - sin a) / a^3 = 1/3! - a^2/5! + a^4/7! - ...
-    first = 0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 - square * (1.0 / 40320.0)))
-    second = 1.0 / 6.0 + square * (-1.0 / 120.0 + square * (1.0 / 5040.0 - square * (1.0 / 362880.0)))
-    ax, ay, az = cross(wx, wy, wz, fx, fy, fz)
-    bx, by, bz = cross(wx, wy, wz, ax, ay, az)
-    return first * ax + second * bx, first * ay + second * by, first * az + second * bz
 
 
 @jit
@@ -130,7 +64,10 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     mid_py = py + half * dy
     mid_pz = pz + half * dz
     wx, wy, wz = turning(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz)
-    kx, ky, kz = cross(half * wx, half * wy, half * wz, sx, sy, sz)
+    half_turn_x = half * wx
+    half_turn_y = half * wy
+    half_turn_z = half * wz
+    kx, ky, kz = cross(half_turn_x, half_turn_y, half_turn_z, sx, sy, sz)
     sx -= kx
     sy -= ky
     sz -= kz
@@ -140,60 +77,17 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     nx = vx + sx + dt * ax
     ny = vy + sy + dt * ay
     nz = vz + sz + dt * az
-    dx, dy, dz = moving(mid_px, mid_py, mid_pz, code, 0.5 * (vx + nx), 0.5 * (vy + ny), 0.5 * (vz + nz))
+    mean_vx = 0.5 * (vx + nx)
+    mean_vy = 0.5 * (vy + ny)
+    mean_vz = 0.5 * (vz + nz)
+    dx, dy, dz = moving(mid_px, mid_py, mid_pz, code, mean_vx, mean_vy, mean_vz)
     px += dt * dx
     py += dt * dy
     pz += dt * dz
-    return px, py, pz, nx, ny, nz, sx, sy, sz, dt * wx, dt * wy, dt * wz
-
-
-@jit
-def _compensate_step(further, previous, increments, first, algorithm):
-    """Return rotation vector (3), velocity gained (3) and summed increments (6) of a step, body axes at its start.
-
-    The equations are those of `strapdown.integrate`. With products of pairs, the product across steps is that of the
-    last increment of one step and the first of the next.
-
-    first : index of the first increment of the step; previous : as in `mechanise`, updated in place
-    """
-    n = algorithm.subsamples
-    wx, wy, wz, fx, fy, fz = increment_sums(increments, first, n)
-    tx, ty, tz = wx, wy, wz
-    ux, uy, uz = fx, fy, fz
-    if further.pairs.shape[0] > 0:
-        tx, ty, tz, ux, uy, uz = increment_sums(increments, first, 1)
-    px = algorithm.across * previous[0]
-    py = algorithm.across * previous[1]
-    pz = algorithm.across * previous[2]
-    cx, cy, cz = cross(px, py, pz, tx, ty, tz)
-    ax, ay, az = cross(px, py, pz, ux, uy, uz)
-    bx, by, bz = cross(previous[3], previous[4], previous[5], tx, ty, tz)
-    sx = ax + algorithm.across * bx
-    sy = ay + algorithm.across * by
-    sz = az + algorithm.across * bz
-    if algorithm.weights.shape[0] > 0:
-        ax, ay, az, bx, by, bz = within(increments, first, algorithm)
-        cx, cy, cz = cx + ax, cy + ay, cz + az
-        sx, sy, sz = sx + bx, sy + by, sz + bz
-    if further.pairs.shape[0] > 0:
-        ax, ay, az, bx, by, bz = _pair_products(increments, first, further)
-        cx, cy, cz = cx + ax, cy + ay, cz + az
-        sx, sy, sz = sx + bx, sy + by, sz + bz
-        ax, ay, az = _velocity_rotation(wx, wy, wz, fx, fy, fz)
-    else:
-        ax, ay, az = cross(0.5 * wx, 0.5 * wy, 0.5 * wz, fx, fy, fz)
-    last = first + n - 1
-    for i in range(6):
-        previous[i] = increments[last, i]
-    if further.pairs.shape[0] == 0:
-        previous[0], previous[1], previous[2] = wx, wy, wz
-        previous[3], previous[4], previous[5] = fx, fy, fz
-    dx = fx + ax + sx
-    dy = fy + ay + sy
-    dz = fz + az + sz
-    if algorithm.at_end:
-        dx, dy, dz = rotate(matrix(*from_rotation(wx, wy, wz)), fx, fy, fz)
-    return wx + cx, wy + cy, wz + cz, dx, dy, dz, wx, wy, wz, fx, fy, fz
+    turn_x = dt * wx
+    turn_y = dt * wy
+    turn_z = dt * wz
+    return px, py, pz, nx, ny, nz, sx, sy, sz, turn_x, turn_y, turn_z
 
 
 @jit
@@ -234,7 +128,9 @@ def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
     rx += half * (vx + nx)
     ry += half * (vy + ny)
     rz += half * (vz + nz)
-    return rx, ry, rz, nx, ny, nz, sx, sy, sz, 0.0 * sx, 0.0 * sx, like(sx, 2.0 * half_turn)
+    zero = 0.0 * sx
+    turn = like(sx, 2.0 * half_turn)
+    return rx, ry, rz, nx, ny, nz, sx, sy, sz, zero, zero, turn
 
 
 @jit
@@ -251,10 +147,14 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
     half = 0.5 * dt
     for k in range(n_step):
         first = k * algorithm.subsamples
-        x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = _compensate_step(further, previous, increments, first, algorithm)
+        x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = compensate_step(further, previous, increments, first, algorithm)
         sx, sy, sz = _add_attitude(nav, sums, half, dx, dy, dz)
-        rx, ry, rz = nav[R], nav[R + 1], nav[R + 2]
-        vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
+        rx = nav[R]
+        ry = nav[R + 1]
+        rz = nav[R + 2]
+        vx = nav[V]
+        vy = nav[V + 1]
+        vz = nav[V + 2]
         if further.local > 0:
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _local_step(
                 further, algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
@@ -263,13 +163,13 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _fixed_step(
                 algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
             )
-        nav[R], nav[R + 1], nav[R + 2] = rx, ry, rz
-        nav[V], nav[V + 1], nav[V + 2] = vx, vy, vz
-        # q+ = q(-t) q q(rotation vector), with t the rotation of the axes
-        h0, h1, h2, h3 = from_rotation(-tx, -ty, -tz)
-        q0, q1, q2, q3 = multiply(h0, h1, h2, h3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-        h0, h1, h2, h3 = from_rotation(x, y, z)
-        nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = multiply(q0, q1, q2, q3, h0, h1, h2, h3)
+        nav[R] = rx
+        nav[R + 1] = ry
+        nav[R + 2] = rz
+        nav[V] = vx
+        nav[V + 1] = vy
+        nav[V + 2] = vz
+        _rotate_attitude(nav, x, y, z, tx, ty, tz)
         _add_attitude(nav, sums, half, dx, dy, dz)
         sums[SUM_V] += sx
         sums[SUM_V + 1] += sy
@@ -280,7 +180,35 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
         sums[SUM_F] += fx
         sums[SUM_F + 1] += fy
         sums[SUM_F + 2] += fz
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    q0, q1, q2, q3 = normalise(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    nav[Q] = q0
+    nav[Q + 1] = q1
+    nav[Q + 2] = q2
+    nav[Q + 3] = q3
+
+
+@inlined
+def _rotate_attitude(nav, x, y, z, tx, ty, tz):
+    """Advance the attitude over a step: q+ = q(-t) q q(rotation vector).
+
+    Parameters
+    ----------
+    nav : (10,) navigation state, updated in place
+    x, y, z : rad, rotation vector of the body, body axes at the start of the step
+    tx, ty, tz : rad, rotation t of the axes of the integration
+    """
+    q0 = nav[Q]
+    q1 = nav[Q + 1]
+    q2 = nav[Q + 2]
+    q3 = nav[Q + 3]
+    e0, e1, e2, e3 = from_rotation(-tx, -ty, -tz)
+    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, q0, q1, q2, q3)
+    e0, e1, e2, e3 = from_rotation(x, y, z)
+    q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
+    nav[Q] = q0
+    nav[Q + 1] = q1
+    nav[Q + 2] = q2
+    nav[Q + 3] = q3
 
 
 @jit
@@ -317,11 +245,17 @@ def _rotate_sums(sums, code, px, py, pz):
     """
     c = axes_of(code, px, py, pz)
     for column in range(3):
-        x, y, z = rotate_back(c, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
-        sums[SUM_C + column] = x
-        sums[SUM_C + 3 + column] = y
-        sums[SUM_C + 6 + column] = z
-    sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = rotate_back(c, sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2])
+        first = SUM_C + column
+        second = SUM_C + 3 + column
+        third = SUM_C + 6 + column
+        x, y, z = rotate_back(c, sums[first], sums[second], sums[third])
+        sums[first] = x
+        sums[second] = y
+        sums[third] = z
+    vx, vy, vz = rotate_back(c, sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2])
+    sums[SUM_V] = vx
+    sums[SUM_V + 1] = vy
+    sums[SUM_V + 2] = vz
 
 
 @jit
@@ -341,21 +275,28 @@ def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, alg
     """
     if further is None:
         return
+    start = algorithm.angle + OMEGA * seconds
     end = algorithm.angle + OMEGA * (seconds + n_step * dt)
     if algorithm.rotating:
-        to_earth_fixed(nav, algorithm, algorithm.angle + OMEGA * seconds)
+        to_earth_fixed(nav, algorithm, start)
     if further.local > 0:
         to_local(nav, further.local, Q, V, R)
-        px, py, pz = nav[R], nav[R + 1], nav[R + 2]
+        px = nav[R]
+        py = nav[R + 1]
+        pz = nav[R + 2]
         _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
         # the sum of the places at start and end has the direction of the place at mid-window
-        _rotate_sums(sums, further.local, px + nav[R], py + nav[R + 1], pz + nav[R + 2])
+        mid_px = px + nav[R]
+        mid_py = py + nav[R + 1]
+        mid_pz = pz + nav[R + 2]
+        _rotate_sums(sums, further.local, mid_px, mid_py, mid_pz)
         from_local(nav, further.local, Q, V, R)
     else:
         _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
     if algorithm.rotating:
         to_inertial(nav, algorithm, end)
-        turn_sums(sums, end - OMEGA * 0.5 * n_step * dt)
+        middle = end - OMEGA * 0.5 * n_step * dt
+        turn_sums(sums, middle)
 
 
 @jit
@@ -385,9 +326,11 @@ def mechanise(nav, sums, previous, increments, n_step, dt, algorithm, seconds):
         _mechanise_further(algorithm.further, nav, sums, previous, increments, n_step, dt, algorithm, seconds)
         return
     if algorithm.rotating:
-        to_earth_fixed(nav, algorithm, algorithm.angle + OMEGA * seconds)
+        start = algorithm.angle + OMEGA * seconds
+        to_earth_fixed(nav, algorithm, start)
     integrate(nav, sums, previous, increments, n_step, dt, algorithm, True)
     if algorithm.rotating:
         end = algorithm.angle + OMEGA * (seconds + n_step * dt)
         to_inertial(nav, algorithm, end)
-        turn_sums(sums, end - OMEGA * 0.5 * n_step * dt)
+        middle = end - OMEGA * 0.5 * n_step * dt
+        turn_sums(sums, middle)

@@ -49,7 +49,8 @@ def step(values, decay, walk, sources, k0, k1, run, number):
     number : epoch of the process, a word, from 1
     """
     for b in range(decay.shape[0]):
-        if walk[b, 0] + walk[b, 1] + walk[b, 2] > 0.0:
+        total_walk = walk[b, 0] + walk[b, 1] + walk[b, 2]
+        if total_walk > 0.0:
             normal = normals(k0, k1, sources[b], run, number, _ZERO)
             for axis in range(3):
                 values[b, axis] = decay[b] * values[b, axis] + walk[b, axis] * normal[axis]
@@ -76,7 +77,8 @@ def gather(tables, values, sensors, drivers):
             if driver == CONSTANT:
                 entry = BIAS + axis
             elif OWN_0 <= driver and driver <= OWN_2:
-                entry = OWN + 3 * axis + (axis + driver - OWN_0) % 3  # inputs are rolled, see `transition.driver`
+                column = (axis + driver - OWN_0) % 3  # inputs are rolled, see `transition.driver`
+                entry = OWN + 3 * axis + column
             elif OTHER_0 <= driver and driver <= OTHER_2:
                 entry = OTHER + 3 * axis + driver - OTHER_0
             table[entry] += values[b, axis]
@@ -98,14 +100,16 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
     square : square of the axis' increment, divided by dt
     dt : s, of a tick
     """
+    own_row = OWN + 3 * axis
+    other_row = OTHER + 3 * axis
     return (
         dt * table[BIAS + axis]
-        + table[OWN + 3 * axis] * own_0
-        + table[OWN + 3 * axis + 1] * own_1
-        + table[OWN + 3 * axis + 2] * own_2
-        + table[OTHER + 3 * axis] * other_0
-        + table[OTHER + 3 * axis + 1] * other_1
-        + table[OTHER + 3 * axis + 2] * other_2
+        + table[own_row] * own_0
+        + table[own_row + 1] * own_1
+        + table[own_row + 2] * own_2
+        + table[other_row] * other_0
+        + table[other_row + 1] * other_1
+        + table[other_row + 2] * other_2
         + table[SQUARES + axis] * square
     )
 
@@ -131,13 +135,19 @@ def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
             dt * accel[BIAS + 1],
             dt * accel[BIAS + 2],
         )
+    gyro_square_0 = a0 * a0 / dt
+    gyro_square_1 = a1 * a1 / dt
+    gyro_square_2 = a2 * a2 / dt
+    accel_square_0 = f0 * f0 / dt
+    accel_square_1 = f1 * f1 / dt
+    accel_square_2 = f2 * f2 / dt
     return (
-        error(gyro, 0, a0, a1, a2, f0, f1, f2, a0 * a0 / dt, dt),
-        error(gyro, 1, a0, a1, a2, f0, f1, f2, a1 * a1 / dt, dt),
-        error(gyro, 2, a0, a1, a2, f0, f1, f2, a2 * a2 / dt, dt),
-        error(accel, 0, f0, f1, f2, a0, a1, a2, f0 * f0 / dt, dt),
-        error(accel, 1, f0, f1, f2, a0, a1, a2, f1 * f1 / dt, dt),
-        error(accel, 2, f0, f1, f2, a0, a1, a2, f2 * f2 / dt, dt),
+        error(gyro, 0, a0, a1, a2, f0, f1, f2, gyro_square_0, dt),
+        error(gyro, 1, a0, a1, a2, f0, f1, f2, gyro_square_1, dt),
+        error(gyro, 2, a0, a1, a2, f0, f1, f2, gyro_square_2, dt),
+        error(accel, 0, f0, f1, f2, a0, a1, a2, accel_square_0, dt),
+        error(accel, 1, f0, f1, f2, a0, a1, a2, accel_square_1, dt),
+        error(accel, 2, f0, f1, f2, a0, a1, a2, accel_square_2, dt),
     )
 
 
@@ -155,8 +165,9 @@ def quantise(increment, remainder, step_size):
     step_size : quantisation step, above zero
     """
     total = increment + remainder
-    out = step_size * ((total / step_size + _ROUND) - _ROUND)
-    return out, total - out
+    n_step = (total / step_size + _ROUND) - _ROUND
+    output = step_size * n_step
+    return output, total - output
 
 
 @jit
@@ -178,12 +189,16 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     for k in range(n_tick):
         tick = first_tick + k
         row = at + k
-        a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
-        f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
-        number = np.uint64(tick)
+        a0 = dtheta[tick, 0]
+        a1 = dtheta[tick, 1]
+        a2 = dtheta[tick, 2]
+        f0 = dvel[tick, 0]
+        f1 = dvel[tick, 1]
+        f2 = dvel[tick, 2]
+        epoch = np.uint64(tick)
         # a draw is keyed by tick, so it does not depend on how the flight is divided into windows
-        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, number, np.uint64(0))
-        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, number, np.uint64(1))
+        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
+        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
         increments[row, 0] = a0 + e0 + noise[0] * n0
         increments[row, 1] = a1 + e1 + noise[1] * n1
@@ -196,7 +211,9 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         if step_size > 0.0:
             for row in range(at, at + n_tick):
                 for axis in range(3 * sensor, 3 * sensor + 3):
-                    increments[row, axis], remainder[axis] = quantise(increments[row, axis], remainder[axis], step_size)
+                    output, new_remainder = quantise(increments[row, axis], remainder[axis], step_size)
+                    increments[row, axis] = output
+                    remainder[axis] = new_remainder
 
 
 @jit
@@ -215,16 +232,28 @@ def compensate(increments, n_tick, gyro, accel, biases_only, dt):
     dt : s, of a tick
     """
     for k in range(n_tick):
-        a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
-        f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
+        a0 = increments[k, 0]
+        a1 = increments[k, 1]
+        a2 = increments[k, 2]
+        f0 = increments[k, 3]
+        f1 = increments[k, 4]
+        f2 = increments[k, 5]
         w0, w1, w2 = a0, a1, a2
         g0, g1, g2 = f0, f1, f2
         for _ in range(2):
             e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, biases_only, w0, w1, w2, g0, g1, g2, dt)
-            w0, w1, w2 = a0 - e0, a1 - e1, a2 - e2
-            g0, g1, g2 = f0 - e3, f1 - e4, f2 - e5
-        increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
-        increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2
+            w0 = a0 - e0
+            w1 = a1 - e1
+            w2 = a2 - e2
+            g0 = f0 - e3
+            g1 = f1 - e4
+            g2 = f2 - e5
+        increments[k, 0] = w0
+        increments[k, 1] = w1
+        increments[k, 2] = w2
+        increments[k, 3] = g0
+        increments[k, 4] = g1
+        increments[k, 5] = g2
 
 
 @jit
@@ -252,6 +281,8 @@ def profile_value(unit, profile, axis, t):
     float
         Bias (rad/s or m/s^2) or scale factor.
     """
-    first, last = unit.profile_start[profile], unit.profile_end[profile]
-    share = min(1.0, max(0.0, (t - first) / (last - first)))
+    first = unit.profile_start[profile]
+    last = unit.profile_end[profile]
+    progress = (t - first) / (last - first)
+    share = min(1.0, max(0.0, progress))
     return share * unit.profile[profile, axis]

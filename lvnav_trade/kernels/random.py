@@ -30,7 +30,9 @@ def source_word(name: str) -> np.uint64:
 
 def seed_words(seed: int) -> tuple[np.uint64, np.uint64]:
     """Return the two 32-bit key words of a campaign seed (0 <= seed < 2**64)."""
-    return np.uint64(seed & 0xFFFFFFFF), np.uint64((seed >> 32) & 0xFFFFFFFF)
+    low = seed & 0xFFFFFFFF
+    high = (seed >> 32) & 0xFFFFFFFF
+    return np.uint64(low), np.uint64(high)
 
 
 @jit
@@ -76,7 +78,8 @@ def log_unit(x):
     series = 2.0 / 11.0 + z * (2.0 / 13.0 + z * series)
     series = 2.0 / 7.0 + z * (2.0 / 9.0 + z * series)
     series = 2.0 / 3.0 + z * (2.0 / 5.0 + z * series)
-    return exponent * _LN2 + (2.0 * s + s * z * series)
+    log_mantissa = 2.0 * s + s * z * series
+    return exponent * _LN2 + log_mantissa
 
 
 @jit
@@ -93,17 +96,26 @@ def cos_sin_turn(word):
     z = a * a
     # sin a = a - a^3/3! + ... - a^15/15!, cos a = 1 - a^2/2! + ... + a^16/16!
     s = -1.0 / 1307674368000.0 * z + 1.0 / 6227020800.0
-    s = (s * z - 1.0 / 39916800.0) * z + 1.0 / 362880.0
-    s = ((s * z - 1.0 / 5040.0) * z + 1.0 / 120.0) * z - 1.0 / 6.0
+    s = s * z - 1.0 / 39916800.0
+    s = s * z + 1.0 / 362880.0
+    s = s * z - 1.0 / 5040.0
+    s = s * z + 1.0 / 120.0
+    s = s * z - 1.0 / 6.0
     s = a + a * z * s
     c = 1.0 / 20922789888000.0 * z - 1.0 / 87178291200.0
-    c = (c * z + 1.0 / 479001600.0) * z - 1.0 / 3628800.0
-    c = ((c * z + 1.0 / 40320.0) * z - 1.0 / 720.0) * z + 1.0 / 24.0
+    c = c * z + 1.0 / 479001600.0
+    c = c * z - 1.0 / 3628800.0
+    c = c * z + 1.0 / 40320.0
+    c = c * z - 1.0 / 720.0
+    c = c * z + 1.0 / 24.0
     c = 1.0 + z * (z * c - 0.5)
-    odd = (q == 1.0) | (q == 3.0)
-    cosine = where(odd, s, c)
-    sine = where(odd, c, s)
-    return where((q == 1.0) | (q == 2.0), -cosine, cosine), where(q >= 2.0, -sine, sine)
+    is_odd = (q == 1.0) | (q == 3.0)
+    cosine = where(is_odd, s, c)
+    sine = where(is_odd, c, s)
+    is_negative = (q == 1.0) | (q == 2.0)
+    cosine = where(is_negative, -cosine, cosine)
+    sine = where(q >= 2.0, -sine, sine)
+    return cosine, sine
 
 
 @jit
@@ -118,12 +130,19 @@ def normals(k0, k1, source, run, epoch, index):
     epoch : number of the epoch or tick, a word
     index : distinguishes draws of the same epoch (satellite, group of axes), a word
     """
-    w0, w1, w2, w3 = philox(word_like(run, epoch), run, word_like(run, source), word_like(run, index), k0, k1)
+    epoch_word = word_like(run, epoch)
+    name_word = word_like(run, source)
+    index_word = word_like(run, index)
+    w0, w1, w2, w3 = philox(epoch_word, run, name_word, index_word, k0, k1)
     # Box-Muller: sqrt(-2 ln u) cos(2 pi v) and sqrt(-2 ln u) sin(2 pi v), with u in (0, 1)
-    radius = sqrt(-2.0 * log_unit((to_float(w0) + 0.5) * _2M32))
+    u = (to_float(w0) + 0.5) * _2M32
+    radius = sqrt(-2.0 * log_unit(u))
     cosine, sine = cos_sin_turn(w1)
     n0 = radius * cosine
     n1 = radius * sine
-    radius = sqrt(-2.0 * log_unit((to_float(w2) + 0.5) * _2M32))
+    u = (to_float(w2) + 0.5) * _2M32
+    radius = sqrt(-2.0 * log_unit(u))
     cosine, sine = cos_sin_turn(w3)
-    return n0, n1, radius * cosine, radius * sine
+    n2 = radius * cosine
+    n3 = radius * sine
+    return n0, n1, n2, n3

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate
+from lvnav_trade.kernels.coning import increment_sums, within
 from lvnav_trade.kernels.earth import OMEGA, gravity_j2, gravity_j4, gravity_point
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
@@ -92,65 +93,6 @@ def full_rate(gravity: int) -> Strapdown:
 
 
 @inlined
-def increment_sums(increments, first, subsamples):
-    """Return the sums of angle (3) rad and velocity (3) m/s increments of a step, body axes.
-
-    Parameters
-    ----------
-    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
-    first : index of the first increment of the step
-    subsamples : number of increments of the step
-    """
-    wx = increments[first, 0]
-    wy = increments[first, 1]
-    wz = increments[first, 2]
-    fx = increments[first, 3]
-    fy = increments[first, 4]
-    fz = increments[first, 5]
-    for row in range(first + 1, first + subsamples):
-        wx += increments[row, 0]
-        wy += increments[row, 1]
-        wz += increments[row, 2]
-        fx += increments[row, 3]
-        fy += increments[row, 4]
-        fz += increments[row, 5]
-    return wx, wy, wz, fx, fy, fz
-
-
-@inlined
-def within(increments, first, algorithm):
-    """Return coning (3) rad and sculling (3) m/s by the increments of a step, body axes.
-
-    The weighted sum of all increments but the last is multiplied by the last (Ignagni, J. Guidance 19, 1996).
-
-    Parameters
-    ----------
-    increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
-    first : index of the first increment of the step
-    algorithm : Strapdown, with `subsamples` and `weights`
-    """
-    last = first + algorithm.subsamples - 1
-    px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
-    for j in range(algorithm.weights.shape[0]):
-        weight = algorithm.weights[j]
-        row = first + j
-        px += weight * increments[row, 0]
-        py += weight * increments[row, 1]
-        pz += weight * increments[row, 2]
-        ux += weight * increments[row, 3]
-        uy += weight * increments[row, 4]
-        uz += weight * increments[row, 5]
-    wx = increments[last, 0]
-    wy = increments[last, 1]
-    wz = increments[last, 2]
-    # coning p x w, sculling p x f + u x w; p, u: weighted sums of angles and velocities, w, f: the last increments
-    cx, cy, cz = cross(px, py, pz, wx, wy, wz)
-    ax, ay, az = cross(px, py, pz, increments[last, 3], increments[last, 4], increments[last, 5])
-    bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-    return cx, cy, cz, ax + bx, ay + by, az + bz
-
-
-@inlined
 def fictitious(x, y, vx, vy):
     """Return the sum of centrifugal and Coriolis acceleration (m/s^2) along the Earth-fixed x and y axes.
 
@@ -179,8 +121,10 @@ def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
     dt : s, of the step
     """
     kx, ky = fictitious(x, y, vx, vy)
-    mean_vx = vx + 0.5 * (sx + dt * (gx + kx))
-    mean_vy = vy + 0.5 * (sy + dt * (gy + ky))
+    gain_x = sx + dt * (gx + kx)
+    gain_y = sy + dt * (gy + ky)
+    mean_vx = vx + 0.5 * gain_x
+    mean_vy = vy + 0.5 * gain_y
     return fictitious(x, y, mean_vx, mean_vy)
 
 
@@ -201,20 +145,25 @@ def to_earth_fixed(nav, algorithm, angle):
     algorithm : Strapdown, with `origin`
     angle : rad, from frame i to the Earth-fixed axes
     """
-    c, s = math.cos(angle), math.sin(angle)
-    half_c, half_s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    c = math.cos(angle)
+    s = math.sin(angle)
+    half_c = math.cos(0.5 * angle)
+    half_s = math.sin(0.5 * angle)
     rx = nav[R]
     ry = nav[R + 1]
     # velocity relative to the rotating Earth, v - w x r, before the rotation about the polar axis
     vx = nav[V] + OMEGA * ry
     vy = nav[V + 1] - OMEGA * rx
-    nav[V], nav[V + 1] = rotate_polar(c, s, vx, vy)
+    vx, vy = rotate_polar(c, s, vx, vy)
+    nav[V] = vx
+    nav[V + 1] = vy
     x, y = rotate_polar(c, s, rx, ry)
     nav[R] = x - algorithm.origin[0]
     nav[R + 1] = y - algorithm.origin[1]
     nav[R + 2] -= algorithm.origin[2]
     q = multiply(half_c, 0.0, 0.0, -half_s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
+    for i in range(4):
+        nav[Q + i] = q[i]
 
 
 @jit
@@ -227,31 +176,39 @@ def to_inertial(nav, algorithm, angle):
     algorithm : Strapdown, with `origin`
     angle : rad, from frame i to the Earth-fixed axes
     """
-    c, s = math.cos(angle), math.sin(angle)
-    half_c, half_s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    c = math.cos(angle)
+    s = math.sin(angle)
+    half_c = math.cos(0.5 * angle)
+    half_s = math.sin(0.5 * angle)
     x = nav[R] + algorithm.origin[0]
     y = nav[R + 1] + algorithm.origin[1]
     vx = nav[V]
     vy = nav[V + 1]
-    nav[R] = c * x - s * y
-    nav[R + 1] = s * x + c * y
+    rx = c * x - s * y
+    ry = s * x + c * y
+    nav[R] = rx
+    nav[R + 1] = ry
     nav[R + 2] += algorithm.origin[2]
     # v + w x r, with the position in the inertial frame
-    nav[V] = c * vx - s * vy - OMEGA * nav[R + 1]
-    nav[V + 1] = s * vx + c * vy + OMEGA * nav[R]
+    nav[V] = c * vx - s * vy - OMEGA * ry
+    nav[V + 1] = s * vx + c * vy + OMEGA * rx
     q = multiply(half_c, 0.0, 0.0, half_s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
+    for i in range(4):
+        nav[Q + i] = q[i]
 
 
 @jit
 def turn_sums(sums, angle):
     """Rotate the integral of the attitude and the velocity gained from Earth-fixed axes to frame i; angle (rad)."""
-    c, s = math.cos(angle), math.sin(angle)
+    c = math.cos(angle)
+    s = math.sin(angle)
     for column in range(3):
-        x = sums[SUM_C + column]
-        y = sums[SUM_C + 3 + column]
-        sums[SUM_C + column] = c * x - s * y
-        sums[SUM_C + 3 + column] = s * x + c * y
+        first = SUM_C + column
+        second = SUM_C + 3 + column
+        x = sums[first]
+        y = sums[second]
+        sums[first] = c * x - s * y
+        sums[second] = s * x + c * y
     x = sums[SUM_V]
     y = sums[SUM_V + 1]
     sums[SUM_V] = c * x - s * y
@@ -273,11 +230,22 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
     general : whether `algorithm` may differ from `full_rate`. Callers pass a constant, so that the compiler removes
         the branches they do not need. Long because its state stays in registers over the loop.
     """
-    q0, q1, q2, q3 = nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
-    vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
-    rx, ry, rz = nav[R], nav[R + 1], nav[R + 2]
-    px, py, pz = previous[0], previous[1], previous[2]
-    ux, uy, uz = previous[3], previous[4], previous[5]
+    q0 = nav[Q]
+    q1 = nav[Q + 1]
+    q2 = nav[Q + 2]
+    q3 = nav[Q + 3]
+    vx = nav[V]
+    vy = nav[V + 1]
+    vz = nav[V + 2]
+    rx = nav[R]
+    ry = nav[R + 1]
+    rz = nav[R + 2]
+    px = previous[0]
+    py = previous[1]
+    pz = previous[2]
+    ux = previous[3]
+    uy = previous[4]
+    uz = previous[5]
     zero = like(q0, 0.0)
     c = matrix(q0, q1, q2, q3)
     m0 = m1 = m2 = m3 = m4 = m5 = m6 = m7 = m8 = zero
@@ -344,7 +312,10 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
             gy += ky
             q0, q1, q2, q3 = multiply(1.0 - 0.5 * half_turn * half_turn, 0.0, 0.0, -half_turn, q0, q1, q2, q3)
         else:
-            gx, gy, gz = gravity(algorithm.gravity, rx + half * vx, ry + half * vy, rz + half * vz)
+            x = rx + half * vx
+            y = ry + half * vy
+            z = rz + half * vz
+            gx, gy, gz = gravity(algorithm.gravity, x, y, z)
         nx = vx + sx + dt * gx
         ny = vy + sy + dt * gy
         nz = vz + sz + dt * gz
@@ -358,13 +329,25 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
         q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
 
         # mean of C over the step by the trapezoidal rule, because a spinning body rotates by up to 0.2 rad in a step
-        m0, m1, m2 = m0 + c[0], m1 + c[1], m2 + c[2]
-        m3, m4, m5 = m3 + c[3], m4 + c[4], m5 + c[5]
-        m6, m7, m8 = m6 + c[6], m7 + c[7], m8 + c[8]
+        m0 += c[0]
+        m1 += c[1]
+        m2 += c[2]
+        m3 += c[3]
+        m4 += c[4]
+        m5 += c[5]
+        m6 += c[6]
+        m7 += c[7]
+        m8 += c[8]
         c = matrix(q0, q1, q2, q3)
-        m0, m1, m2 = m0 + c[0], m1 + c[1], m2 + c[2]
-        m3, m4, m5 = m3 + c[3], m4 + c[4], m5 + c[5]
-        m6, m7, m8 = m6 + c[6], m7 + c[7], m8 + c[8]
+        m0 += c[0]
+        m1 += c[1]
+        m2 += c[2]
+        m3 += c[3]
+        m4 += c[4]
+        m5 += c[5]
+        m6 += c[6]
+        m7 += c[7]
+        m8 += c[8]
         th_x += wx
         th_y += wy
         th_z += wz
@@ -374,16 +357,36 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
         px, py, pz = wx, wy, wz
         ux, uy, uz = fx, fy, fz
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
-    nav[V], nav[V + 1], nav[V + 2] = vx, vy, vz
-    nav[R], nav[R + 1], nav[R + 2] = rx, ry, rz
-    previous[0], previous[1], previous[2] = px, py, pz
-    previous[3], previous[4], previous[5] = ux, uy, uz
-    sums[0], sums[1], sums[2] = half * m0, half * m1, half * m2
-    sums[3], sums[4], sums[5] = half * m3, half * m4, half * m5
-    sums[6], sums[7], sums[8] = half * m6, half * m7, half * m8
-    sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = gained_x, gained_y, gained_z
-    sums[SUM_TH], sums[SUM_TH + 1], sums[SUM_TH + 2] = th_x, th_y, th_z
-    sums[SUM_F], sums[SUM_F + 1], sums[SUM_F + 2] = f_x, f_y, f_z
+    nav[V] = vx
+    nav[V + 1] = vy
+    nav[V + 2] = vz
+    nav[R] = rx
+    nav[R + 1] = ry
+    nav[R + 2] = rz
+    previous[0] = px
+    previous[1] = py
+    previous[2] = pz
+    previous[3] = ux
+    previous[4] = uy
+    previous[5] = uz
+    sums[0] = half * m0
+    sums[1] = half * m1
+    sums[2] = half * m2
+    sums[3] = half * m3
+    sums[4] = half * m4
+    sums[5] = half * m5
+    sums[6] = half * m6
+    sums[7] = half * m7
+    sums[8] = half * m8
+    sums[SUM_V] = gained_x
+    sums[SUM_V + 1] = gained_y
+    sums[SUM_V + 2] = gained_z
+    sums[SUM_TH] = th_x
+    sums[SUM_TH + 1] = th_y
+    sums[SUM_TH + 2] = th_z
+    sums[SUM_F] = f_x
+    sums[SUM_F + 1] = f_y
+    sums[SUM_F + 2] = f_z
 
 
 @jit

@@ -45,13 +45,18 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
         return unity, unity, unity
     if OWN_0 <= kind and kind <= OWN_2:
         inputs = (own_x, own_y, own_z)
-        shift = kind - OWN_0
-        return inputs[shift], inputs[(shift + 1) % 3], inputs[(shift + 2) % 3]
+        first = kind - OWN_0
+        second = (first + 1) % 3
+        third = (first + 2) % 3
+        return inputs[first], inputs[second], inputs[third]
     if OTHER_0 <= kind and kind <= OTHER_2:
         inputs = (other_x, other_y, other_z)
-        axis = kind - OTHER_0
-        return inputs[axis], inputs[axis], inputs[axis]
-    return own_x * own_x, own_y * own_y, own_z * own_z
+        sensed = inputs[kind - OTHER_0]
+        return sensed, sensed, sensed
+    square_x = own_x * own_x
+    square_y = own_y * own_y
+    square_z = own_z * own_z
+    return square_x, square_y, square_z
 
 
 @jit
@@ -65,17 +70,29 @@ def sensed_driver(sensor, kind, rate, force):
     rate : (3,) rad/s, angular rate, body axes
     force : (3,) m/s^2, specific force, body axes
     """
+    wx = rate[0]
+    wy = rate[1]
+    wz = rate[2]
+    fx = force[0]
+    fy = force[1]
+    fz = force[2]
     if sensor == GYRO:
-        return driver(kind, rate[0], rate[1], rate[2], force[0], force[1], force[2])
-    return driver(kind, force[0], force[1], force[2], rate[0], rate[1], rate[2])
+        return driver(kind, wx, wy, wz, fx, fy, fz)
+    return driver(kind, fx, fy, fz, wx, wy, wz)
 
 
 @inlined
 def _skew(block, x, y, z):
     """Set a block to the cross-product matrix [x, y, z] x."""
-    block[0], block[1], block[2] = 0.0 * x, -z, y
-    block[3], block[4], block[5] = z, 0.0 * x, -x
-    block[6], block[7], block[8] = -y, x, 0.0 * x
+    block[0] = 0.0 * x
+    block[1] = -z
+    block[2] = y
+    block[3] = z
+    block[4] = 0.0 * x
+    block[5] = -x
+    block[6] = -y
+    block[7] = x
+    block[8] = 0.0 * x
 
 
 @inlined
@@ -89,9 +106,15 @@ def _gradient(block, factor, x, y, z):
     x, y, z : m, position, frame i
     """
     xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
-    block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
-    block[3], block[4], block[5] = factor * xy, factor * yy, factor * yz
-    block[6], block[7], block[8] = factor * xz, factor * yz, factor * zz
+    block[0] = factor * xx
+    block[1] = factor * xy
+    block[2] = factor * xz
+    block[3] = factor * xy
+    block[4] = factor * yy
+    block[5] = factor * yz
+    block[6] = factor * xz
+    block[7] = factor * yz
+    block[8] = factor * zz
 
 
 @inlined
@@ -114,10 +137,15 @@ def _column(block, factor, sums, ux, uy, uz):
 @inlined
 def _cross_column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * [velocity gained x] (integral of C) diag(u); arguments as in `_column`."""
-    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    vx = sums[SUM_V]
+    vy = sums[SUM_V + 1]
+    vz = sums[SUM_V + 2]
     for column in range(3):
         u = (ux, uy, uz)[column]
-        x, y, z = cross(vx, vy, vz, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
+        cx = sums[SUM_C + column]
+        cy = sums[SUM_C + 3 + column]
+        cz = sums[SUM_C + 6 + column]
+        x, y, z = cross(vx, vy, vz, cx, cy, cz)
         block[column] = factor * u * x
         block[3 + column] = factor * u * y
         block[6 + column] = factor * u * z
@@ -138,13 +166,18 @@ def parameter_block(block, kind, driven_by, sums, seconds):
     sums : (18,) integrals of the strapdown over the window
     seconds : s, length of the window
     """
-    th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
-    f = (sums[SUM_F] / seconds, sums[SUM_F + 1] / seconds, sums[SUM_F + 2] / seconds)
+    # mean angular rate and specific force of the window
+    wx = sums[SUM_TH] / seconds
+    wy = sums[SUM_TH + 1] / seconds
+    wz = sums[SUM_TH + 2] / seconds
+    fx = sums[SUM_F] / seconds
+    fy = sums[SUM_F + 1] / seconds
+    fz = sums[SUM_F + 2] / seconds
     if kind == VEL_ACCEL:
-        ux, uy, uz = driver(driven_by, f[0], f[1], f[2], th[0], th[1], th[2])
+        ux, uy, uz = driver(driven_by, fx, fy, fz, wx, wy, wz)
         _column(block, -1.0, sums, ux, uy, uz)
     else:
-        ux, uy, uz = driver(driven_by, th[0], th[1], th[2], f[0], f[1], f[2])
+        ux, uy, uz = driver(driven_by, wx, wy, wz, fx, fy, fz)
         if kind == ATT_GYRO:
             _column(block, -1.0, sums, ux, uy, uz)
         else:
@@ -174,10 +207,11 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
             _gradient(block, -seconds * seconds, x, y, z)
         elif kind in (POS_VEL, POS_VEL_HALF):
             share = 1.0 if kind == POS_VEL else 0.5
+            zero = 0.0 * x  # one number, or eight lanes
             for i in range(9):
-                block[i] = 0.0 * x
+                block[i] = zero
             for i in range(0, 9, 4):  # the diagonal
-                block[i] = share * seconds + 0.0 * x
+                block[i] = share * seconds + zero
         else:
             parameter_block(block, kind, drivers[b], sums, seconds)
 
@@ -202,7 +236,8 @@ def linearise(rates, nav, code):
     """
     if code == RENEWED:
         c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-        renewed, last = rates[0], rates[1]
+        renewed = rates[0]
+        last = rates[1]
         for i in range(9):
             renewed[SUM_C + i] = c[i]
         for i in range(3):
@@ -210,7 +245,9 @@ def linearise(rates, nav, code):
             renewed[SUM_F + i] = last[SUM_F + i]
         # acceleration in frame i: C f
         ax, ay, az = rotate(c, renewed[SUM_F], renewed[SUM_F + 1], renewed[SUM_F + 2])
-        renewed[SUM_V], renewed[SUM_V + 1], renewed[SUM_V + 2] = ax, ay, az
+        renewed[SUM_V] = ax
+        renewed[SUM_V + 1] = ay
+        renewed[SUM_V + 2] = az
 
 
 @jit
@@ -244,7 +281,11 @@ def correct_motion(nav, x):
     # attitude errors are in frame i, so the correction multiplies from the left
     e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
     q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
+    q0, q1, q2, q3 = normalise(q0, q1, q2, q3)
+    nav[Q] = q0
+    nav[Q + 1] = q1
+    nav[Q + 2] = q2
+    nav[Q + 3] = q3
     for i in range(3):
         nav[V + i] += x[VEL + i]
         nav[R + i] += x[POS + i]

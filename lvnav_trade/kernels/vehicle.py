@@ -15,10 +15,10 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import SUM_V
 from lvnav_trade.kernels.transition import sensed_driver
+from lvnav_trade.kernels.vehicle_tick import add_changes, velocity_error
 
 N_SAMPLE = 6
 """Scalar measurements of a tick: three of the gyro, three of the accelerometer."""
-N_NAV = 9
 
 
 @jit
@@ -35,15 +35,20 @@ def fill_samples(h, blocks, rate, force):
         h[r, 0] = like(rate[0], 1.0)
     for sensor in range(2):
         for k in range(blocks.shape[1]):
-            u = sensed_driver(sensor, blocks[sensor, k, 1], rate, force)
+            block_number = blocks[sensor, k, 0]
+            block_driver = blocks[sensor, k, 1]
+            u = sensed_driver(sensor, block_driver, rate, force)
             for axis in range(3):
-                h[3 * sensor + axis, 1 + k] = u[axis] if blocks[sensor, k, 0] >= 0 else like(rate[0], 0.0)
+                row = 3 * sensor + axis
+                h[row, 1 + k] = u[axis] if block_number >= 0 else like(rate[0], 0.0)
 
 
 @inlined
 def _upper(P, i, j):
     """Return the entry (i, j) of a symmetric matrix stored as its upper triangle."""
-    return P[min(i, j), max(i, j)]
+    row = min(i, j)
+    column = max(i, j)
+    return P[row, column]
 
 
 @jit
@@ -56,7 +61,7 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     Parameters
     ----------
     P, x : (n, n) upper triangle and (n,) error state, both updated in place
-    K : (6, n) set to P h' of each measurement after the previous ones
+    K : (6, n) set to P h' of each measurement after the earlier updates
     weight : (6,) set to 1 / innovation variance
     residual : (6,) set to the innovation after the previous measurements
     z : (6,) sample minus predicted sample
@@ -64,47 +69,71 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     h, columns : (6, n_entry) Jacobian entries and their states
     n_estimated : number of estimated states
     """
-    n, n_entry = P.shape[0], columns.shape[1]
+    n = P.shape[0]
+    n_entry = columns.shape[1]
     for r in range(N_SAMPLE):
         # the motion state and, if there is one, a bias in one pass
         second = min(1, n_entry - 1)
-        c = columns[r, 0]
-        d = columns[r, second]
-        factor = h[r, second] * float(second)
+        motion_state = columns[r, 0]
+        bias_state = columns[r, second]
+        bias_entry = h[r, second] * float(second)
         for i in range(n):
-            K[r, i] = _upper(P, i, c) + factor * _upper(P, i, d)
+            motion_covariance = _upper(P, i, motion_state)
+            bias_covariance = _upper(P, i, bias_state)
+            K[r, i] = motion_covariance + bias_entry * bias_covariance
         for k in range(2, n_entry):
-            c = columns[r, k]
+            state = columns[r, k]
+            entry = h[r, k]
             for i in range(n):
-                K[r, i] += h[r, k] * _upper(P, i, c)
+                K[r, i] += entry * _upper(P, i, state)
         # K_r = P h_r' of the covariance after the updates before it: P h_r' - sum over q of K_q weight_q (K_q' h_r').
         # The gain of considered states is zero, so estimated states get the whole of K_q' h_r', and considered states
         # only its part over estimated states.
         for q in range(r):
             estimated, total = _projections(K, h, columns, r, q, n_estimated)
-            factor = total * weight[q]
+            estimated_factor = total * weight[q]
             for i in range(n_estimated):
-                K[r, i] -= factor * K[q, i]
-            factor = estimated * weight[q]
+                K[r, i] -= estimated_factor * K[q, i]
+            considered_factor = estimated * weight[q]
             for i in range(n_estimated, n):
-                K[r, i] -= factor * K[q, i]
+                K[r, i] -= considered_factor * K[q, i]
         innovation_variance = like(x[0], variance[r])
         innovation = z[r]
         for k in range(n_entry):
-            c = columns[r, k]
-            innovation_variance += h[r, k] * K[r, c]
-            innovation -= h[r, k] * x[c]
+            state = columns[r, k]
+            entry = h[r, k]
+            innovation_variance += entry * K[r, state]
+            innovation -= entry * x[state]
         weight[r] = 1.0 / innovation_variance
         residual[r] = innovation
         step = innovation * weight[r]
         for i in range(n_estimated):
             x[i] += K[r, i] * step
-    # P <- P - sum over r of K_r weight_r K_r'
+    _subtract_updates(P, K, weight, n_estimated, n)
+
+
+@inlined
+def _subtract_updates(P, K, weight, n_estimated, n):
+    """P <- P - sum over r of K_r weight_r K_r', in one pass.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle, updated in place
+    K : (6, n) P h' of each measurement after the earlier updates
+    weight : (6,) 1 / innovation variance
+    n_estimated, n : number of estimated states and of states
+    """
     for i in range(n_estimated):
-        g0, g1, g2 = K[0, i] * weight[0], K[1, i] * weight[1], K[2, i] * weight[2]
-        g3, g4, g5 = K[3, i] * weight[3], K[4, i] * weight[4], K[5, i] * weight[5]
+        g0 = K[0, i] * weight[0]
+        g1 = K[1, i] * weight[1]
+        g2 = K[2, i] * weight[2]
+        g3 = K[3, i] * weight[3]
+        g4 = K[4, i] * weight[4]
+        g5 = K[5, i] * weight[5]
         for j in range(i, n):
-            P[i, j] -= g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j] + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
+            reduction = g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j]
+            reduction = reduction + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
+            P[i, j] -= reduction
 
 
 @inlined
@@ -121,32 +150,13 @@ def _projections(K, h, columns, r, q, n_estimated):
     estimated = like(K[q, 0], 0.0)
     considered = like(K[q, 0], 0.0)
     for k in range(columns.shape[1]):
-        c = columns[r, k]
-        if c < n_estimated:
-            estimated += h[r, k] * K[q, c]
+        state = columns[r, k]
+        if state < n_estimated:
+            estimated += h[r, k] * K[q, state]
         elif n_estimated < K.shape[1]:
-            considered += h[r, k] * K[q, c]
-    return estimated, estimated + considered
-
-
-@inlined
-def _velocity_error(sums, a0, a1, a2, f0, f1, f2):
-    """Return the velocity error (3) m/s, frame i, that errors of attitude and mean specific force cause over a tick.
-
-    It is (integral of C) f - [velocity gained x] a.
-
-    Parameters
-    ----------
-    sums : (18,) integrals of the strapdown over the tick
-    a0, a1, a2 : rad, attitude error, frame i
-    f0, f1, f2 : m/s^2, error of the mean specific force, body axes
-    """
-    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
-    return (
-        vz * a1 - vy * a2 + sums[0] * f0 + sums[1] * f1 + sums[2] * f2,
-        vx * a2 - vz * a0 + sums[3] * f0 + sums[4] * f1 + sums[5] * f2,
-        vy * a0 - vx * a1 + sums[6] * f0 + sums[7] * f1 + sums[8] * f2,
-    )
+            considered += h[r, k] * K[q, state]
+    total = estimated + considered
+    return estimated, total
 
 
 @jit
@@ -167,46 +177,22 @@ def advance(P, moved, sums, dt, motion):
     half = 0.5 * dt
     # first nine rows of M = (Phi - I) P, column by column; the other rows are zero
     for j in range(n):
-        w0, w1, w2 = _upper(P, w, j), _upper(P, w + 1, j), _upper(P, w + 2, j)
-        f0, f1, f2 = _upper(P, f, j), _upper(P, f + 1, j), _upper(P, f + 2, j)
-        gained = _velocity_error(sums, P[0, j], _upper(P, 1, j), _upper(P, 2, j), f0, f1, f2)
+        a0 = P[0, j]
+        a1 = _upper(P, 1, j)
+        a2 = _upper(P, 2, j)
+        w0 = _upper(P, w, j)
+        w1 = _upper(P, w + 1, j)
+        w2 = _upper(P, w + 2, j)
+        f0 = _upper(P, f, j)
+        f1 = _upper(P, f + 1, j)
+        f2 = _upper(P, f + 2, j)
+        gained = velocity_error(sums, a0, a1, a2, f0, f1, f2)
         for i in range(3):
+            velocity = _upper(P, 3 + i, j)
             moved[i, j] = sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
             moved[3 + i, j] = gained[i]
-            moved[6 + i, j] = dt * _upper(P, 3 + i, j) + half * gained[i]
-    _add_changes(P, moved, sums, dt, motion, n)
-
-
-@inlined
-def _add_changes(P, moved, sums, dt, motion, n):
-    """P <- P + M + M' + M (Phi - I)' with the first nine rows `moved` of M = (Phi - I) P.
-
-    Parameters
-    ----------
-    P : (n, n) upper triangle, updated in place
-    moved : (9, n) first rows of M
-    sums, dt, motion : as in `advance`
-    n : number of states
-    """
-    w = motion
-    f = motion + 3
-    half = 0.5 * dt
-    for i in range(N_NAV):
-        for j in range(N_NAV, n):
-            P[i, j] += moved[i, j]
-        for j in range(i, N_NAV):
-            P[i, j] = P[i, j] + moved[i, j] + moved[j, i]
-        w0, w1, w2 = moved[i, w], moved[i, w + 1], moved[i, w + 2]
-        gained = _velocity_error(
-            sums, moved[i, 0], moved[i, 1], moved[i, 2], moved[i, f], moved[i, f + 1], moved[i, f + 2]
-        )
-        for k in range(3):
-            if i <= k:
-                P[i, k] = P[i, k] + sums[3 * k] * w0 + sums[3 * k + 1] * w1 + sums[3 * k + 2] * w2
-            if i <= 3 + k:
-                P[i, 3 + k] += gained[k]
-            if i <= 6 + k:
-                P[i, 6 + k] = P[i, 6 + k] + dt * moved[i, 3 + k] + half * gained[k]
+            moved[6 + i, j] = dt * velocity + half * gained[i]
+    add_changes(P, moved, sums, dt, motion, n)
 
 
 @jit
@@ -223,11 +209,14 @@ def advance_vector(y, sums, dt, motion):
     w = motion
     f = motion + 3
     half = 0.5 * dt
-    w0, w1, w2 = y[w], y[w + 1], y[w + 2]
-    gained = _velocity_error(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
+    w0 = y[w]
+    w1 = y[w + 1]
+    w2 = y[w + 2]
+    gained = velocity_error(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
     for i in range(3):
+        position_change = dt * y[3 + i]
         y[i] = y[i] + sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
-        y[6 + i] = y[6 + i] + dt * y[3 + i] + half * gained[i]
+        y[6 + i] = y[6 + i] + position_change + half * gained[i]
         y[3 + i] += gained[i]
 
 
@@ -249,7 +238,7 @@ def joint_gain(G, K, weight, h, columns, n_estimated):
     Parameters
     ----------
     G : (6, n) joint gain, transposed, set here
-    K : (6, n) P h' of each measurement after the previous ones
+    K : (6, n) P h' of each measurement after the earlier updates
     weight : (6,) 1 / innovation variance
     h, columns : (6, n_entry) Jacobian entries and their states
     n_estimated : number of estimated states; the gain of the others is zero
@@ -261,7 +250,8 @@ def joint_gain(G, K, weight, h, columns, n_estimated):
         for q in range(r):
             projection = 0.0  # h_r G_q
             for k in range(columns.shape[1]):
-                projection += h[r, k] * G[q, columns[r, k]]
+                state = columns[r, k]
+                projection += h[r, k] * G[q, state]
             for i in range(n_estimated):
                 G[q, i] -= G[r, i] * projection
 
@@ -280,19 +270,22 @@ def update_together(P, Y, S, G, h, columns, noise):
     h, columns : (6, n_entry) Jacobian entries and their states
     noise : (6,) diagonal of R
     """
-    n, n_entry = P.shape[0], columns.shape[1]
+    n = P.shape[0]
+    n_entry = columns.shape[1]
     for r in range(N_SAMPLE):  # Y = P H'
         for i in range(n):
-            value = h[r, 0] * _upper(P, i, columns[r, 0])
+            state_covariance = h[r, 0] * _upper(P, i, columns[r, 0])
             for k in range(1, n_entry):
-                value += h[r, k] * _upper(P, i, columns[r, k])
-            Y[r, i] = value
+                state = columns[r, k]
+                state_covariance += h[r, k] * _upper(P, i, state)
+            Y[r, i] = state_covariance
     for r in range(N_SAMPLE):  # S = H Y + R
         for q in range(N_SAMPLE):
-            value = h[r, 0] * Y[q, columns[r, 0]]
+            innovation_covariance = h[r, 0] * Y[q, columns[r, 0]]
             for k in range(1, n_entry):
-                value += h[r, k] * Y[q, columns[r, k]]
-            S[r, q] = value
+                state = columns[r, k]
+                innovation_covariance += h[r, k] * Y[q, state]
+            S[r, q] = innovation_covariance
         S[r, r] += noise[r]
     for r in range(N_SAMPLE):  # Y <- Y - G S / 2
         for i in range(n):
@@ -300,26 +293,31 @@ def update_together(P, Y, S, G, h, columns, noise):
             for q in range(N_SAMPLE):
                 value -= 0.5 * G[q, i] * S[q, r]
             Y[r, i] = value
-    for i in range(n):  # P <- P - G Y' - Y G', in one pass
-        g0, g1, g2 = G[0, i], G[1, i], G[2, i]
-        g3, g4, g5 = G[3, i], G[4, i], G[5, i]
-        y0, y1, y2 = Y[0, i], Y[1, i], Y[2, i]
-        y3, y4, y5 = Y[3, i], Y[4, i], Y[5, i]
+    _subtract_products(P, Y, G, n)
+
+
+@inlined
+def _subtract_products(P, Y, G, n):
+    """P <- P - G Y' - Y G', in one pass; parameters as in `update_together`, with n states."""
+    for i in range(n):
+        g0 = G[0, i]
+        g1 = G[1, i]
+        g2 = G[2, i]
+        g3 = G[3, i]
+        g4 = G[4, i]
+        g5 = G[5, i]
+        y0 = Y[0, i]
+        y1 = Y[1, i]
+        y2 = Y[2, i]
+        y3 = Y[3, i]
+        y4 = Y[4, i]
+        y5 = Y[5, i]
         for j in range(i, n):
-            P[i, j] -= (
-                g0 * Y[0, j]
-                + g1 * Y[1, j]
-                + g2 * Y[2, j]
-                + g3 * Y[3, j]
-                + g4 * Y[4, j]
-                + g5 * Y[5, j]
-                + y0 * G[0, j]
-                + y1 * G[1, j]
-                + y2 * G[2, j]
-                + y3 * G[3, j]
-                + y4 * G[4, j]
-                + y5 * G[5, j]
-            )
+            reduction = g0 * Y[0, j] + g1 * Y[1, j] + g2 * Y[2, j]
+            reduction = reduction + g3 * Y[3, j] + g4 * Y[4, j] + g5 * Y[5, j]
+            reduction = reduction + y0 * G[0, j] + y1 * G[1, j] + y2 * G[2, j]
+            reduction = reduction + y3 * G[3, j] + y4 * G[4, j] + y5 * G[5, j]
+            P[i, j] -= reduction
 
 
 @jit
@@ -334,10 +332,11 @@ def update_vector_together(y, projections, gain, h, columns):
     h, columns : (6, n_entry) Jacobian entries and their states
     """
     for r in range(N_SAMPLE):
-        value = like(y[0], 0.0)
+        projection = like(y[0], 0.0)
         for k in range(columns.shape[1]):
-            value += h[r, k] * y[columns[r, k]]
-        projections[r] = value
+            state = columns[r, k]
+            projection += h[r, k] * y[state]
+        projections[r] = projection
     for i in range(y.shape[0]):
         value = y[i]
         for r in range(N_SAMPLE):
@@ -359,15 +358,23 @@ def advance_vector_transposed(y, sums, dt, motion):
     w = motion
     f = motion + 3
     half = 0.5 * dt
-    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    vx = sums[SUM_V]
+    vy = sums[SUM_V + 1]
+    vz = sums[SUM_V + 2]
     # a velocity gain enters velocity, and with half of the tick position
     p0 = y[3] + half * y[6]
     p1 = y[4] + half * y[7]
     p2 = y[5] + half * y[8]
-    a0, a1, a2 = y[0], y[1], y[2]
+    a0 = y[0]
+    a1 = y[1]
+    a2 = y[2]
     for k in range(3):
-        y[w + k] = y[w + k] + sums[k] * a0 + sums[3 + k] * a1 + sums[6 + k] * a2
-        y[f + k] = y[f + k] + sums[k] * p0 + sums[3 + k] * p1 + sums[6 + k] * p2
+        # column k of the integral of C
+        c0 = sums[k]
+        c1 = sums[3 + k]
+        c2 = sums[6 + k]
+        y[w + k] = y[w + k] + c0 * a0 + c1 * a1 + c2 * a2
+        y[f + k] = y[f + k] + c0 * p0 + c1 * p1 + c2 * p2
         y[3 + k] += dt * y[6 + k]
     # the transpose of p = (vz a1 - vy a2, vx a2 - vz a0, vy a0 - vx a1)
     y[0] = a0 - vz * p1 + vy * p2

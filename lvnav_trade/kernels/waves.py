@@ -30,16 +30,21 @@ def sum_of_waves(t, omega, turn, shift):
     for n in range(t.size):
         for k in range(omega.size):
             w = omega[k]
-            c = math.cos(w * t[n])
-            s = math.sin(w * t[n])
+            phase = w * t[n]
+            c = math.cos(phase)
+            s = math.sin(phase)
             for axis in range(3):
                 a = turn[k, axis]
                 b = turn[k, axis + 3]
-                out[n, axis] += a * c - b * s
-                out[n, axis + 3] -= w * (a * s + b * c)
+                in_phase = a * c - b * s
+                in_quadrature = a * s + b * c
+                out[n, axis] += in_phase
+                out[n, axis + 3] -= w * in_quadrature
                 a = shift[k, axis]
                 b = shift[k, axis + 3]
-                out[n, axis + 6] += a * c - b * s
-                out[n, axis + 9] -= w * (a * s + b * c)
-                out[n, axis + 12] -= w * w * (a * c - b * s)
+                in_phase = a * c - b * s
+                in_quadrature = a * s + b * c
+                out[n, axis + 6] += in_phase
+                out[n, axis + 9] -= w * in_quadrature
+                out[n, axis + 12] -= w * w * in_phase
     return out

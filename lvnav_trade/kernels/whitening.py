@@ -25,10 +25,11 @@ def whiten(R, z, H, n, n_entry):
     for i in range(n):  # Cholesky factor and forward substitution, row by row
         pivot = R[i, i]
         for k in range(i):
-            pivot -= R[i, k] * R[i, k]
-            z[i] -= R[i, k] * z[k]
+            factor = R[i, k]
+            pivot -= factor * factor
+            z[i] -= factor * z[k]
             for e in range(n_entry):
-                H[i, e] -= R[i, k] * H[k, e]
+                H[i, e] -= factor * H[k, e]
         root = sqrt(where(pivot > 0.0, pivot, np.nan))
         scale = 1.0 / root
         R[i, i] = root

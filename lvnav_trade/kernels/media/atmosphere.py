@@ -66,7 +66,9 @@ def atmosphere(height: float) -> tuple[float, float, float, float]:
     else:
         exponent = -_GRAVITY / (_GAS * _LAPSE[layer])
         pressure = _PRESSURE[layer] * (temperature / _TEMPERATURE[layer]) ** exponent
-    return pressure / (_GAS * temperature), pressure, temperature, math.sqrt(_RATIO * _GAS * temperature)
+    density = pressure / (_GAS * temperature)
+    speed_of_sound = math.sqrt(_RATIO * _GAS * temperature)
+    return density, pressure, temperature, speed_of_sound
 
 
 @jit
@@ -74,12 +76,17 @@ def _tabulated(height: float) -> tuple[float, float, float, float]:
     """Return the same four from the table above 86 km."""
     last = _HIGH.size - 1
     if height >= _HIGH[last]:
-        return 0.0, 0.0, 1000.0, math.sqrt(_RATIO * _GAS * 1000.0)
+        speed_of_sound = math.sqrt(_RATIO * _GAS * 1000.0)
+        return 0.0, 0.0, 1000.0, speed_of_sound
     k = 0
     while height > _HIGH[k + 1]:
         k += 1
     share = (height - _HIGH[k]) / (_HIGH[k + 1] - _HIGH[k])
-    density = math.exp(_LOG_DENSITY[k] + share * (_LOG_DENSITY[k + 1] - _LOG_DENSITY[k]))
-    pressure = math.exp(_LOG_PRESSURE[k] + share * (_LOG_PRESSURE[k + 1] - _LOG_PRESSURE[k]))
-    temperature = _HIGH_TEMPERATURE[k] + share * (_HIGH_TEMPERATURE[k + 1] - _HIGH_TEMPERATURE[k])
-    return density, pressure, temperature, math.sqrt(_RATIO * _GAS * temperature)
+    log_density_rise = _LOG_DENSITY[k + 1] - _LOG_DENSITY[k]
+    log_pressure_rise = _LOG_PRESSURE[k + 1] - _LOG_PRESSURE[k]
+    temperature_rise = _HIGH_TEMPERATURE[k + 1] - _HIGH_TEMPERATURE[k]
+    density = math.exp(_LOG_DENSITY[k] + share * log_density_rise)
+    pressure = math.exp(_LOG_PRESSURE[k] + share * log_pressure_rise)
+    temperature = _HIGH_TEMPERATURE[k] + share * temperature_rise
+    speed_of_sound = math.sqrt(_RATIO * _GAS * temperature)
+    return density, pressure, temperature, speed_of_sound

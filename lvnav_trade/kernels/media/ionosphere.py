@@ -26,8 +26,11 @@ def free_combination(first: float, second: float) -> tuple[float, float]:
 
     The weights add up to one. Noise of equal sigma on both is amplified by the root of the sum of their squares.
     """
-    a, b = first * first, second * second
-    return a / (a - b), -b / (a - b)
+    a = first * first
+    b = second * second
+    first_weight = a / (a - b)
+    second_weight = -b / (a - b)
+    return first_weight, second_weight
 
 
 # --- broadcast model --------------------------------------------------------------------------------------------------
@@ -55,10 +58,13 @@ def klobuchar(
         horizon; the model is for receivers on the ground and does not depend on height.
     """
     lat, lon, az = (np.asarray(value, dtype=float) for value in (latitude, longitude, azimuth))
-    el = np.maximum(np.asarray(elevation, dtype=float), 0.0) / np.pi  # semicircles, as all angles from here
+    above_horizon = np.maximum(np.asarray(elevation, dtype=float), 0.0)
+    el = above_horizon / np.pi  # semicircles, as all angles from here
     central = 0.0137 / (el + 0.11) - 0.022
-    lat_pierce = np.clip(lat / np.pi + central * np.cos(az), -0.416, 0.416)
-    lon_pierce = lon / np.pi + central * np.sin(az) / np.cos(lat_pierce * np.pi)
+    northwards = central * np.cos(az)
+    eastwards = central * np.sin(az)
+    lat_pierce = np.clip(lat / np.pi + northwards, -0.416, 0.416)
+    lon_pierce = lon / np.pi + eastwards / np.cos(lat_pierce * np.pi)
     vertical = _klobuchar_vertical(alpha, beta, seconds, lat_pierce, lon_pierce)
     obliquity = 1.0 + 16.0 * (0.53 - el) ** 3
     return np.asarray(SPEED_OF_LIGHT * obliquity * vertical)
@@ -79,15 +85,19 @@ def _klobuchar_vertical(
         (...,) semicircles. Place where the ray pierces the ionosphere.
     """
     magnetic_latitude = latitude + 0.064 * np.cos((longitude - 1.617) * np.pi)
-    local_time = np.mod(43200.0 * longitude + np.asarray(seconds, dtype=float), 86400.0)
-    amplitude = np.polynomial.polynomial.polyval(magnetic_latitude, np.asarray(alpha, dtype=float))
+    time_of_day = 43200.0 * longitude + np.asarray(seconds, dtype=float)
+    local_time = np.mod(time_of_day, 86400.0)
+    amplitude_terms = np.asarray(alpha, dtype=float)
+    amplitude = np.polynomial.polynomial.polyval(magnetic_latitude, amplitude_terms)
     amplitude = np.maximum(amplitude, 0.0)
-    period = np.polynomial.polynomial.polyval(magnetic_latitude, np.asarray(beta, dtype=float))
+    period_terms = np.asarray(beta, dtype=float)
+    period = np.polynomial.polynomial.polyval(magnetic_latitude, period_terms)
     period = np.maximum(period, 72000.0)
     phase = 2.0 * np.pi * (local_time - 50400.0) / period
     cosine = 1.0 - phase**2 / 2.0 + phase**4 / 24.0
-    by_day = np.where(np.abs(phase) < 1.57, amplitude * cosine, 0.0)
-    return np.asarray(5e-9 + by_day)  # 5 ns at night
+    is_day = np.abs(phase) < 1.57
+    daytime_delay = np.where(is_day, amplitude * cosine, 0.0)
+    return np.asarray(5e-9 + daytime_delay)  # 5 ns at night
 
 
 def klobuchar_content(
@@ -105,7 +115,8 @@ def klobuchar_content(
         (...,) rad. Place of the vertical.
     """
     lat, lon = (np.asarray(value, dtype=float) / np.pi for value in (latitude, longitude))
-    vertical = _klobuchar_vertical(alpha, beta, seconds, np.clip(lat, -0.416, 0.416), lon)
+    limited_latitude = np.clip(lat, -0.416, 0.416)
+    vertical = _klobuchar_vertical(alpha, beta, seconds, limited_latitude, lon)
     return np.asarray(SPEED_OF_LIGHT * vertical * L1**2 / DISPERSION)
 
 
@@ -130,13 +141,19 @@ def pierced(
     """
     lat, lon, az, el = (np.asarray(value, dtype=float) for value in (latitude, longitude, azimuth, elevation))
     el = np.maximum(el, 0.0)
-    ratio = (EARTH_RADIUS + np.asarray(height, dtype=float)) / (EARTH_RADIUS + np.asarray(shell, dtype=float))
+    receiver_radius = EARTH_RADIUS + np.asarray(height, dtype=float)
+    shell_radius = EARTH_RADIUS + np.asarray(shell, dtype=float)
+    ratio = receiver_radius / shell_radius
     # central angle from the sine rule, then the point at this angle and azimuth on the sphere
-    central = 0.5 * np.pi - el - np.arcsin(np.minimum(ratio * np.cos(el), 1.0))
-    sc, cc = np.sin(central), np.cos(central)
-    sl, cl = np.sin(lat), np.cos(lat)
-    pierced_latitude = np.arcsin(sl * cc + cl * sc * np.cos(az))
-    eastwards = np.arctan2(sc * np.sin(az), cl * cc - sl * sc * np.cos(az))
+    angle_at_shell = np.arcsin(np.minimum(ratio * np.cos(el), 1.0))
+    central = 0.5 * np.pi - el - angle_at_shell
+    sc = np.sin(central)
+    cc = np.cos(central)
+    sl = np.sin(lat)
+    cl = np.cos(lat)
+    cos_azimuth = np.cos(az)
+    pierced_latitude = np.arcsin(sl * cc + cl * sc * cos_azimuth)
+    eastwards = np.arctan2(sc * np.sin(az), cl * cc - sl * sc * cos_azimuth)
     return np.asarray(pierced_latitude), np.asarray(lon + eastwards)
 
 
@@ -159,7 +176,9 @@ def content_above(height: ArrayLike, peak: float, scale: float) -> Floats:
     value at the ground. Trigo and Theil, eq. 20, print exp(-z) and exp(h0/H) without the outer exponential: zero
     at 320 km for h0 = 420 km and H = 100 km.
     """
-    return np.asarray(_content_beyond(height, peak, scale) / _content_beyond(0.0, peak, scale))
+    content = _content_beyond(height, peak, scale)
+    total = _content_beyond(0.0, peak, scale)
+    return np.asarray(content / total)
 
 
 def median_height(height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -175,7 +194,8 @@ def median_height(height: ArrayLike, peak: float, scale: float) -> Floats:
     h = np.asarray(height, dtype=float)
     z = np.minimum((h - peak) / scale, 30.0)  # higher up the layer is exponential to rounding
     # half of the content 1 - exp(-exp(-z)) is above the median
-    z_median = -np.log(-np.log1p(0.5 * np.expm1(-np.exp(-z))))
+    half_content = 0.5 * np.expm1(-np.exp(-z))
+    z_median = -np.log(-np.log1p(half_content))
     return np.asarray(h + scale * (z_median - z))
 
 
@@ -204,12 +224,15 @@ def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: floa
         median = median_height(start, peak, scale)
         cosine_at_median = (EARTH_RADIUS + start) / (EARTH_RADIUS + median) * cosine
         sine2 = np.maximum(1.0 - cosine_at_median**2, 0.0)
-        return np.asarray(content_above(start, peak, scale) * 2.037 / (np.sqrt(sine2) + np.sqrt(sine2 + 0.076)))
+        content = content_above(start, peak, scale)
+        return np.asarray(content * 2.037 / (np.sqrt(sine2) + np.sqrt(sine2 + 0.076)))
 
     ascending = upwards(np.cos(el), h)
-    lowest = np.maximum((EARTH_RADIUS + h) * np.cos(el) - EARTH_RADIUS, 0.0)
+    impact = (EARTH_RADIUS + h) * np.cos(el)
+    lowest = np.maximum(impact - EARTH_RADIUS, 0.0)
     from_lowest = upwards(np.ones_like(el), lowest)
-    return np.asarray(np.where(el < 0.0, 2.0 * from_lowest - ascending, ascending))
+    descending = 2.0 * from_lowest - ascending
+    return np.asarray(np.where(el < 0.0, descending, ascending))
 
 
 def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -225,8 +248,10 @@ def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: f
         m. Height of the peak density, and scale height.
     """
     density = partial(_chapman, peak=peak, scale=scale)
-    slant = along_ray(elevation, height, peak + scale * np.array(_PANELS), density)
-    return slant / (scale * _content_beyond(0.0, peak, scale))
+    edges = peak + scale * np.array(_PANELS)
+    slant = along_ray(elevation, height, edges, density)
+    vertical = scale * _content_beyond(0.0, peak, scale)
+    return slant / vertical
 
 
 def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density: Callable[[Floats], Floats]) -> Floats:
@@ -246,9 +271,13 @@ def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density
     start = (EARTH_RADIUS + h) * np.sin(el)
     impact = (EARTH_RADIUS + h) * np.cos(el)
     radii = EARTH_RADIUS + np.maximum(np.asarray(edges, dtype=float), 0.0)
-    bounds = np.sqrt(np.maximum(radii**2 - impact[..., None] ** 2, 0.0))
-    bounds = np.concatenate([np.zeros_like(bounds[..., :1]), bounds], axis=-1)
-    content = _integral(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), density)
+    square = radii**2 - impact[..., None] ** 2
+    bounds = np.sqrt(np.maximum(square, 0.0))
+    closest_point = np.zeros_like(bounds[..., :1])
+    bounds = np.concatenate([closest_point, bounds], axis=-1)
+    ascent_start = np.maximum(start, 0.0)
+    ascent_bounds = np.maximum(bounds, ascent_start[..., None])
+    content = _integral(impact, ascent_bounds, density)
     descends = start < 0.0
     below_start = np.minimum(bounds[descends], -start[descends][:, None])
     content[descends] += _integral(impact[descends], below_start, density)
@@ -266,7 +295,8 @@ def _content_beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
         m. Height of the peak density, and scale height.
     """
     z = (np.asarray(height, dtype=float) - peak) / scale
-    return np.asarray(-math.e * np.expm1(-np.exp(-z)))
+    fraction = np.expm1(-np.exp(-z))
+    return np.asarray(-math.e * fraction)
 
 
 def _integral(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats]) -> Floats:
@@ -283,8 +313,10 @@ def _integral(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats
     """
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
-    height = np.sqrt(impact[..., None, None] ** 2 + along**2) - EARTH_RADIUS
-    return np.asarray(np.sum(half * _WEIGHTS * density(height), axis=(-2, -1)))
+    radius = np.sqrt(impact[..., None, None] ** 2 + along**2)
+    height = radius - EARTH_RADIUS
+    weighted_density = half * _WEIGHTS * density(height)
+    return np.asarray(np.sum(weighted_density, axis=(-2, -1)))
 
 
 def _chapman(height: Floats, peak: float, scale: float) -> Floats:
@@ -316,11 +348,14 @@ def epstein_slant(elevation: ArrayLike, height: ArrayLike, peak: float, bottom: 
     edges += [peak + top * z for z in (1, 2, 4, 8, 20)]
     density = partial(_epstein, peak=peak, bottom=bottom, top=top)
     # vertical content from the ground to the peak, and above it
-    below = 4.0 * bottom * (1.0 / (1.0 + math.exp(-peak / bottom)) - 0.5)
+    fraction = 1.0 / (1.0 + math.exp(-peak / bottom)) - 0.5
+    below = 4.0 * bottom * fraction
     above = 2.0 * top
-    return along_ray(elevation, height, edges, density) / (below + above)
+    slant = along_ray(elevation, height, edges, density)
+    return slant / (below + above)
 
 
 def _epstein(height: Floats, peak: float, bottom: float, top: float) -> Floats:
-    z = (height - peak) / np.where(height < peak, bottom, top)
-    return np.asarray(1.0 / np.cosh(0.5 * np.maximum(z, -60.0)) ** 2)
+    thickness = np.where(height < peak, bottom, top)
+    z = np.maximum((height - peak) / thickness, -60.0)
+    return np.asarray(1.0 / np.cosh(0.5 * z) ** 2)

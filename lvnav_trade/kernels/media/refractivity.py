@@ -81,7 +81,9 @@ def standard_refractivity(height: ArrayLike, wet: float = 44.8, wet_scale: float
     below = np.minimum(height, _TOP_OF_STANDARD)
     _, pressure, temperature, _ = np.vectorize(atmosphere, otypes=[float] * 4)(below)
     dry = 0.776 * pressure / temperature
-    return np.asarray(dry * np.exp((below - height) / _TAIL_SCALE) + wet * np.exp(-height / wet_scale))
+    tail = np.exp((below - height) / _TAIL_SCALE)
+    vapour = wet * np.exp(-height / wet_scale)
+    return np.asarray(dry * tail + vapour)
 
 
 def bean_thayer_refractivity(height: ArrayLike, surface: float = 324.8) -> Floats:
@@ -115,7 +117,8 @@ def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: f
     scale
         m. Scale height.
     """
-    return np.asarray(surface * np.exp(-np.asarray(height, dtype=float) / scale))
+    decay = np.exp(-np.asarray(height, dtype=float) / scale)
+    return np.asarray(surface * decay)
 
 
 def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
@@ -133,7 +136,9 @@ def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
     weight = np.exp(-0.5 * (wings / _ROUNDING) ** 2)
     height = np.arange(BOTTOM, TOP + 1.0, _SPACING)
     wider = np.arange(BOTTOM + wings[0], TOP + wings[-1] + 1.0, _SPACING)
-    log_n = np.convolve(np.log(1e-6 * refractivity(wider)), weight / np.sum(weight), "valid")
+    log_samples = np.log(1e-6 * refractivity(wider))
+    gaussian = weight / np.sum(weight)
+    log_n = np.convolve(log_samples, gaussian, "valid")
     excess = np.exp(log_n)  # n - 1
     slope = excess * np.gradient(log_n, _SPACING, edge_order=2)  # n'
     r = EARTH_RADIUS + height
@@ -173,14 +178,16 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
     height, elevation = np.broadcast_arrays(np.asarray(height, dtype=float), np.asarray(elevation, dtype=float))
     start = EARTH_RADIUS + height
     is_in_air = height <= TOP
-    start_radius = start * (1.0 + is_in_air * np.exp(np.interp(height, profile.height, profile.log_n)))
+    excess_index = np.exp(np.interp(height, profile.height, profile.log_n))
+    start_radius = start * (1.0 + is_in_air * excess_index)
     straight = start * np.cos(elevation)
     target = np.arccos(straight / far) - elevation  # central angle between receiver and satellite
 
     def trace(apparent: Floats) -> tuple[Floats, Floats]:
         """Return the error of the central angle (rad) and the excess path (m) of rays of an apparent elevation."""
         excess, bending = _air_contribution(profile, start_radius, apparent)
-        angle = np.arccos(start_radius * np.cos(apparent) / far) - apparent + bending
+        impact = start_radius * np.cos(apparent)
+        angle = np.arccos(impact / far) - apparent + bending
         return angle - target, excess
 
     apparent = np.array(elevation)
@@ -188,13 +195,16 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
         error, excess = trace(apparent)
         step = 1e-5
         stepped_error, _ = trace(apparent + step)
-        correction = -error * step / np.minimum(stepped_error - error, -1e-3 * step)
+        change = np.minimum(stepped_error - error, -1e-3 * step)
+        correction = -error * step / change
         apparent = apparent + correction
         if np.all(np.abs(correction) < 1e-9):  # convergence is quadratic: the next correction is negligible
             break
     error, excess = trace(apparent)
     impact = start_radius * np.cos(apparent)  # the optical path grows by it for each radian of central angle
-    path = np.sqrt(far**2 - impact**2) - start_radius * np.sin(apparent) + excess - impact * error
+    far_along = np.sqrt(far**2 - impact**2)
+    start_along = start_radius * np.sin(apparent)
+    path = far_along - start_along + excess - impact * error
     distance = np.sqrt(far**2 - straight**2) - start * np.sin(elevation)
     return Ray(np.asarray(path - distance), np.asarray(apparent))
 
@@ -213,11 +223,16 @@ def _air_contribution(profile: SampledAtmosphere, start_radius: Floats, apparent
     """
     impact = start_radius * np.cos(apparent)
     start = start_radius * np.sin(apparent)  # l at the receiver
-    bounds = np.sqrt(np.maximum(profile.panels**2 - impact[..., None] ** 2, 0.0))
+    square = profile.panels**2 - impact[..., None] ** 2
+    bounds = np.sqrt(np.maximum(square, 0.0))
     bounds[..., 0] = 0.0  # below the bottom the air is that of the bottom
-    path, angle = _integrals(profile, impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]))
+    ascent_start = np.maximum(start, 0.0)
+    ascent_bounds = np.maximum(bounds, ascent_start[..., None])
+    path, angle = _integrals(profile, impact, ascent_bounds)
     if np.any(start < 0.0):  # a descending ray passes the layers below the receiver twice
-        descent, descent_angle = _integrals(profile, impact, np.minimum(bounds, np.maximum(-start, 0.0)[..., None]))
+        descent_start = np.maximum(-start, 0.0)
+        descent_bounds = np.minimum(bounds, descent_start[..., None])
+        descent, descent_angle = _integrals(profile, impact, descent_bounds)
         return path + descent, angle + descent_angle
     return path, angle
 
@@ -237,9 +252,11 @@ def _integrals(profile: SampledAtmosphere, impact: Floats, bounds: Floats) -> tu
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
     square = impact[..., None, None] ** 2 + along**2
-    weight = half * _WEIGHTS * np.exp(np.interp(np.sqrt(square), profile.radius, profile.log_f))
-    path = np.sum(weight, axis=(-2, -1))
-    angle = impact * np.sum(weight / square, axis=(-2, -1))
+    radius = np.sqrt(square)
+    f = np.exp(np.interp(radius, profile.radius, profile.log_f))
+    weighted_f = half * _WEIGHTS * f
+    path = np.sum(weighted_f, axis=(-2, -1))
+    angle = impact * np.sum(weighted_f / square, axis=(-2, -1))
     return np.asarray(path), np.asarray(angle)
 
 
@@ -260,17 +277,21 @@ def lowest_height(latitude: ArrayLike, height: ArrayLike, azimuth: ArrayLike, el
     normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
     stretch = SEMI_MAJOR / SEMI_MINOR
     # receiver: distance from the polar axis, and stretched z
-    level = (normal + h) * np.cos(lat)
-    polar = ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat) * stretch
+    cos_lat = np.cos(lat)
+    sin_lat = np.sin(lat)
+    level = (normal + h) * cos_lat
+    polar = ((1.0 - ECCENTRICITY_2) * normal + h) * sin_lat * stretch
     # direction of the line: away from the polar axis, to the east, and along stretched z
     north = np.cos(el) * np.cos(az)
     east = np.cos(el) * np.sin(az)
     up = np.sin(el)
-    outwards = up * np.cos(lat) - north * np.sin(lat)
-    polewards = (up * np.sin(lat) + north * np.cos(lat)) * stretch
+    outwards = up * cos_lat - north * sin_lat
+    polewards = (up * sin_lat + north * cos_lat) * stretch
     # the line is closest to the centre at the distance sqrt(r^2 - (r . d)^2 / d^2)
     product = level * outwards + polar * polewards
     start = np.hypot(level, polar)
     square = outwards**2 + east**2 + polewards**2
-    lowest = np.sqrt(np.maximum(start**2 - np.minimum(product, 0.0) ** 2 / square, 0.0))
-    return np.asarray(np.where(el < 0.0, h - (start - lowest), h))
+    approach = np.minimum(product, 0.0) ** 2 / square
+    lowest = np.sqrt(np.maximum(start**2 - approach, 0.0))
+    descent = start - lowest
+    return np.asarray(np.where(el < 0.0, h - descent, h))

@@ -56,16 +56,22 @@ def along_line(
     height, elevation, distance = np.broadcast_arrays(*arrays)
     start = EARTH_RADIUS + height
     rise = start * np.sin(elevation)
-    to_top = np.sqrt(np.maximum((EARTH_RADIUS + _AIR) ** 2 - start**2 + rise**2, 0.0)) - rise
+    top = EARTH_RADIUS + _AIR
+    square_to_top = np.maximum(top**2 - start**2 + rise**2, 0.0)
+    to_top = np.sqrt(square_to_top) - rise
     half = 0.5 * np.minimum(distance, to_top)[..., None]
     # s = 2 half share^3: nodes are dense near the observer, where refractivity is large
     share = 0.5 * (1.0 + _NODES)
     s = 2.0 * half * share**3
     weight = 3.0 * half * share**2 * _WEIGHTS
-    radius = np.sqrt(start[..., None] ** 2 + s**2 + 2.0 * s * rise[..., None])
+    square = start[..., None] ** 2 + s**2 + 2.0 * s * rise[..., None]
+    radius = np.sqrt(square)
     cos_elevation = start[..., None] * np.cos(elevation)[..., None] / radius
     h = radius - EARTH_RADIUS
-    excess = np.sum(weight * (1e-6 * refractivity(h)), axis=-1)
-    slope = 1e-6 * (refractivity(h + _SLOPE) - refractivity(h - _SLOPE)) / (2.0 * _SLOPE)
-    bending = -np.sum(weight * (1.0 - s / distance[..., None]) * slope * cos_elevation, axis=-1)
+    excess_index = 1e-6 * refractivity(h)
+    excess = np.sum(weight * excess_index, axis=-1)
+    difference = refractivity(h + _SLOPE) - refractivity(h - _SLOPE)
+    slope = 1e-6 * difference / (2.0 * _SLOPE)
+    remaining_share = 1.0 - s / distance[..., None]
+    bending = -np.sum(weight * remaining_share * slope * cos_elevation, axis=-1)
     return SightRefraction(np.asarray(excess), np.asarray(bending))

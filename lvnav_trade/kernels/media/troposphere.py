@@ -48,14 +48,17 @@ def any_elevation(
         mapping = np.where(angle >= join, high, low)
         factor = np.ones(())
         if gain_law:
-            factor = np.minimum(0.9 + 0.1 * angle / join, 1.0) - start / (16.0 * scale_height)
+            elevation_factor = np.minimum(0.9 + 0.1 * angle / join, 1.0)
+            factor = elevation_factor - start / (16.0 * scale_height)
         decay = np.exp(-start / scale_height)
         return np.asarray(gain * np.maximum(factor, 0.0) * decay * mapping)
 
     ascending = upwards(np.abs(el), h)
-    lowest = np.maximum((radius + h) * np.cos(el) - radius, 0.0)
+    impact = (radius + h) * np.cos(el)
+    lowest = np.maximum(impact - radius, 0.0)
     from_lowest = upwards(np.zeros_like(el), lowest)
-    return np.asarray(np.where(el < 0.0, 2.0 * from_lowest - ascending, ascending))
+    descending = 2.0 * from_lowest - ascending
+    return np.asarray(np.where(el < 0.0, descending, ascending))
 
 
 def spilker(
@@ -75,7 +78,8 @@ def spilker(
         m, m, 1. Zenith delay at sea level, scale height, and constant of the mapping function.
     """
     mapping = (1.0 + offset) / (np.sin(elevation) + offset)
-    return np.asarray(zenith * np.exp(-np.asarray(height, dtype=float) / scale_height) * mapping)
+    decay = np.exp(-np.asarray(height, dtype=float) / scale_height)
+    return np.asarray(zenith * decay * mapping)
 
 
 _LINEAR, _MIDDLE = 1e3, 9e3  # m: ends of the two lower layers of STANAG 4294
@@ -102,11 +106,14 @@ def stanag(elevation: ArrayLike, height: ArrayLike, surface: float = 324.8) -> F
     # integral over each layer from the height, or from the bottom of the layer, to its top
     in_linear = np.minimum(h, _LINEAR)
     lower = (surface + 0.5 * slope * (_LINEAR + in_linear)) * (_LINEAR - in_linear)
-    decay = np.exp(-rate * (np.clip(h, _LINEAR, _MIDDLE) - _LINEAR))
+    in_middle = np.clip(h, _LINEAR, _MIDDLE) - _LINEAR
+    decay = np.exp(-rate * in_middle)
     middle = at_linear / rate * (decay - _AT_MIDDLE / at_linear)
-    upper = _AT_MIDDLE / _UPPER * np.exp(-_UPPER * (np.maximum(h, _MIDDLE) - _MIDDLE))
+    above_middle = np.maximum(h, _MIDDLE) - _MIDDLE
+    upper = _AT_MIDDLE / _UPPER * np.exp(-_UPPER * above_middle)
     zenith = 1e-6 * (lower + middle + upper)
-    return np.asarray(zenith / (np.sin(el) + 0.00143 / (np.tan(el) + 0.0455)))
+    fraction = 0.00143 / (np.tan(el) + 0.0455)
+    return np.asarray(zenith / (np.sin(el) + fraction))
 
 
 # --- zenith delay from weather ----------------------------------------------------------------------------------------
@@ -135,7 +142,8 @@ def weather(
     above = np.maximum(h - TROPOPAUSE, 0.0)
     decay = np.exp(-above / _ISOTHERMAL_SCALE)
     kelvin = temperature - 6.5e-3 * below
-    vapour = 610.8 * humidity * np.exp((17.15 * kelvin - 4684.0) / (kelvin - 38.45))
+    exponent = (17.15 * kelvin - 4684.0) / (kelvin - 38.45)
+    vapour = 610.8 * humidity * np.exp(exponent)
     total = pressure * (1.0 - 2.2557e-5 * below) ** 5.2568 * decay
     return total, np.asarray(kelvin), np.asarray(vapour * decay)
 
@@ -153,7 +161,8 @@ def saastamoinen_zenith(
         (...,) rad and m, for gravity; heights above 100 km count as 100 km.
     """
     p, kelvin, e, lat = (np.asarray(value, dtype=float) for value in (pressure, temperature, vapour, latitude))
-    gravity = 1.0 - 0.00266 * np.cos(2.0 * lat) - 0.00028e-3 * np.clip(height, 0.0, 100e3)
+    limited_height = np.clip(height, 0.0, 100e3)
+    gravity = 1.0 - 0.00266 * np.cos(2.0 * lat) - 0.00028e-3 * limited_height
     dry = 2.2768e-5 * p / gravity
     wet = 2.277e-5 * (1255.0 / kelvin + 0.05) * e
     return np.asarray(dry), np.asarray(wet)
@@ -204,7 +213,9 @@ def niell(
     arrays = [np.asarray(value, dtype=float) for value in (elevation, latitude, height, day_of_year)]
     el, lat, h, day = np.broadcast_arrays(*arrays)
     # seasons are half a year apart on the southern hemisphere
-    season = np.cos(2.0 * np.pi * ((day - 28.0) / 365.25 + np.where(lat < 0.0, 0.5, 0.0)))
+    half_year = np.where(lat < 0.0, 0.5, 0.0)
+    year = (day - 28.0) / 365.25 + half_year
+    season = np.cos(2.0 * np.pi * year)
 
     def coefficients(table: Floats) -> Floats:
         return np.array([np.interp(np.abs(lat), _LATITUDES, row) for row in table])
@@ -212,9 +223,11 @@ def niell(
     a, b, c = coefficients(_DRY_MEAN) - coefficients(_DRY_AMPLITUDE) * season
     dry = _fraction(el, a, b, c)
     a, b, c = np.asarray(_HEIGHT)
-    correction = (1.0 / np.sin(el) - _fraction(el, a, b, c)) * h / 1e3
+    height_mapping = 1.0 / np.sin(el) - _fraction(el, a, b, c)
+    correction = height_mapping * h / 1e3
     a, b, c = coefficients(_WET)
-    return np.asarray(dry + correction), _fraction(el, a, b, c)
+    wet = _fraction(el, a, b, c)
+    return np.asarray(dry + correction), wet
 
 
 def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
@@ -228,4 +241,6 @@ def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
         (...,) coefficients of the fraction.
     """
     sine = np.sin(elevation)
-    return np.asarray((1.0 + a / (1.0 + b / (1.0 + c))) / (sine + a / (sine + b / (sine + c))))
+    at_zenith = 1.0 + a / (1.0 + b / (1.0 + c))
+    at_elevation = sine + a / (sine + b / (sine + c))
+    return np.asarray(at_zenith / at_elevation)
