@@ -33,7 +33,7 @@ _BEFORE, _AFTER = 1.0, 2.0  # s, for which the filter takes a change of phase to
 _CHANGE = re.compile(r"stage(\d+)_(ignition|cutoff|separation)")
 _READINGS = (
     "By how much the filter's own sigma is below the sample's, in every interpretation of its noise. The sample "
-    "includes its bias, as in the publication; without bias it is the sample less its estimated bias."
+    "includes its bias, by our reading of the publication; without bias it is the sample less its estimated bias."
 )
 
 
