@@ -47,8 +47,10 @@ def _extra_errors(work, shared, model):
     for e in range(model.extra_offset.shape[0]):
         work.x[model.extra_offset[e]] = -work.extra[e]
     for p in range(shared.error_of.shape[0]):
-        state = model.extra_offset[shared.state_of[p]]
-        work.x[state] = work.x[state] + work.shared[shared.error_of[p]]
+        extra_state = shared.state_of[p]
+        state = model.extra_offset[extra_state]
+        error = shared.error_of[p]
+        work.x[state] = work.x[state] + work.shared[error]
 
 
 @jit
@@ -63,7 +65,11 @@ def _motion_error(x, nav, history, hist):
     hist : index of the history time
     """
     q = history.q[hist]
-    rx, ry, rz = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    q0 = nav[Q]
+    q1 = nav[Q + 1]
+    q2 = nav[Q + 2]
+    q3 = nav[Q + 3]
+    rx, ry, rz = small_rotation(q[0], q[1], q[2], q[3], q0, q1, q2, q3)
     x[ATT] = rx
     x[ATT + 1] = ry
     x[ATT + 2] = rz
@@ -171,12 +177,16 @@ def _check_failure(work, history, hist):
     x = work.x
     failed = work.failed[0]
     limit = history.limit * history.limit
+    rx = x[POS]
+    ry = x[POS + 1]
+    rz = x[POS + 2]
     # a covariance that is not a number makes the square not a number: neither within nor beyond the limit
-    square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
+    square = rx * rx + ry * ry + rz * rz + 0.0 * work.P[ATT, ATT]
     code = where(square > limit, 2.0, 1.0)
     first_code = where(failed > 0.0, failed, code)
     now = where(square <= limit, failed, first_code)
-    work.t_failed[0] = where((now > 0.0) & (failed == 0.0), history.t[hist], work.t_failed[0])
+    is_first_failure = (now > 0.0) & (failed == 0.0)
+    work.t_failed[0] = where(is_first_failure, history.t[hist], work.t_failed[0])
     work.failed[0] = now
 
 
@@ -184,9 +194,11 @@ def _check_failure(work, history, hist):
 def _motion_errors(work, motion, vehicle, tick):
     """Set the errors of the motion states at the tick that ends here (VehicleModel, or None)."""
     if vehicle is not None:
+        first_rate = vehicle.motion
+        first_force = first_rate + 3
         for i in range(3):
-            work.x[vehicle.motion + i] = vehicle.rate[tick, i] - motion.rate[i]
-            work.x[vehicle.motion + 3 + i] = vehicle.force[tick, i] - motion.force[i]
+            work.x[first_rate + i] = vehicle.rate[tick, i] - motion.rate[i]
+            work.x[first_force + i] = vehicle.force[tick, i] - motion.force[i]
 
 
 @jit
@@ -268,10 +280,12 @@ def _record_misses(work, transition_errors, history, model, hist):
     hist : index of the history time
     """
     if transition_errors is not None:
-        _navigation_errors(transition_errors.error[hist], work, history, model, hist)
+        errors = transition_errors.error[hist]
+        missed = transition_errors.missed[hist]
+        _navigation_errors(errors, work, history, model, hist)
         for i in range(model.n_state):
-            error = transition_errors.error[hist, i]
-            transition_errors.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
+            error = errors[i]
+            missed[i] = error - work.x[i] if hist > 0 else like(error, 0.0)
             work.x[i] = error
 
 
