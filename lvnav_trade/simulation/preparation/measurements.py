@@ -123,18 +123,24 @@ def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilte
 
 def _ranging(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> _Ranging:
     """Return the measurements of the receiver; of the filter only the states that model errors are used."""
-    seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
-    geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
-    drawn_errors = entering_errors(scenario, geometry, flight.ranging, failed, flight.devices)
-    recorded_errors = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
+    sky = flight.sky
+    line = flight.lines
+    delays = flight.delays
+    failed = flight.failed
+    trajectory = flight.trajectory
+    channels = flight.ranging
+    geometry = geometry_of(line, sky.tracked, delays.troposphere, delays.ionosphere)
+    drawn_errors = entering_errors(scenario, geometry, channels, failed, flight.devices)
+    recorded_errors = recorded(scenario, trajectory.theta0, line, sky, channels, failed.frozen)
     entering = (*drawn_errors, *recorded_errors.errors)
-    shape = (flight.epochs.t.size, flight.ranging.n_channel)
+    shape = (flight.epochs.t.size, channels.n_channel)
     shared = shared_of(entering, filtering.layout, epoch_interval(scenario), shape)
-    offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
+    offsets = time_offsets(scenario.constellation, sky.systems, trajectory.epoch, sky.t)
     offsets = offsets + relativity_left(scenario, flight)
-    gain = smoothing_gains(scenario, seen)
-    residual = late_by.residual + offsets + doppler_left(scenario, flight)
-    residual = residual + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
+    gain = smoothing_gains(scenario, sky)
+    residual = delays.residual + offsets + doppler_left(scenario, flight)
+    code_delay = delays.ionosphere[:, :, 0]
+    residual = residual + smoothing_offsets(scenario, gain, code_delay, failed.slip, line)
     return _Ranging(
         received=received_of(scenario, flight, shared, residual, recorded_errors.mean),
         entering=entering,

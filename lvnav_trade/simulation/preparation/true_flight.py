@@ -120,8 +120,9 @@ def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 
     n_imu, group
         Number of ticks; ticks of a strapdown step.
     """
-    steps = np.rint((times - start) * rate / group).astype(np.int64)
-    return np.clip(steps * group, 0, n_imu)
+    steps_since_start = (times - start) * rate / group
+    nearest_step = np.rint(steps_since_start).astype(np.int64)
+    return np.clip(nearest_step * group, 0, n_imu)
 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
@@ -130,10 +131,13 @@ def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
     start = float(ref.t[0])
     end = float(ref.t[-1])
     group = scenario.filter.strapdown.ratio
-    n_imu = ref.dtheta.shape[0] // group * group
+    n_tick = ref.dtheta.shape[0]
+    n_imu = n_tick // group * group
     interval = epoch_interval(scenario)
-    n_epoch = math.floor((end - start) / interval + 1e-9)
-    grid = start + interval * np.arange(1, n_epoch + 1, dtype=np.float64)
+    length = end - start
+    n_epoch = math.floor(length / interval + 1e-9)
+    count = np.arange(1, n_epoch + 1, dtype=np.float64)
+    grid = start + interval * count
     tick = ticks_of(grid, start, rate, n_imu, group)
     # the times are those of the ticks, where increments end: half a tick is 20 m at orbital speed
     return Epochs(ref.t[tick], tick, n_imu, group)

@@ -55,11 +55,12 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
     seen
         Satellites at the epochs, and the antennas that receive them.
     """
-    at = motion(trajectory, seen.t)
-    C_b_i = matrices(at.q_b_i)
-    position, velocity = point_of(at, C_b_i, lever_b)
-    push = falling(at.r_i, GM) + np.einsum("nij,nj->ni", C_b_i, at.f_b)
-    antennas = [point_of(at, C_b_i, lever) for lever in seen.lever_arms]
+    vehicle = motion(trajectory, seen.t)
+    C_b_i = matrices(vehicle.q_b_i)
+    position, velocity = point_of(vehicle, C_b_i, lever_b)
+    specific_force_i = np.einsum("nij,nj->ni", C_b_i, vehicle.f_b)
+    acceleration = falling(vehicle.r_i, GM) + specific_force_i
+    antennas = [point_of(vehicle, C_b_i, lever) for lever in seen.lever_arms]
     antenna_r_i = np.stack([r_i for r_i, _ in antennas], axis=1)
     antenna_v_i = np.stack([v_i for _, v_i in antennas], axis=1)
     receiving = seen.antenna[:, :, None]
@@ -67,15 +68,15 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
         seen.r_i - np.take_along_axis(antenna_r_i, receiving, axis=1),
         seen.v_i - np.take_along_axis(antenna_v_i, receiving, axis=1),
     )
-    relative_acceleration = falling(seen.r_i, GM) - push[:, None, :]
+    relative_acceleration = falling(seen.r_i, GM) - acceleration[:, None, :]
     return Lines(
         trajectory=trajectory,
         t=seen.t,
-        at=at,
+        at=vehicle,
         C_b_i=C_b_i,
         position=position,
         velocity=velocity,
-        push=push,
+        push=acceleration,
         sight=lines,
         acceleration=lines.acceleration(relative_acceleration),
     )

@@ -69,7 +69,8 @@ def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floa
     smoothing = smoothing_of(scenario)
     if smoothing is None or smoothing.velocity == "doppler":
         return seen.rate_sigma
-    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(scenario.receiver, seen, trajectory)
+    sigma = phase_sigma(scenario.receiver, seen, trajectory)
+    return math.sqrt(2.0) / smoothing.rate_interval * sigma
 
 
 def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
@@ -107,8 +108,10 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
         rate = rate_sigma_of(scenario, seen, line.trajectory)
         return tuple(rate if name == "range_rate" else _sky_sigma(seen, name) for name in channels.observables)
     solution = direct(scenario)
-    of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
-    return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
+    position_factor, velocity_factor = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
+    position_sigma = solution.position_sigma * position_factor
+    velocity_sigma = solution.velocity_sigma * velocity_factor
+    return position_sigma, velocity_sigma
 
 
 def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
@@ -211,7 +214,9 @@ def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lin
         return _sky_sigma(seen, observable)
     name = DIFFERENCES.get(observable, observable)
     (factor,) = line.noise_factors(model.noise_by, (name,))
-    return np.asarray(getattr(model, f"{name}_sigma") * factor * np.ones(seen.tracked.shape))
+    sigma = getattr(model, f"{name}_sigma")
+    shape = seen.tracked.shape
+    return np.asarray(sigma * factor * np.ones(shape))
 
 
 def _sky_sigma(seen: Sky, observable: str) -> Floats:
@@ -222,4 +227,5 @@ def _sky_sigma(seen: Sky, observable: str) -> Floats:
 
 def _difference_variance(variance: Floats) -> Floats:
     """Return the variance (n_epoch, n_sat) of the difference between each epoch and the previous one."""
-    return np.asarray(variance + np.vstack([variance[:1], variance[:-1]]))
+    previous_variance = np.vstack([variance[:1], variance[:-1]])
+    return np.asarray(variance + previous_variance)
