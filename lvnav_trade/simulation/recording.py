@@ -124,17 +124,20 @@ def _record_motion(err, sigma, first, x, P, history, hist):
     for i in range(3):
         body_axis = (c[i], c[3 + i], c[6 + i])
         axis = (axes[i, 0], axes[i, 1], axes[i, 2])
-        _record_vector(err, sigma, first + ATT + i, x, P, ATT, body_axis)
+        output = first + i
+        _record_vector(err, sigma, output + ATT, x, P, ATT, body_axis)
         for state in (VEL, POS):
-            _record_vector(err, sigma, first + state + i, x, P, state, axis)
+            _record_vector(err, sigma, output + state, x, P, state, axis)
 
 
 @jit
 def _record_backup(work, backup, first, history, hist):
     """Write the errors of the backup strapdown (Backup, or None), from output `first` on."""
     if backup is not None:
+        err = work.err[hist]
+        sigma = work.sigma[hist]
         _motion_error(backup.x, backup.nav, history, hist)
-        _record_motion(work.err[hist], work.sigma[hist], first, backup.x, backup.P, history, hist)
+        _record_motion(err, sigma, first, backup.x, backup.P, history, hist)
 
 
 @jit
@@ -156,8 +159,11 @@ def _record_states(work, imus, history, shared, units, model, hist):
     _navigation_errors(x, work, history, model, hist)
     if model.clock >= 0:
         # the true clock is stepped at epochs; in between its bias changes by its drift
-        x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
-        x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
+        since = history.since[hist]
+        drift = work.clock[1]
+        bias = work.clock[0] + since * drift
+        x[model.clock] = bias - work.clock_hat[0]
+        x[model.clock + 1] = drift - work.clock_hat[1]
     _extra_errors(work, shared, model)
     add_relative_biases(work, imus, units)
     _record_motion(err, sigma, 0, x, P, history, hist)
@@ -292,7 +298,8 @@ def _record_misses(work, transition_errors, history, model, hist):
 @inlined
 def _record_errors(work, parts, case, open_loop, history, tick, hist):
     """Record the errors of all outputs; those of an open loop (OpenLoop, or None) with its correction applied."""
-    model, options = case.model, case.options
+    model = case.model
+    options = case.options
     if open_loop is not None:
         apply_correction(work, open_loop, parts.mode_state, model)
     _motion_errors(work, parts.motion, options.vehicle, tick)

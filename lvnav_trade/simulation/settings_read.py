@@ -156,11 +156,11 @@ def _unused_noise_factors(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if solves(scenario):
         receiver_measurements = RANGES if smoothing_of(scenario) is None else (*RANGES, "carrier_phase")
         observables = []
-    for path, tables, taken in (
+    for path, tables, measurements in (
         ("receiver", scenario.receiver.noise_by, receiver_measurements),
         ("filter.receiver", filter_tables, observables),
     ):
-        for number in idle_tables(tables, taken):
+        for number in idle_tables(tables, measurements):
             yield f"{path}.noise_by.{number}", "no effect: none of these measurements is taken"
 
 

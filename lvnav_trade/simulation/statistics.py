@@ -314,7 +314,8 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     joined_names = _PER_RUN + _ROWS if rows else _PER_RUN
     joined = {name: [getattr(first, name)] for name in joined_names}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
-    first = first._replace(**none, bins=first.bins[:0].copy())  # frees the bins of the first part
+    no_bins = first.bins[:0].copy()
+    first = first._replace(**none, bins=no_bins)  # frees the bins of the first part
     bins = []
     for part in stream:
         _check_follows(first, joined["runs"][-1], part)

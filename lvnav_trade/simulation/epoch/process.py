@@ -401,12 +401,14 @@ def sample_window(work, parts, case, joint, flight, w):
     vehicle = case.options.vehicle
     motion = parts.motion
     first = case.schedule.first_tick[w]
-    at = vehicle.motion
+    first_motion = vehicle.motion
     for k in range(case.schedule.n_tick[w]):
+        tick = first + k
         predict_samples(parts.run, work, motion, vehicle, k, case.tick)
-        begin_tick(joint, motion, vehicle, first + k)
+        begin_tick(joint, motion, vehicle, tick)
         for i in range(N_SAMPLE):
-            work.P[at + i, at + i] = work.P[at + i, at + i] + vehicle.walk[first + k, i]
+            state = first_motion + i
+            work.P[state, state] = work.P[state, state] + vehicle.walk[tick, i]
         update_samples(
             work.P,
             work.x,
@@ -419,10 +421,10 @@ def sample_window(work, parts, case, joint, flight, w):
             vehicle.columns,
             case.model.n_estimated,
         )
-        _run_tick(parts.run, work, parts, case, first + k)
-        _joint_tick(joint, flight, work, motion, case, first + k)
-        advance(work.P, motion.moved, work.sums, case.tick, at)
-        advance_open_loop(parts.open_loop, work.x, work.sums, case.tick, at)
-        advance_joint(joint, flight, work.sums, case.tick, at)
+        _run_tick(parts.run, work, parts, case, tick)
+        _joint_tick(joint, flight, work, motion, case, tick)
+        advance(work.P, motion.moved, work.sums, case.tick, first_motion)
+        advance_open_loop(parts.open_loop, work.x, work.sums, case.tick, first_motion)
+        advance_joint(joint, flight, work.sums, case.tick, first_motion)
     mirror(work.P)
     finish_ticks(joint)

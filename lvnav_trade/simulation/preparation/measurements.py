@@ -87,17 +87,19 @@ def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilte
     filtering
         Filter of the case.
     """
-    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    card = scenario.filter
+    channels = flight.channels
+    sky = flight.sky
     ranging = _ranging(scenario, flight, filtering)
     received = ranging.received
     assumed = assumed_of(scenario, flight, filtering)
 
     def dilution() -> Floats:
-        return pdop(flight.lines.sight.direction, seen.tracked)
+        return pdop(flight.lines.sight.direction, sky.tracked)
 
     check = failing(card, flight.failed, received.n_used, channels, dilution)
     rules = watched(card, check, channels, filtering.P)
-    smoothing = smoothing_numbers(scenario, ranging.smoothing, seen, flight.lines, ranging.entering)
+    smoothing = smoothing_numbers(scenario, ranging.smoothing, sky, flight.lines, ranging.entering)
     _, receiver, _ = filter_models(scenario)
     solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)

@@ -52,23 +52,23 @@ class Delays(NamedTuple):
         return np.asarray(air[..., 0] - charge[..., 0])
 
 
-def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
+def _geometry(trajectory: Trajectory, receiver: ReceiverCard, sky: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
     """Return position and lines of sight of the antenna some time after each epoch, and these times (n_epoch,) s.
 
     Parameters
     ----------
     trajectory, receiver
         True flight, and card of the receiver.
-    seen
+    sky
         Satellites at the epochs.
     shift
         s. Time after each epoch; negative: before.
     """
     theta0 = trajectory.theta0
-    t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
+    t = np.clip(sky.t + shift, trajectory.start, trajectory.end)
     antenna_r_i, _ = antenna(trajectory, receiver, t)
-    time_since_epoch = (t - seen.t)[:, None, None]
-    satellite_r_i = seen.r_i + time_since_epoch * seen.v_i
+    time_since_epoch = (t - sky.t)[:, None, None]
+    satellite_r_i = sky.r_i + time_since_epoch * sky.v_i
     line = satellite_r_i - antenna_r_i[:, None, :]
     direction = unit(line)
     azimuth, elevation = look_angles(theta0, t, antenna_r_i, direction)
@@ -93,7 +93,7 @@ def _start_of_day(trajectory: Trajectory) -> tuple[float, float]:
 def delays(
     trajectory: Trajectory,
     receiver: ReceiverCard,
-    seen: Sky,
+    sky: Sky,
     atmosphere: AtmosphereCard,
     corrections: CorrectionsCard,
 ) -> Delays:
@@ -106,7 +106,7 @@ def delays(
     ----------
     trajectory, receiver
         True flight, and card of the receiver.
-    seen
+    sky
         Satellites at the epochs.
     atmosphere
         Card of the true atmosphere.
@@ -116,11 +116,11 @@ def delays(
 
     @cache
     def geometries() -> list[tuple[DelayGeometry, Floats]]:
-        return [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
+        return [_geometry(trajectory, receiver, sky, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
 
     def delay_and_rate(kind: str, delay: Callable[[DelayGeometry], Floats], carrier_sign: float) -> Floats:
         if kind == "none":
-            return np.zeros((*seen.tracked.shape, 2))
+            return np.zeros((*sky.tracked.shape, 2))
         (earlier, t_earlier), (present, _), (later, t_later) = geometries()
         before = delay(earlier)
         now = delay(present)
@@ -128,7 +128,7 @@ def delays(
         time_difference = (t_later - t_earlier)[:, None]
         rate = carrier_sign * (after - before) / time_difference
         values = np.stack([now, rate], axis=2)
-        return np.where(seen.tracked[:, :, None], values, 0.0)
+        return np.where(sky.tracked[:, :, None], values, 0.0)
 
     # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
     air = atmosphere.troposphere

@@ -29,7 +29,7 @@ def wavelength(scenario: Scenario) -> float:
     return SPEED_OF_LIGHT / L1 if link is None else link.wavelength
 
 
-def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
+def linked(sky: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
     """Return the continuity of the carrier phases, (n_epoch, n_sat) each.
 
     Returns
@@ -41,14 +41,14 @@ def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
     going_on
         Whether its phase is continuous since then; a frozen output repeats itself.
     """
-    n_epoch, n_sat = seen.tracked.shape
+    n_epoch, n_sat = sky.tracked.shape
     restart = np.zeros((n_epoch, n_sat), np.bool_)
     before = np.zeros((n_epoch, n_sat), np.bool_)
     going_on = np.zeros((n_epoch, n_sat), np.bool_)
     interrupted = np.ones(n_sat, np.bool_)  # since the satellite was last used
     used_last = np.zeros(n_sat, np.bool_)
     for epoch in range(n_epoch):
-        interrupted |= ~seen.continuous[epoch]
+        interrupted |= ~sky.continuous[epoch]
         n_used = signals.n_used[epoch]
         satellites = signals.used[epoch, :n_used]
         is_used = np.zeros(n_sat, np.bool_)

@@ -182,7 +182,7 @@ def received_of(
     scenario: Scenario,
     flight: TrueFlight,
     shared: CorrelatedErrors,
-    left: Floats,
+    residual: Floats,
     tabled: Floats,
 ) -> TrueSignals:
     """Return the true side of satellites and receiver at the epochs.
@@ -193,36 +193,38 @@ def received_of(
         Validated model of the case, and its true flight.
     shared
         Correlated measurement errors.
-    left
+    residual
         (n_epoch, n_sat, 2) m, m/s. Residual errors of ranges and rates after corrections: delays, clocks, smoothing.
     tabled
         (n_epoch, 6) m, m/s. Deterministic errors of the solution, frame i.
     """
     clock = scenario.receiver.clock
-    seen = flight.sky
+    sky = flight.sky
     line = flight.lines
     failed = flight.failed
-    used, n_used = slots(seen.tracked)
-    noise = true_sigma(scenario, seen, line, flight.ranging)
-    sigma = by_channel(flight.ranging, seen.t.size, noise, flight.devices, "sigma")
+    satellite_by_slot, n_used = slots(sky.tracked)
+    noise = true_sigma(scenario, sky, line, flight.ranging)
+    sigma = by_channel(flight.ranging, sky.t.size, noise, flight.devices, "sigma")
     interval = epoch_interval(scenario)
-    range_error, rate_error = np.moveaxis(flight.biased + left, 2, 0)
+    range_error, rate_error = np.moveaxis(flight.biased + residual, 2, 0)
     ranges = np.asarray(line.sight.distance + range_error)
     rates = np.asarray(line.sight.rate + rate_error)
-    position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
-    velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
+    position_error = _shifts(line, sky.tracked, range_error)
+    velocity_error = _shifts(line, sky.tracked, rate_error)
+    position = line.position + position_error + tabled[:, :3]
+    velocity = line.velocity + velocity_error + tabled[:, 3:]
     if not solves(scenario):  # otherwise the receiver continues internally while its output is frozen
-        freeze_output(failed.frozen, used, n_used, ranges, rates, position, velocity)
+        freeze_output(failed.frozen, satellite_by_slot, n_used, ranges, rates, position, velocity)
     return TrueSignals(
-        used=used,
+        used=satellite_by_slot,
         n_used=n_used,
-        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
+        words=np.array([source_word(name) for name in sky.names], dtype=np.uint64),
         range=ranges,
         rate=rates,
         position=position,
         velocity=velocity,
-        satellite=np.ascontiguousarray(seen.r_i),
-        satellite_velocity=np.ascontiguousarray(seen.v_i),
+        satellite=np.ascontiguousarray(sky.r_i),
+        satellite_velocity=np.ascontiguousarray(sky.v_i),
         sigma=grown_sigma(sigma, flight.ranging, failed),
         clock_step=np.array(clock_step(interval, clock.h0, clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),

@@ -45,7 +45,7 @@ def recorded(
     scenario: Scenario,
     theta0: float,
     line: Lines,
-    seen: Sky,
+    sky: Sky,
     channels: Channels,
     frozen: Bools,
 ) -> RecordedErrors:
@@ -62,17 +62,17 @@ def recorded(
         Validated model of the case.
     theta0
         rad. Earth rotation angle at lift-off.
-    line, seen, channels
+    line, sky, channels
         Lines of sight, satellites, measurement channels.
     frozen
         (n_epoch,). Whether the receiver repeats the output, and the error, of the previous epoch.
     """
     card = table_of(scenario)
-    n_epoch = seen.t.size
+    n_epoch = sky.t.size
     if card is None or channels.tight:
         return RecordedErrors(mean=np.zeros((n_epoch, 6)), errors=(), values=np.zeros((0, 1)))
-    recorded_table = sampled(card, seen.t)
-    earth_rotation = earth_angle(theta0, seen.t)
+    recorded_table = sampled(card, sky.t)
+    earth_rotation = earth_angle(theta0, sky.t)
     table = in_frame_i(recorded_table, card.frame, line.position, earth_rotation)
     freeze_output(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
