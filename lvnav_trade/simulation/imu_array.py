@@ -165,13 +165,15 @@ def fuse_tables(fused, imus, units, tick):
         for k in range(units.n_axis.shape[0]):
             table = imus.tables[2 * k + sensor]
             for c in range(units.n_axis[k]):
+                bias = table[BIAS + c]
                 for i in range(3):
                     share = entering(imus.redundant, units, tick, k, sensor, i, c)
-                    combined[BIAS + i] = combined[BIAS + i] + share * table[BIAS + c]
+                    combined[BIAS + i] = combined[BIAS + i] + share * bias
                     for first in (OWN, OTHER):
                         for j in range(3):
                             entry = first + 3 * i + j
-                            combined[entry] = combined[entry] + share * table[first + 3 * c + j]
+                            axis_entry = first + 3 * c + j
+                            combined[entry] = combined[entry] + share * table[axis_entry]
 
 
 @inlined

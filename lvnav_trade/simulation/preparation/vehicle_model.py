@@ -20,7 +20,9 @@ from lvnav_trade.trajectory.truth import Trajectory
 
 def _sensor_variances(gyro: PerAxis, accel: PerAxis) -> Floats:
     """Return the squares (6,) of one-sigmas of the gyro and of the accelerometer."""
-    return np.array([*squares(gyro), *squares(accel)])
+    gyro_variances = squares(gyro)
+    accel_variances = squares(accel)
+    return np.array([*gyro_variances, *accel_variances])
 
 
 def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout) -> VehicleModel | None:

@@ -161,7 +161,8 @@ def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], st
     for end, (unit, increments) in endings.items():
         names = [f"{part}_{axis}_{end}" for axis in "xyz"]
         if all(name in title_of for name in names):
-            return [title_of[name] for name in names], unit, increments
+            titles_of_axes = [title_of[name] for name in names]
+            return titles_of_axes, unit, increments
     raise InputError(
         f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
         f"{', '.join(titles[:12])}"
