@@ -33,7 +33,8 @@ def _inform(P, work, units, redundancy, model, seconds):
                 for i in range(3):
                     for c in range(3):
                         last = work.informed[k, sensor, i, c]
-                        work.informed[k, sensor, i, c] = where(is_reduced, work.solved[k, sensor, i, c], last)
+                        present = work.solved[k, sensor, i, c]
+                        work.informed[k, sensor, i, c] = where(is_reduced, present, last)
 
 
 @jit
@@ -62,9 +63,11 @@ def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
                     all_units = redundancy.mean[0, k, sensor, i, c]
                     excess = now * now - all_units * all_units
                     total = total + excess * noise
-        total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)  # mean over the three axes
+        is_increase = (wanted > 0.0) & (total > 0.0)
+        total = where(is_increase, total * (seconds / 3.0), 0.0)  # mean over the three axes
         for i in range(3):
-            P[first + i, first + i] = P[first + i, first + i] + total
+            state = first + i
+            P[state, state] = P[state, state] + total
     weights = (solved, before)
     for b in range(model.par_offset.shape[0]):
         if model.par_driver[b] == CONSTANT:
@@ -104,8 +107,10 @@ def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first):
                 now = solved[k, sensor, i, c]
                 step = now - before[k, sensor, i, c]
                 variance = redundancy.spread[sensor, k, c]
-                change = change + step * step * variance
-                fresh = fresh + now * now * variance
+                step_variance = step * step * variance
+                present_variance = now * now * variance
+                change = change + step_variance
+                fresh = fresh + present_variance
         formal = P[state, state]
         is_handed_over = (wanted > 0.0) & (change > 0.0)
         for j in range(P.shape[0]):
@@ -134,7 +139,11 @@ def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, first, seconds):
                 all_units = redundancy.mean[0, k, sensor, i, c]
                 step = now - before[k, sensor, i, c]
                 excess = now * now - all_units * all_units
-                total = total + step * step * redundancy.spread[sensor, k, c]
-                total = total + excess * redundancy.walk[sensor, k, c] * seconds
+                variance = redundancy.spread[sensor, k, c]
+                variance_rate = redundancy.walk[sensor, k, c]
+                total = total + step * step * variance
+                total = total + excess * variance_rate * seconds
         state = first + i
-        P[state, state] = P[state, state] + where((wanted > 0.0) & (total > 0.0), total, 0.0)
+        is_increase = (wanted > 0.0) & (total > 0.0)
+        increase = where(is_increase, total, 0.0)
+        P[state, state] = P[state, state] + increase

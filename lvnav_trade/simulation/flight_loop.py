@@ -21,8 +21,9 @@ def _measure(work, parts, case, key, epoch):
     epoch : index
     """
     options = case.options
-    observe(work, parts, case, options.solver, key, epoch)
-    hold_solution(work, parts, None, None, options.solver, options.report, epoch)
+    solver = options.solver
+    observe(work, parts, case, solver, key, epoch)
+    hold_solution(work, parts, None, None, solver, options.report, epoch)
     measure_sensors(work, parts.units, case.sensors, options.units, case.signals, key, epoch)
     tape_epoch(parts.tape, work, parts.receiver, epoch)
 

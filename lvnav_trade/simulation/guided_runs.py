@@ -51,9 +51,12 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     k0, k1 = seed_words(seed)
     results: list[Injection] = []
     lost: list[tuple[float, ...]] = []
-    for run, error in enumerate(in_inertial_axes(prepared, errors), start=first_run):
+    inertial_errors = in_inertial_axes(prepared, errors)
+    for run, error in enumerate(inertial_errors, start=first_run):
         draws = draw(plan.card, seed, run)
-        result = inject(plan, draws, NavigationErrors(t, error[steering]), DrawKeys(k0, k1, np.uint64(run)))
+        navigation = NavigationErrors(t, error[steering])
+        keys = DrawKeys(k0, k1, np.uint64(run))
+        result = inject(plan, draws, navigation, keys)
         results.append(result)
         if result.outcome == INJECTED:
             continue
@@ -75,10 +78,14 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
     """
     record = prepared.record
     n_run, n_hist = errors.shape[:2]
-    by_quantity = errors[..., :_N_MOTION].reshape(n_run, n_hist, 3, 3)
-    attitude = np.einsum("hij,rhj->rhi", matrices(record.q), by_quantity[:, :, 0])
+    motion_errors = errors[..., :_N_MOTION]
+    by_quantity = motion_errors.reshape(n_run, n_hist, 3, 3)
+    C_b_i = matrices(record.q)
+    attitude = np.einsum("hij,rhj->rhi", C_b_i, by_quantity[:, :, 0])
     velocity_and_position = np.einsum("hji,rhpj->rhpi", record.axes, by_quantity[:, :, 1:])
-    return np.concatenate([attitude[:, :, None], velocity_and_position], axis=2).reshape(n_run, n_hist, _N_MOTION)
+    blocks = [attitude[:, :, None], velocity_and_position]
+    inertial_errors = np.concatenate(blocks, axis=2)
+    return inertial_errors.reshape(n_run, n_hist, _N_MOTION)
 
 
 def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
@@ -88,6 +95,9 @@ def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
     target = orbit_of(nominal[None])[0]
     achieved = orbit_of(y)
     # the navigated state: position and velocity without the navigation errors, which are velocity first
-    navigated = orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
+    position_and_velocity_error = error[:, [6, 7, 8, 3, 4, 5]]
+    navigated = orbit_of(y[:, :6] - position_and_velocity_error)
     outcomes = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in injections])
-    return np.concatenate([outcomes, orbit_difference(achieved, target), orbit_difference(achieved, navigated)], axis=1)
+    from_target = orbit_difference(achieved, target)
+    from_navigated = orbit_difference(achieved, navigated)
+    return np.concatenate([outcomes, from_target, from_navigated], axis=1)

@@ -165,13 +165,15 @@ def fuse_tables(fused, imus, units, tick):
         for k in range(units.n_axis.shape[0]):
             table = imus.tables[2 * k + sensor]
             for c in range(units.n_axis[k]):
+                bias = table[BIAS + c]
                 for i in range(3):
                     share = entering(imus.redundant, units, tick, k, sensor, i, c)
-                    combined[BIAS + i] = combined[BIAS + i] + share * table[BIAS + c]
+                    combined[BIAS + i] = combined[BIAS + i] + share * bias
                     for first in (OWN, OTHER):
                         for j in range(3):
                             entry = first + 3 * i + j
-                            combined[entry] = combined[entry] + share * table[first + 3 * c + j]
+                            axis_entry = first + 3 * c + j
+                            combined[entry] = combined[entry] + share * table[axis_entry]
 
 
 @inlined
@@ -186,16 +188,26 @@ def _axis_error(table, c, along, a, other, dt):
     a, other : (3,) increments of the sensor and of the other sensor, body axes
     dt : s, of a tick
     """
+    first_own = OWN + 3 * c
+    first_other = OTHER + 3 * c
+    bias_increment = dt * table[BIAS + c]
+    nonlinearity = table[SQUARES + c] * (along * along / dt)
     return (
-        dt * table[BIAS + c]
-        + table[OWN + 3 * c] * a[0]
-        + table[OWN + 3 * c + 1] * a[1]
-        + table[OWN + 3 * c + 2] * a[2]
-        + table[OTHER + 3 * c] * other[0]
-        + table[OTHER + 3 * c + 1] * other[1]
-        + table[OTHER + 3 * c + 2] * other[2]
-        + table[SQUARES + c] * (along * along / dt)
+        bias_increment
+        + table[first_own] * a[0]
+        + table[first_own + 1] * a[1]
+        + table[first_own + 2] * a[2]
+        + table[first_other] * other[0]
+        + table[first_other + 1] * other[1]
+        + table[first_other + 2] * other[2]
+        + nonlinearity
     )
+
+
+@inlined
+def _component(direction, x, y, z):
+    """Return the component of a vector x, y, z along a direction (3,)."""
+    return direction[0] * x + direction[1] * y + direction[2] * z
 
 
 @jit
@@ -232,12 +244,14 @@ def _sense_triad(imus, units, k, at, ticks, dt, key, run):
         accel_noise = (n3, n4, n5)
         for c in range(3):
             h = frames[c, 0]
-            angle = h[0] * a[0] + h[1] * a[1] + h[2] * a[2]
+            angle = _component(h, a[0], a[1], a[2])
             angle_error = _axis_error(gyro, c, angle, a, f, dt)
-            out[row, c] = angle + angle_error + white[c] * gyro_noise[c]
-            speed = h[0] * f[0] + h[1] * f[1] + h[2] * f[2]
-            speed_error = _axis_error(accel, c, speed, f, a, dt)
-            out[row, 3 + c] = speed + speed_error + white[3 + c] * accel_noise[c]
+            angle_noise = white[c] * gyro_noise[c]
+            out[row, c] = angle + angle_error + angle_noise
+            velocity = _component(h, f[0], f[1], f[2])
+            velocity_error = _axis_error(accel, c, velocity, f, a, dt)
+            velocity_noise = white[3 + c] * accel_noise[c]
+            out[row, 3 + c] = velocity + velocity_error + velocity_noise
     _quantise_triad(out, imus.remainder[k], white, at, n_tick)
 
 
@@ -262,10 +276,16 @@ def lever_arm_increment(imus, units, k, x, y, z, dt):
     dx = has_before * (x - before[0])
     dy = has_before * (y - before[1])
     dz = has_before * (z - before[2])
-    tx, ty, tz = cross(dx, dy, dz, lever[0], lever[1], lever[2])
-    wx, wy, wz = cross(x, y, z, lever[0], lever[1], lever[2])
-    cx, cy, cz = cross(x, y, z, wx, wy, wz)
-    return (tx + cx) / dt, (ty + cy) / dt, (tz + cz) / dt
+    lever_x = lever[0]
+    lever_y = lever[1]
+    lever_z = lever[2]
+    tx, ty, tz = cross(dx, dy, dz, lever_x, lever_y, lever_z)  # tangential
+    wx, wy, wz = cross(x, y, z, lever_x, lever_y, lever_z)
+    cx, cy, cz = cross(x, y, z, wx, wy, wz)  # centripetal
+    vx = (tx + cx) / dt
+    vy = (ty + cy) / dt
+    vz = (tz + cz) / dt
+    return vx, vy, vz
 
 
 @jit
@@ -274,7 +294,8 @@ def _add_difference(imus, units, sensor, k, c, value):
     for p in range(units.pair_sensor.shape[0]):
         if units.pair_sensor[p] == sensor:
             for i in range(3):
-                imus.difference[p, i] = imus.difference[p, i] + units.pair_solved[p, k, i, c] * value
+                share = units.pair_solved[p, k, i, c] * value
+                imus.difference[p, i] = imus.difference[p, i] + share
 
 
 @jit
@@ -283,8 +304,9 @@ def _quantise_triad(out, remainder, white, at, n_tick):
     for sensor in range(2):
         step = white[6 + sensor]
         if step > 0.0:
+            first = 3 * sensor
             for row in range(at, at + n_tick):
-                for i in range(3 * sensor, 3 * sensor + 3):
+                for i in range(first, first + 3):
                     out[row, i], remainder[i] = quantise(out[row, i], remainder[i], step)
 
 
@@ -300,7 +322,8 @@ def _fuse(increments, imus, units, at, n_tick, dt):
             for c in range(units.n_axis[k]):
                 angle = imus.sensed[k, row, c]
                 for i in range(3):
-                    increments[row, i] = increments[row, i] + solved[k, 0, i, c] * angle
+                    angle_share = solved[k, 0, i, c] * angle
+                    increments[row, i] = increments[row, i] + angle_share
                 _add_difference(imus, units, 0, k, c, angle)
         x = increments[row, 0]
         y = increments[row, 1]
@@ -309,9 +332,11 @@ def _fuse(increments, imus, units, at, n_tick, dt):
             sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                velocity = imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
+                lever_arm_velocity = _component(h, sx, sy, sz)
+                velocity = imus.sensed[k, row, 3 + c] - lever_arm_velocity
                 for i in range(3):
-                    increments[row, 3 + i] = increments[row, 3 + i] + solved[k, 1, i, c] * velocity
+                    velocity_share = solved[k, 1, i, c] * velocity
+                    increments[row, 3 + i] = increments[row, 3 + i] + velocity_share
                 _add_difference(imus, units, 1, k, c, velocity)
         _store_angle(imus.before, x, y, z)
 
@@ -343,7 +368,8 @@ def _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick,
     for row in range(at, at + n_tick):
         for k in range(n):
             for c in range(units.n_axis[k]):
-                note(redundant, 0, k, c, imus.sensed[k, row, c])
+                angle = imus.sensed[k, row, c]
+                note(redundant, 0, k, c, angle)
         combine(increments, redundant, units, redundancy, row, 0)
         x = increments[row, 0]
         y = increments[row, 1]
@@ -352,11 +378,13 @@ def _fuse_redundant(increments, imus, units, redundancy, at, first_tick, n_tick,
             sx, sy, sz = lever_arm_increment(imus, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                velocity = imus.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
+                lever_arm_velocity = _component(h, sx, sy, sz)
+                velocity = imus.sensed[k, row, 3 + c] - lever_arm_velocity
                 note(redundant, 1, k, c, velocity)
         combine(increments, redundant, units, redundancy, row, 1)
         _store_angle(imus.before, x, y, z)
-        check(redundant, units, redundancy, first_tick + row - at)
+        tick = first_tick + row - at
+        check(redundant, units, redundancy, tick)
 
 
 @jit

@@ -99,10 +99,12 @@ def begin_redundant(work, units):
         _clear(work)
         for k in range(work.value.shape[0]):
             for sensor in range(2):
+                combination = units.solved[0, k, sensor]
+                mean_combination = units.redundant.mean[0, k, sensor]
                 for i in range(3):
                     for c in range(3):
-                        work.solved[k, sensor, i, c] = like(zero, units.solved[0, k, sensor, i, c])
-                        work.informed[k, sensor, i, c] = like(zero, units.redundant.mean[0, k, sensor, i, c])
+                        work.solved[k, sensor, i, c] = like(zero, combination[i, c])
+                        work.informed[k, sensor, i, c] = like(zero, mean_combination[i, c])
 
 
 @jit
@@ -130,8 +132,12 @@ def entering(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: A
     i, c
         Axis of the combined triad, sensing axis of the triad.
     """
-    whole = units.solved[units.flown[tick], k, sensor, i, c]
-    return whole if work is None else where(work.reduced[0] > 0.0, work.solved[k, sensor, i, c], whole)
+    stage = units.flown[tick]
+    planned_weight = units.solved[stage, k, sensor, i, c]
+    if work is None:
+        return planned_weight
+    is_reduced = work.reduced[0] > 0.0
+    return where(is_reduced, work.solved[k, sensor, i, c], planned_weight)
 
 
 @overload(entering)
@@ -173,18 +179,22 @@ def combine(increments, work, units, redundancy, row, sensor):
     first = 3 * sensor
     for i in range(3):
         if redundancy.middle:
+            zero = like(work.over[0], 0.0)
             for u in range(work.order.shape[0]):
-                work.order[u] = where(work.out[u] > 0.0, FAR, like(work.over[0], 0.0))
+                is_out = work.out[u] > 0.0
+                work.order[u] = where(is_out, FAR, zero)
             for k in range(n):
                 u = redundancy.owner[k]
                 for c in range(units.n_axis[k]):
-                    work.order[u] = work.order[u] + redundancy.alone[k, i, c] * work.value[k, c]
+                    reading = redundancy.alone[k, i, c] * work.value[k, c]
+                    work.order[u] = work.order[u] + reading
             increments[row, first + i] = _median_reading(work)
         else:
             total = like(work.over[0], 0.0)
             for k in range(n):
                 for c in range(units.n_axis[k]):
-                    total = total + work.solved[k, sensor, i, c] * work.value[k, c]
+                    share = work.solved[k, sensor, i, c] * work.value[k, c]
+                    total = total + share
             increments[row, first + i] = total
 
 
@@ -197,17 +207,21 @@ def _median_reading(work):
     n = work.order.shape[0]
     n_used = like(work.over[0], 0.0)
     for u in range(n):
-        n_used = n_used + where(work.out[u] > 0.0, 0.0, 1.0)
+        is_out = work.out[u] > 0.0
+        n_used = n_used + where(is_out, 0.0, 1.0)
     # bubble sort without branches, since lanes have different orders
     for last in range(n - 1, 0, -1):
         for u in range(last):
             a = work.order[u]
             b = work.order[u + 1]
-            work.order[u] = where(b < a, b, a)
-            work.order[u + 1] = where(b < a, a, b)
+            is_descending = b < a
+            work.order[u] = where(is_descending, b, a)
+            work.order[u + 1] = where(is_descending, a, b)
     median = work.order[0]
     for m in range(2, n + 1):
-        middle = 0.5 * (work.order[(m - 1) // 2] + work.order[m // 2])
+        lower = work.order[(m - 1) // 2]
+        upper = work.order[m // 2]
+        middle = 0.5 * (lower + upper)
         median = where(n_used == float(m), middle, median)
     return median
 
@@ -216,7 +230,9 @@ def _median_reading(work):
 def _weight(work, skip, redundancy, weights, k, c):
     """Return the weight of an axis in the fit: 0 if its IMU is excluded or omitted (`skip`)."""
     u = redundancy.owner[k]
-    return where(work.out[u] > 0.0, 0.0, 0.0 if u == skip else weights[k, c])
+    is_out = work.out[u] > 0.0
+    weight = 0.0 if u == skip else weights[k, c]
+    return where(is_out, 0.0, weight)
 
 
 @jit
@@ -250,9 +266,10 @@ def _residual(work, units, redundancy, sensor, window, skip):
             dof = dof + where(w > 0.0, 1.0, 0.0)
             y = work.sums[sensor, k, c]
             for i in range(3):
-                b[i] = b[i] + w * h[i] * y
+                weighted = w * h[i]
+                b[i] = b[i] + weighted * y
                 for j in range(3):
-                    A[i, j] = A[i, j] + w * h[i] * h[j]
+                    A[i, j] = A[i, j] + weighted * h[j]
     invert(inverse, A)
     for i in range(3):
         fit[i] = inverse[i, 0] * b[0] + inverse[i, 1] * b[1] + inverse[i, 2] * b[2]
@@ -272,10 +289,12 @@ def _in_use(work, u, prime):
     """Return 1 if an IMU enters the combined increments: it is not excluded, and with a prime IMU no IMU before it is
     in use.
     """
-    in_use = where(work.out[u] > 0.0, 0.0, like(work.over[0], 1.0))
+    is_out = work.out[u] > 0.0
+    in_use = where(is_out, 0.0, like(work.over[0], 1.0))
     if prime:
         for before in range(u):
-            in_use = where(work.out[before] > 0.0, in_use, 0.0)
+            is_out_before = work.out[before] > 0.0
+            in_use = where(is_out_before, in_use, 0.0)
     return in_use
 
 
@@ -295,17 +314,20 @@ def _reduce(work, units, redundancy):
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
+                    weighted = w * h[i]
                     for j in range(3):
-                        A[i, j] = A[i, j] + w * h[i] * h[j]
+                        A[i, j] = A[i, j] + weighted * h[j]
         invert(inverse, A)
         for k in range(n):
             w = _share(work, redundancy, sensor, k)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
-                    value = inverse[i, 0] * h[0] + inverse[i, 1] * h[1] + inverse[i, 2] * h[2]
+                    row = inverse[i]
+                    weight = w * (row[0] * h[0] + row[1] * h[1] + row[2] * h[2])
                     present = work.solved[k, sensor, i, c]
-                    work.solved[k, sensor, i, c] = where(work.reduced[0] > 0.0, w * value, present)
+                    is_reduced = work.reduced[0] > 0.0
+                    work.solved[k, sensor, i, c] = where(is_reduced, weight, present)
 
 
 @jit
@@ -318,9 +340,10 @@ def _share(work, redundancy, sensor, k):
 @jit
 def _hand_over(work, units, redundancy, tick):
     """Exclude the first IMU after a tick."""
-    work.out[0] = like(work.over[0], 1.0)
+    flag = like(work.over[0], 1.0)
+    work.out[0] = flag
     work.when[0] = like(work.over[0], tick + 1.0)
-    work.reduced[0] = like(work.over[0], 1.0)
+    work.reduced[0] = flag
     _reduce(work, units, redundancy)
 
 
@@ -338,7 +361,8 @@ def _set_ratios(work, units, redundancy, sensor, window):
         else:
             square, dof = _residual(work, units, redundancy, sensor, window, u)
             ratio = square / limit(redundancy.limits, dof)
-            work.ratio[u] = where((work.out[u] > 0.0) | (dof < 1.0), FAR, ratio)
+            has_no_ratio = (work.out[u] > 0.0) | (dof < 1.0)
+            work.ratio[u] = where(has_no_ratio, FAR, ratio)
 
 
 @jit
@@ -353,7 +377,8 @@ def check(work, units, redundancy, tick):
     window = (tick + 1) // redundancy.ticks - 1
     for sensor in range(2):
         square, dof = _residual(work, units, redundancy, sensor, window, -1)
-        fails = where((dof >= 1.0) & (square > limit(redundancy.limits, dof)), 1.0, 0.0)
+        is_beyond = square > limit(redundancy.limits, dof)
+        fails = where((dof >= 1.0) & is_beyond, 1.0, 0.0)
         if redundancy.excludes:
             _set_ratios(work, units, redundancy, sensor, window)
             _exclude_least(work, fails, tick)
@@ -369,9 +394,11 @@ def _exclude_least(work, fails, tick):
     """Exclude the IMU with the smallest ratio after a tick, in the runs whose test fails."""
     least = like(work.over[0], FAR)
     for u in range(work.out.shape[0]):
-        least = where(work.ratio[u] < least, work.ratio[u], least)
+        ratio = work.ratio[u]
+        least = where(ratio < least, ratio, least)
     for u in range(work.out.shape[0]):
-        is_failed = (fails > 0.0) & (work.ratio[u] == least) & (least < FAR)
+        is_least = (work.ratio[u] == least) & (least < FAR)
+        is_failed = (fails > 0.0) & is_least
         work.out[u] = where(is_failed, 1.0, work.out[u])
         work.when[u] = where(is_failed, tick + 1.0, work.when[u])
         work.reduced[0] = where(is_failed, 1.0, work.reduced[0])

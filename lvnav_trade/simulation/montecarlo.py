@@ -121,7 +121,8 @@ def taped(prepared: Prepared, seed: int, run: int) -> TapedRun:
     run
         Number of the run.
     """
-    undisturbed = prepared._replace(unit=prepared.unit._replace(gravity=-1))
+    undisturbed_imu = prepared.unit._replace(gravity=-1)
+    undisturbed = prepared._replace(unit=undisturbed_imu)
     work, parts = _simulate(undisturbed, seed, run, lanes=False, taped=True)
     return TapedRun(parts.tape, work.innovation, work.n_row, work.n_reject)
 
@@ -130,12 +131,16 @@ def compile_kernels(prepared: Prepared) -> None:
     """Compile the kernels of the simulation, or load them from the cache, by a run without windows."""
     none = np.zeros(0, dtype=np.int64)
     no_windows = Schedule(*[none] * len(Schedule._fields))
-    _simulate(prepared._replace(schedule=no_windows), 0, 0, not config.DISABLE_JIT)
+    without_windows = prepared._replace(schedule=no_windows)
+    lanes = not config.DISABLE_JIT
+    _simulate(without_windows, 0, 0, lanes)
 
 
 def _by_run(array: Floats, lanes: bool) -> Floats:
     """Return an array of one run or eight lanes with the run on the first axis."""
-    return np.moveaxis(array, -1, 0) if lanes else array[None]
+    if lanes:
+        return np.moveaxis(array, -1, 0)
+    return array[None]
 
 
 def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[TransitionErrors]:
@@ -151,11 +156,13 @@ def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[TransitionE
         Number of runs.
     """
     lanes = not config.DISABLE_JIT
-    for first in range(0, n_run, WIDTH if lanes else 1):
+    width = WIDTH if lanes else 1
+    for first in range(0, n_run, width):
         _, parts = _simulate(prepared, seed, first, lanes)
-        n_left = n_run - first
-        error = _by_run(parts.transition_errors.error, lanes)[:n_left]
-        missed = _by_run(parts.transition_errors.missed, lanes)[:n_left]
+        transition_errors = parts.transition_errors
+        n_remaining = n_run - first
+        error = _by_run(transition_errors.error, lanes)[:n_remaining]
+        missed = _by_run(transition_errors.missed, lanes)[:n_remaining]
         yield TransitionErrors(error, missed)
 
 
@@ -268,13 +275,18 @@ def _changes(prepared: Prepared, mode_state: ModeState, first_run: int, n_run: i
     """
     mode = _by_run(mode_state.mode, lanes)[:n_run]
     reason = _by_run(mode_state.reason, lanes)[:n_run]
-    before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
+    initial_mode = np.full((n_run, 1), WAITING)
+    before = np.hstack([initial_mode, mode[:, :-1]])
     run, epoch = np.nonzero(reason)
+    t = prepared.t_epoch[epoch]
+    mode_before = before[run, epoch]
+    mode_after = mode[run, epoch]
     # a sample that is lost for a failed input check has the number of that check
     check = prepared.failing[epoch]
     numbers = reason[run, epoch]
-    numbers = np.where((numbers == DATA_LOST) & (check > 0), check, numbers)
-    columns = (first_run + run, prepared.t_epoch[epoch], before[run, epoch], mode[run, epoch], numbers)
+    has_failed_check = (numbers == DATA_LOST) & (check > 0)
+    numbers = np.where(has_failed_check, check, numbers)
+    columns = (first_run + run, t, mode_before, mode_after, numbers)
     return np.stack(columns, axis=1)
 
 
@@ -288,10 +300,16 @@ def _excluded(prepared: Prepared, redundant: RedundancyWork, first_run: int, n_r
     alarm = _by_run(redundant.alarm, lanes)[:n_run, 0]
     run, unit = np.nonzero(out)
     alarm_run = np.flatnonzero(alarm)
-    tick = np.concatenate([when[run, unit], alarm[alarm_run]])
-    decision = np.repeat([float(OF_UNIT), float(OF_INERTIAL)], [run.size, alarm_run.size])
-    subject = np.concatenate([FIRST_UNIT - unit, np.full(alarm_run.size, -1)])
-    t = prepared.unit.start + prepared.unit.dt * tick
+    n_alarm = alarm_run.size
+    exclusion_tick = when[run, unit]
+    alarm_tick = alarm[alarm_run]
+    tick = np.concatenate([exclusion_tick, alarm_tick])
+    decisions = [float(OF_UNIT), float(OF_INERTIAL)]
+    decision = np.repeat(decisions, [run.size, n_alarm])
+    no_subject = np.full(n_alarm, -1)
+    subject = np.concatenate([FIRST_UNIT - unit, no_subject])
+    imu = prepared.unit
+    t = imu.start + imu.dt * tick
     runs = first_run + np.concatenate([run, alarm_run])
     return np.stack([runs, t, decision, subject], axis=1)
 
@@ -311,4 +329,5 @@ def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:
     run
         Number of the run.
     """
-    return run_block(prepare(prepared.scenario, every_step_beside=prepared.t_hist), seed, run, 1)
+    with_steps = prepare(prepared.scenario, every_step_beside=prepared.t_hist)
+    return run_block(with_steps, seed, run, 1)

@@ -106,7 +106,9 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | N
 
 
 def _burns_of(scenario: Scenario) -> list[tuple[float, float]]:
-    return burns(_ascended(scenario.trajectory.model_dump_json()).trajectory)
+    card = scenario.trajectory.model_dump_json()
+    ascent = _ascended(card)
+    return burns(ascent.trajectory)
 
 
 def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
@@ -124,11 +126,15 @@ def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
 
 def _totals(missions: list[Missions], burns: Floats) -> Floats:
     """Return the movement (n_feed, n_run, n_burn + 1, 2): flight, and from begin to a second after each burn."""
-    totals = np.empty((len(missions), len(missions[0].movement), len(burns) + 1, 2))
+    n_run = len(missions[0].movement)
+    n_interval = len(burns) + 1
+    totals = np.empty((len(missions), n_run, n_interval, 2))
     for feed, mission in enumerate(missions):
         totals[feed, :, 0] = mission.movement
+        last_index = mission.t.size - 1
         for number, (begin, end) in enumerate(burns, start=1):
-            first, last = np.minimum(np.searchsorted(mission.t, [begin, end + 1.0]), mission.t.size - 1)
+            insertions = np.searchsorted(mission.t, [begin, end + 1.0])
+            first, last = np.minimum(insertions, last_index)
             movement = mission.history[..., autopilot.MOVED]
             totals[feed, :, number] = movement[:, last] - movement[:, first]
     return totals
@@ -164,12 +170,15 @@ def _formal(launch: Launch, missions: Missions) -> Floats:
     """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate; NaN for a phase that is missing."""
     course = launch.course
     n_record = missions.t.size
-    every = max(1, round((course.t.size - 1) / n_record))
-    phase = course.phase[:-1:every][:n_record]
+    n_tick = course.t.size - 1
+    ticks_per_record = max(1, round(n_tick / n_record))
+    phase = course.phase[:-1:ticks_per_record][:n_record]
     sigma = np.full((2, autopilot.N_PHASE), np.nan)
     for number in np.unique(phase):
-        formal = missions.history[:, phase == number, :, autopilot.FORMAL]
-        sigma[:, number] = np.sqrt(np.mean(formal**2, axis=(0, 1)))
+        in_phase = phase == number
+        formal = missions.history[:, in_phase, :, autopilot.FORMAL]
+        mean_square = np.mean(formal**2, axis=(0, 1))
+        sigma[:, number] = np.sqrt(mean_square)
     return sigma
 
 
@@ -187,19 +196,29 @@ def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, F
     """
     run = fly_missions(launch, feedback, 1, seed, every=1)
     per_bin = max(1, round(_BIN * launch.imu.rate))
-    n_bin = int(np.sum(run.t <= SHOWN)) // per_bin
+    n_shown = int(np.sum(run.t <= SHOWN))
+    n_bin = n_shown // per_bin
     n_tick = n_bin * per_bin
-    ticks = run.history[0, :n_tick].reshape(n_bin, per_bin, 2, -1)
+    first_run = run.history[0, :n_tick]
+    ticks = first_run.reshape(n_bin, per_bin, 2, -1)
     shown = np.empty((n_bin, 2, 4))
     for axis in range(2):
         motion = ticks[:, :, axis]
-        shown[:, axis, :2] = _furthest(motion[..., autopilot.TURNING], motion[..., autopilot.TURNING_BOUND])
-        shown[:, axis, 2:] = _furthest(motion[..., autopilot.JERK], motion[..., autopilot.JERK_BOUND])
-    return run.t[:n_tick:per_bin], shown
+        turning = motion[..., autopilot.TURNING]
+        turning_bound = motion[..., autopilot.TURNING_BOUND]
+        jerk = motion[..., autopilot.JERK]
+        jerk_bound = motion[..., autopilot.JERK_BOUND]
+        shown[:, axis, :2] = _furthest(turning, turning_bound)
+        shown[:, axis, 2:] = _furthest(jerk, jerk_bound)
+    t = run.t[:n_tick:per_bin]
+    return t, shown
 
 
 def _furthest(values: Floats, bounds: Floats) -> Floats:
     """Return value and bound (n_bin, 2) of the tick of each bin that is furthest out; arguments (n_bin, n_tick)."""
     bins = np.arange(len(values))
-    tick = np.argmax(np.abs(values) / bounds, axis=1)
-    return np.stack([values[bins, tick], bounds[bins, tick]], axis=1)
+    ratio = np.abs(values) / bounds
+    tick = np.argmax(ratio, axis=1)
+    furthest_value = values[bins, tick]
+    furthest_bound = bounds[bins, tick]
+    return np.stack([furthest_value, furthest_bound], axis=1)

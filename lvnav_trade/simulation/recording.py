@@ -47,8 +47,10 @@ def _extra_errors(work, shared, model):
     for e in range(model.extra_offset.shape[0]):
         work.x[model.extra_offset[e]] = -work.extra[e]
     for p in range(shared.error_of.shape[0]):
-        state = model.extra_offset[shared.state_of[p]]
-        work.x[state] = work.x[state] + work.shared[shared.error_of[p]]
+        extra_state = shared.state_of[p]
+        state = model.extra_offset[extra_state]
+        error = shared.error_of[p]
+        work.x[state] = work.x[state] + work.shared[error]
 
 
 @jit
@@ -63,7 +65,11 @@ def _motion_error(x, nav, history, hist):
     hist : index of the history time
     """
     q = history.q[hist]
-    rx, ry, rz = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    q0 = nav[Q]
+    q1 = nav[Q + 1]
+    q2 = nav[Q + 2]
+    q3 = nav[Q + 3]
+    rx, ry, rz = small_rotation(q[0], q[1], q[2], q[3], q0, q1, q2, q3)
     x[ATT] = rx
     x[ATT + 1] = ry
     x[ATT + 2] = rz
@@ -118,17 +124,20 @@ def _record_motion(err, sigma, first, x, P, history, hist):
     for i in range(3):
         body_axis = (c[i], c[3 + i], c[6 + i])
         axis = (axes[i, 0], axes[i, 1], axes[i, 2])
-        _record_vector(err, sigma, first + ATT + i, x, P, ATT, body_axis)
+        output = first + i
+        _record_vector(err, sigma, output + ATT, x, P, ATT, body_axis)
         for state in (VEL, POS):
-            _record_vector(err, sigma, first + state + i, x, P, state, axis)
+            _record_vector(err, sigma, output + state, x, P, state, axis)
 
 
 @jit
 def _record_backup(work, backup, first, history, hist):
     """Write the errors of the backup strapdown (Backup, or None), from output `first` on."""
     if backup is not None:
+        err = work.err[hist]
+        sigma = work.sigma[hist]
         _motion_error(backup.x, backup.nav, history, hist)
-        _record_motion(work.err[hist], work.sigma[hist], first, backup.x, backup.P, history, hist)
+        _record_motion(err, sigma, first, backup.x, backup.P, history, hist)
 
 
 @jit
@@ -150,8 +159,11 @@ def _record_states(work, imus, history, shared, units, model, hist):
     _navigation_errors(x, work, history, model, hist)
     if model.clock >= 0:
         # the true clock is stepped at epochs; in between its bias changes by its drift
-        x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
-        x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
+        since = history.since[hist]
+        drift = work.clock[1]
+        bias = work.clock[0] + since * drift
+        x[model.clock] = bias - work.clock_hat[0]
+        x[model.clock + 1] = drift - work.clock_hat[1]
     _extra_errors(work, shared, model)
     add_relative_biases(work, imus, units)
     _record_motion(err, sigma, 0, x, P, history, hist)
@@ -171,12 +183,16 @@ def _check_failure(work, history, hist):
     x = work.x
     failed = work.failed[0]
     limit = history.limit * history.limit
+    rx = x[POS]
+    ry = x[POS + 1]
+    rz = x[POS + 2]
     # a covariance that is not a number makes the square not a number: neither within nor beyond the limit
-    square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
+    square = rx * rx + ry * ry + rz * rz + 0.0 * work.P[ATT, ATT]
     code = where(square > limit, 2.0, 1.0)
     first_code = where(failed > 0.0, failed, code)
     now = where(square <= limit, failed, first_code)
-    work.t_failed[0] = where((now > 0.0) & (failed == 0.0), history.t[hist], work.t_failed[0])
+    is_first_failure = (now > 0.0) & (failed == 0.0)
+    work.t_failed[0] = where(is_first_failure, history.t[hist], work.t_failed[0])
     work.failed[0] = now
 
 
@@ -184,9 +200,11 @@ def _check_failure(work, history, hist):
 def _motion_errors(work, motion, vehicle, tick):
     """Set the errors of the motion states at the tick that ends here (VehicleModel, or None)."""
     if vehicle is not None:
+        first_rate = vehicle.motion
+        first_force = first_rate + 3
         for i in range(3):
-            work.x[vehicle.motion + i] = vehicle.rate[tick, i] - motion.rate[i]
-            work.x[vehicle.motion + 3 + i] = vehicle.force[tick, i] - motion.force[i]
+            work.x[first_rate + i] = vehicle.rate[tick, i] - motion.rate[i]
+            work.x[first_force + i] = vehicle.force[tick, i] - motion.force[i]
 
 
 @jit
@@ -268,17 +286,20 @@ def _record_misses(work, transition_errors, history, model, hist):
     hist : index of the history time
     """
     if transition_errors is not None:
-        _navigation_errors(transition_errors.error[hist], work, history, model, hist)
+        errors = transition_errors.error[hist]
+        missed = transition_errors.missed[hist]
+        _navigation_errors(errors, work, history, model, hist)
         for i in range(model.n_state):
-            error = transition_errors.error[hist, i]
-            transition_errors.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
+            error = errors[i]
+            missed[i] = error - work.x[i] if hist > 0 else like(error, 0.0)
             work.x[i] = error
 
 
 @inlined
 def _record_errors(work, parts, case, open_loop, history, tick, hist):
     """Record the errors of all outputs; those of an open loop (OpenLoop, or None) with its correction applied."""
-    model, options = case.model, case.options
+    model = case.model
+    options = case.options
     if open_loop is not None:
         apply_correction(work, open_loop, parts.mode_state, model)
     _motion_errors(work, parts.motion, options.vehicle, tick)

@@ -61,9 +61,12 @@ def _initial_error(start, block, k0, k1, run):
     """
     n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
     root = start.roots[block]
-    x = root[0, 0] * n0 + root[0, 1] * n1 + root[0, 2] * n2
-    y = root[1, 0] * n0 + root[1, 1] * n1 + root[1, 2] * n2
-    z = root[2, 0] * n0 + root[2, 1] * n1 + root[2, 2] * n2
+    x_row = root[0]
+    y_row = root[1]
+    z_row = root[2]
+    x = x_row[0] * n0 + x_row[1] * n1 + x_row[2] * n2
+    y = y_row[0] * n0 + y_row[1] * n1 + y_row[2] * n2
+    z = z_row[0] * n0 + z_row[1] * n1 + z_row[2] * n2
     return x, y, z
 
 
@@ -82,11 +85,12 @@ def _begin_estimate(work, start, model, k0, k1, run):
     work.nav[Q + 1] = q1
     work.nav[Q + 2] = q2
     work.nav[Q + 3] = q3
+    zero = like(q0, 0.0)
     for i in range(6):
-        work.previous[i] = like(q0, 0.0)
-        work.remainder[i] = like(q0, 0.0)
+        work.previous[i] = zero
+        work.remainder[i] = zero
     for i in range(model.n_state):
-        work.x[i] = like(q0, 0.0)
+        work.x[i] = zero
         for j in range(model.n_state):
             work.P[i, j] = like(q0, start.P[i, j])
     processes.zero_all(work.par)
@@ -102,7 +106,9 @@ def _begin_receiver(work, signals, k0, k1, run):
     shared = signals.shared
     for m in range(shared.start.shape[0]):
         if not shared.given[m]:
-            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
+            source = shared.sources[m]
+            satellite = shared.satellites[m]
+            s0, _, _, _ = normals(k0, k1, source, run, _ZERO, satellite)
             work.shared[m] = shared.start[m] * s0
 
 
@@ -124,7 +130,11 @@ def from_errors(work, start, k0, k1, run):
         work.nav[R + i] = true[R + i] - dr[i]
     x, y, z = _initial_error(start, 0, k0, k1, run)
     e0, e1, e2, e3 = from_rotation(-x, -y, -z)
-    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, true[Q], true[Q + 1], true[Q + 2], true[Q + 3])
+    t0 = true[Q]
+    t1 = true[Q + 1]
+    t2 = true[Q + 2]
+    t3 = true[Q + 3]
+    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, t0, t1, t2, t3)
     return normalise(q0, q1, q2, q3)
 
 
@@ -140,7 +150,8 @@ def step_clock(clock, step, interval, jump, n0, n1):
     jump : (2,) m, m/s, jumps by faults
     n0, n1 : standard normals
     """
-    clock[0] = clock[0] + interval * clock[1] + step[0] * n0 + jump[0]
+    bias_noise = step[0] * n0
+    clock[0] = clock[0] + interval * clock[1] + bias_noise + jump[0]
     clock[1] = clock[1] + step[1] * n0 + step[2] * n1 + jump[1]
 
 
@@ -159,13 +170,17 @@ def _step_receiver(work, signals, word, epoch, key):
     k0, k1 = key
     run = work.run[0]
     n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
-    step_clock(work.clock, signals.clock_step, signals.interval, signals.clock_jump[epoch], n0, n1)
+    jump = signals.clock_jump[epoch]
+    step_clock(work.clock, signals.clock_step, signals.interval, jump, n0, n1)
     shared = signals.shared
     for m in range(shared.walk.shape[0]):
         walk = shared.walk[m]
         if walk > 0.0:
-            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, word, shared.satellites[m])
-            work.shared[m] = shared.decay[m] * work.shared[m] + walk * s0
+            source = shared.sources[m]
+            satellite = shared.satellites[m]
+            s0, _, _, _ = normals(k0, k1, source, run, word, satellite)
+            decayed = shared.decay[m] * work.shared[m]
+            work.shared[m] = decayed + walk * s0
 
 
 @jit
@@ -182,7 +197,8 @@ def _shared_error(work, shared, epoch, channel):
     for family in range(shared.member.shape[0]):
         m = shared.member[family, channel]
         if m >= 0:
-            total = total + shared.partial[family, epoch, channel] * work.shared[m]
+            partial = shared.partial[family, epoch, channel]
+            total = total + partial * work.shared[m]
     return total
 
 
@@ -201,7 +217,9 @@ def _begin_phases(work, further, signals, word, epoch, key):
     for s in range(further.ambiguity.shape[0]):
         m = further.ambiguity[s]
         if m >= 0 and further.restart[epoch, s]:
-            n0, _, _, _ = normals(k0, k1, shared.sources[m], work.run[0], word, shared.satellites[m])
+            source = shared.sources[m]
+            satellite = shared.satellites[m]
+            n0, _, _, _ = normals(k0, k1, source, work.run[0], word, satellite)
             work.shared[m] = shared.start[m] * n0
 
 
@@ -227,27 +245,30 @@ def _measure_further(work, last, further, signals, word, epoch, key):
     sigma = signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        m0, _, _, _ = normals(k0, k1, further.source, run, word, signals.words[s])
-        for kind in range(2, n_kind):
-            channel = n_kind * s + kind
+        satellite = signals.words[s]
+        m0, _, _, _ = normals(k0, k1, further.source, run, word, satellite)
+        for observable in range(2, n_kind):
+            channel = n_kind * s + observable
             value = work.ranges[slot, 0]
-            if further.is_phase[kind]:
-                true_phase = further.phase[epoch, s] + _shared_error(work, shared, epoch, channel)
+            if further.is_phase[observable]:
+                shared_error = _shared_error(work, shared, epoch, channel)
+                true_phase = further.phase[epoch, s] + shared_error
                 value = ranges.observe(true_phase, work.clock[0], sigma[channel], m0)
-            work.ranges[slot, kind] = value
-            if further.is_difference[kind]:
-                work.ranges[slot, kind] = value - last[s, kind]
-                last[s, kind] = value
+            work.ranges[slot, observable] = value
+            if further.is_difference[observable]:
+                work.ranges[slot, observable] = value - last[s, observable]
+                last[s, observable] = value
 
 
 @jit
 def _repeat(work, further, signals, epoch):
     """Set the differences of a frozen output to zero."""
     if further is not None:
+        zero = like(work.clock[0], 0.0)
         for slot in range(signals.n_used[epoch]):
-            for kind in range(2, further.is_phase.shape[0]):
-                if further.is_difference[kind]:
-                    work.ranges[slot, kind] = like(work.clock[0], 0.0)
+            for observable in range(2, further.is_phase.shape[0]):
+                if further.is_difference[observable]:
+                    work.ranges[slot, observable] = zero
 
 
 @jit
@@ -271,11 +292,16 @@ def _measure_ranges(work, n_kind, signals, word, epoch, key):
         s = signals.used[epoch, slot]
         range_channel = n_kind * s
         rate_channel = range_channel + 1
-        m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
-        true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, range_channel)
-        true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, rate_channel)
-        work.ranges[slot, 0] = ranges.observe(true_range, work.clock[0], sigma[range_channel], m0)
-        work.ranges[slot, 1] = ranges.observe(true_rate, work.clock[1], sigma[rate_channel], m1)
+        satellite = signals.words[s]
+        m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, satellite)
+        range_error = _shared_error(work, shared, epoch, range_channel)
+        rate_error = _shared_error(work, shared, epoch, rate_channel)
+        true_range = signals.range[epoch, s] + range_error
+        true_rate = signals.rate[epoch, s] + rate_error
+        range_sigma = sigma[range_channel]
+        rate_sigma = sigma[rate_channel]
+        work.ranges[slot, 0] = ranges.observe(true_range, work.clock[0], range_sigma, m0)
+        work.ranges[slot, 1] = ranges.observe(true_rate, work.clock[1], rate_sigma, m1)
 
 
 @jit
@@ -285,8 +311,9 @@ def _measure_directly(work, signals, word, epoch, key):
     run = work.run[0]
     shared = signals.shared
     sigma = signals.sigma[epoch]
-    p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
-    v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
+    source = signals.sources[2]
+    p0, p1, p2, _ = normals(k0, k1, source, run, word, _ZERO)
+    v0, v1, v2, _ = normals(k0, k1, source, run, word, _ONE)
     normal = (p0, p1, p2, v0, v1, v2)
     for i in range(6):
         true_value = signals.position[epoch, i] if i < 3 else signals.velocity[epoch, i - 3]
@@ -322,7 +349,9 @@ def _sensor_error(work, signals, epoch, channel, normal):
     epoch, channel : indices; the channel is an index of the measured channels, as in `signals.sigma`
     normal : standard normal draw
     """
-    return signals.sigma[epoch, channel] * normal + _shared_error(work, signals.shared, epoch, channel)
+    noise = signals.sigma[epoch, channel] * normal
+    shared_error = _shared_error(work, signals.shared, epoch, channel)
+    return noise + shared_error
 
 
 @jit
@@ -349,10 +378,11 @@ def measure_sensors(work, imus, sensors, units, signals, key, epoch):
                 n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], run, word, _ZERO)
                 channel = sensors.channel[k] + signals.shift
                 count = sensors.scalars[k]
+                truth = sensors.truth[k, epoch]
                 e0 = _sensor_error(work, signals, epoch, channel, n0)
                 e1 = _sensor_error(work, signals, epoch, channel + 1, n1) if count > 1 else zero
                 e2 = _sensor_error(work, signals, epoch, channel + 2, n2) if count > 2 else zero
-                measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
+                measure(work.observed[k], sensors.code[k], truth, e0, e1, e2)
                 take_difference(work, imus, units, k)
 
 
@@ -360,7 +390,8 @@ def measure_sensors(work, imus, sensors, units, signals, key, epoch):
 def _observe_further(work, last, case, further, key, epoch):
     """Set the further observables of satellites (FurtherObservables, or None)."""
     if further is not None:
-        _measure_further(work, last, further, case.signals, np.uint64(epoch + 1), epoch, key)
+        word = np.uint64(epoch + 1)
+        _measure_further(work, last, further, case.signals, word, epoch, key)
 
 
 @jit

@@ -122,7 +122,8 @@ def _entered_channels(prepared: Prepared, block: ExtraBlock, partial: Floats) ->
     if np.isinf(block.time_constant) and block.walk == 0.0:
         for name in prepared.scenario.filter.differences:
             channels = prepared.channels.of(name)
-            enters[channels] &= np.any(np.diff(partial[:, channels], axis=0) != 0.0, axis=0)
+            difference = np.diff(partial[:, channels], axis=0)
+            enters[channels] &= np.any(difference != 0.0, axis=0)
     return enters
 
 
@@ -155,11 +156,11 @@ def _unused_noise_factors(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if solves(scenario):
         receiver_measurements = RANGES if smoothing_of(scenario) is None else (*RANGES, "carrier_phase")
         observables = []
-    for path, tables, taken in (
+    for path, tables, measurements in (
         ("receiver", scenario.receiver.noise_by, receiver_measurements),
         ("filter.receiver", filter_tables, observables),
     ):
-        for number in idle_tables(tables, taken):
+        for number in idle_tables(tables, measurements):
             yield f"{path}.noise_by.{number}", "no effect: none of these measurements is taken"
 
 
@@ -215,7 +216,8 @@ def _unnoticed_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
         without = scenario.model_copy(update={"faults": remaining})
         sky = seen_in(without, prepared.trajectory, prepared.t_epoch, start)
         if np.array_equal(sky.tracked, prepared.sky.tracked):
-            most = int(sky.tracked.sum(axis=1).max(initial=0))
+            n_tracked = sky.tracked.sum(axis=1)
+            most = int(n_tracked.max(initial=0))
             yield f"faults.{number}", _no_loss(fault, len(sky.names), most)
 
 

@@ -147,13 +147,16 @@ def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
     """Return the indices of the outputs of each quantity that has exactly three axes, by name of the quantity."""
     by_quantity: dict[str, list[int]] = {}
     for index, output in enumerate(outputs):
-        by_quantity.setdefault(output.quantity, []).append(index)
+        indices = by_quantity.setdefault(output.quantity, [])
+        indices.append(index)
     return {quantity: indices for quantity, indices in by_quantity.items() if len(indices) == 3}
 
 
 def columns(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
     """Return the outputs, followed by one `Output` with axis "3d" per three-axis quantity."""
-    norms = [outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values()]
+    groups = norm_groups(outputs)
+    first_of_group = [outputs[indices[0]] for indices in groups.values()]
+    norms = [output._replace(axis=NORM) for output in first_of_group]
     return (*outputs, *norms)
 
 
@@ -162,7 +165,8 @@ def add_norms(components: Floats, outputs: tuple[Output, ...]) -> Floats:
     columns = [components]
     for indices in norm_groups(outputs).values():
         square = np.sum(components[..., indices] ** 2, axis=-1)
-        columns.append(np.sqrt(square)[..., None])
+        norm = np.sqrt(square)
+        columns.append(norm[..., None])
     return np.concatenate(columns, axis=-1)
 
 
@@ -231,7 +235,8 @@ def summarise(
 def _failure_codes(block: RunBlock) -> NDArray[np.int8]:
     """Return the failure codes of the runs; a run with an error that is not finite has failed."""
     is_finite = np.isfinite(block.err).all(axis=(1, 2))
-    return np.where(is_finite | (block.failed != 0), block.failed, NOT_FINITE)
+    has_failed = block.failed != 0
+    return np.where(is_finite | has_failed, block.failed, NOT_FINITE)
 
 
 def _counted_times(block: RunBlock, failed: NDArray[np.int8]) -> tuple[Floats, Bools | None, Bools | None]:
@@ -239,7 +244,9 @@ def _counted_times(block: RunBlock, failed: NDArray[np.int8]) -> tuple[Floats, B
     until = _sound_until(block, failed)
     if until is None:
         return np.full(len(failed), np.inf), None, None
-    return until, block.t < until[:, None], block.t_epoch < until[:, None]
+    counts_at_history = block.t < until[:, None]
+    counts_at_epochs = block.t_epoch < until[:, None]
+    return until, counts_at_history, counts_at_epochs
 
 
 def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
@@ -247,9 +254,13 @@ def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
     if not failed.any():
         return None
     finite = np.all(np.isfinite(block.err), axis=2)
-    first_bad = np.where(np.all(finite, axis=1), np.inf, block.t[np.argmin(finite, axis=1)])
-    stated = np.where(np.isnan(block.t_failed), np.inf, block.t_failed)
-    return np.asarray(np.where(failed == 0, np.inf, np.minimum(first_bad, stated)))
+    all_finite = np.all(finite, axis=1)
+    first_time = block.t[np.argmin(finite, axis=1)]
+    first_bad = np.where(all_finite, np.inf, first_time)
+    has_no_time = np.isnan(block.t_failed)
+    t_failed = np.where(has_no_time, np.inf, block.t_failed)
+    end = np.minimum(first_bad, t_failed)
+    return np.asarray(np.where(failed == 0, np.inf, end))
 
 
 def _counted(values: Any, alive: Bools | None) -> Any:
@@ -269,7 +280,8 @@ def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
 
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
     """Return the indices (n_event,) of the history times of events; ValueError if an event is at none."""
-    index = np.clip(np.searchsorted(t, t_event - 1e-9), 0, len(t) - 1)
+    insertion = np.searchsorted(t, t_event - 1e-9)
+    index = np.clip(insertion, 0, len(t) - 1)
     for name, t_wanted, nearest in zip(names, t_event, t[index], strict=True):
         if abs(t_wanted - nearest) > 1e-6:
             raise ValueError(f"event {name} at {t_wanted} s is not a history time (nearest after it {nearest} s)")
@@ -302,7 +314,8 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     joined_names = _PER_RUN + _ROWS if rows else _PER_RUN
     joined = {name: [getattr(first, name)] for name in joined_names}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
-    first = first._replace(**none, bins=first.bins[:0].copy())  # frees the bins of the first part
+    no_bins = first.bins[:0].copy()
+    first = first._replace(**none, bins=no_bins)  # frees the bins of the first part
     bins = []
     for part in stream:
         _check_follows(first, joined["runs"][-1], part)
@@ -323,8 +336,8 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
 def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -> None:
     if part.first_run <= runs_before[-1]:
         raise ValueError(f"run {part.first_run} is in two parts, or the parts are not in run order")
-    is_same = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
-    if not is_same or first.events != part.events:
+    is_same_history = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
+    if not is_same_history or first.events != part.events:
         raise ValueError(f"the part that starts at run {part.first_run} belongs to another history")
 
 
@@ -372,12 +385,17 @@ def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
     probabilities
         Probabilities of the quantiles, between 0 and 1.
     """
-    ranks = [max(1, int(np.ceil(probability * summary.n_run - 1e-9))) for probability in probabilities]
-    bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)
-    for k, histogram in enumerate(counts(summary)):  # one time after another: cumulated, they are as large again
+    n_run = summary.n_run
+    ranks = [max(1, int(np.ceil(probability * n_run - 1e-9))) for probability in probabilities]
+    shape = (len(ranks), *summary.total.shape)
+    bins = np.empty(shape, dtype=np.int64)
+    for k, histogram in enumerate(counts(summary)):  # time by time: the cumulated counts are as large again
         cumulated = np.cumsum(histogram, axis=-1, dtype=np.uint32)
         for number, rank in enumerate(ranks):
-            bins[number, k] = np.argmax(cumulated >= rank, axis=-1)
-    centre = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
-    values = np.where(bins == N_BIN - 1, np.inf, centre)
+            is_reached = cumulated >= rank
+            bins[number, k] = np.argmax(is_reached, axis=-1)
+    magnitude = np.exp((bins - 0.5) * BIN)
+    centre = summary.scale * LOWEST * magnitude
+    is_last_bin = bins == N_BIN - 1
+    values = np.where(is_last_bin, np.inf, centre)
     return list(np.where(bins == 0, 0.0, values))

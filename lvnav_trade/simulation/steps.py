@@ -57,7 +57,9 @@ def _advance(work, parts, case, vehicle, w):
     if vehicle is not None:
         sample_window(work, parts, case, None, None, w)
     else:
-        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, case.tick)
+        gyro = work.tables[0]
+        accel = work.tables[1]
+        processes.compensate(work.increments, n_tick, gyro, accel, model.biases_only, case.tick)
         algorithm = model.strapdown
         n_step = n_tick // algorithm.subsamples
         mechanise(work.nav, work.sums, work.previous, work.increments, n_step, case.step, algorithm, start)
@@ -75,7 +77,13 @@ def propagate(work, parts, case, w):
     case : FilterCase
     w : index of the window
     """
-    schedule, model, options = case.schedule, case.model, case.options
+    schedule = case.schedule
+    model = case.model
+    options = case.options
+    previous_epoch = parts.previous_epoch
+    sigma_points = parts.sigma_points
+    open_loop = parts.open_loop
+    gravity = model.strapdown.gravity
     length = schedule.length[w]
     injection = schedule.injection[w]
     linearised = schedule.linearised[w]
@@ -84,16 +92,16 @@ def propagate(work, parts, case, w):
     seconds = model.seconds[length]
     linearise(work.rates, work.nav, linearised)  # at the state before the window
     advance_backup(parts.backup, work, model, n_tick, case.step, start)
-    hold_window(parts.sigma_points, work, n_tick)
+    hold_window(sigma_points, work, n_tick)
     _advance(work, parts, case, options.vehicle, w)  # compensates the increments in place
     linearised_sums(work.rates, work.sums, seconds, linearised)
-    propagate_estimate(work, case, parts.sigma_points, parts.open_loop, w)  # fills the transition that the others use
+    propagate_estimate(work, case, sigma_points, open_loop, w)  # fills the transition that the others use
     inform(work.P, parts.units, options.units, model, seconds)
-    accumulate_transition(parts.previous_epoch, options.delayed, work.D, work.sums, model, length, injection)
+    accumulate_transition(previous_epoch, options.delayed, work.D, work.sums, model, length, injection)
     predict_backup(parts.backup, work, model, length, injection)
-    propagate_open_loop(work, parts.sigma_points, parts.open_loop, model, length, linearised)
+    propagate_open_loop(work, sigma_points, open_loop, model, length, linearised)
     propagate_held(work, parts.mode_state, options.rules, model, length)
-    keep(parts.state_history, work.nav, work.previous, work.x, options.late, w, case.step, model.strapdown.gravity)
+    keep(parts.state_history, work.nav, work.previous, work.x, options.late, w, case.step, gravity)
 
 
 @jit
@@ -109,11 +117,12 @@ def _count_samples(work, motion, vehicle, model, epoch):
     epoch : index
     """
     if vehicle is not None:
-        at = model.n_entry.shape[0]
+        first_channel = model.n_entry.shape[0]
         for i in range(N_SAMPLE):
             normalised = motion.residual[i] * sqrt(motion.weight[i])
-            work.innovation[epoch, at + i] = normalised
-            work.nis[epoch] = work.nis[epoch] + normalised * normalised
+            square = normalised * normalised
+            work.innovation[epoch, first_channel + i] = normalised
+            work.nis[epoch] = work.nis[epoch] + square
             work.n_row[epoch] = work.n_row[epoch] + 1.0
 
 
@@ -135,9 +144,11 @@ def update(work, parts, case, epoch):
     epoch : index
     """
     options = case.options
+    open_loop = parts.open_loop
+    state_history = parts.state_history
     hold_correction(parts.mode_state, options.rules, work.x)
-    process_epoch(work, parts, case, None, parts.open_loop, case.sensors, options.rules, epoch)
+    process_epoch(work, parts, case, None, open_loop, case.sensors, options.rules, epoch)
     correct_vehicle(work, parts.motion, case.model, options.vehicle)
-    apply_feedback(work, parts.state_history, parts.open_loop, options.late, case.model)
+    apply_feedback(work, state_history, open_loop, options.late, case.model)
     end_epoch(work, parts, case, epoch)
-    clone_open_loop(work.x, parts.state_history, parts.open_loop, options.late, options.delayed, epoch)
+    clone_open_loop(work.x, state_history, open_loop, options.late, options.delayed, epoch)

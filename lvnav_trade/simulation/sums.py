@@ -135,8 +135,14 @@ def add_errors(
     row
         (n, n_column). Scratch.
     """
-    total, squares, sigma_squares, bins = sums.total, sums.squares, sums.sigma_squares, sums.bins
-    worst, mean_square, t, at = sums.worst, sums.mean_square, spans.t, spans.at
+    total = sums.total
+    squares = sums.squares
+    sigma_squares = sums.sigma_squares
+    bins = sums.bins
+    worst = sums.worst
+    mean_square = sums.mean_square
+    t = spans.t
+    edges = spans.at
     n_run, n, _ = error.shape
     n_column = row.shape[1]
     n_span = worst.shape[1]
@@ -145,23 +151,28 @@ def add_errors(
         n_cell = counted[run] * n_column
         _with_norms(sigma[run], groups, row)
         for cell in range(n_cell):
-            sigma_squares[cell] += flat[cell] * flat[cell]
+            cell_sigma = flat[cell]
+            sigma_squares[cell] += cell_sigma * cell_sigma
         _with_norms(error[run], groups, row)
         for cell in range(n_cell):
-            total[cell] += flat[cell]
-            squares[cell] += flat[cell] * flat[cell]
+            cell_error = flat[cell]
+            total[cell] += cell_error
+            squares[cell] += cell_error * cell_error
         _find_bins(flat[:n_cell], size.unit, size.width, size.number, bins[run])
         bins[run, n_cell:] = size.number - 1
         for span in range(n_span):
-            for k in range(at[span], at[span + 1] + 1):
+            first = edges[span]
+            last = edges[span + 1]
+            for k in range(first, last + 1):
                 for c in range(n_column):
                     magnitude = abs(row[k, c])
                     if magnitude > worst[run, span, c] or magnitude != magnitude:  # not-a-number is propagated
                         worst[run, span, c] = magnitude
-            for k in range(at[span], at[span + 1]):
+            for k in range(first, last):
                 step = t[k + 1] - t[k]
                 for c in range(n_column):
-                    mean_square[run, span, c] += step * (row[k + 1, c] ** 2 + row[k, c] ** 2) / 2.0
+                    sum_of_squares = row[k + 1, c] ** 2 + row[k, c] ** 2
+                    mean_square[run, span, c] += step * sum_of_squares / 2.0
 
 
 @jit
@@ -185,7 +196,8 @@ def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
             x = values[k, groups[g, 0]]
             y = values[k, groups[g, 1]]
             z = values[k, groups[g, 2]]
-            row[k, n_out + g] = np.sqrt(x * x + y * y + z * z)
+            square = x * x + y * y + z * z
+            row[k, n_out + g] = np.sqrt(square)
 
 
 @jit
@@ -206,8 +218,10 @@ def _find_bins(error: Floats, unit: Floats, width: float, n_bin: int, bins: Ints
         (n,) or longer. Set here.
     """
     for cell in range(len(error)):
-        place = log_unit(abs(error[cell]) / unit[cell]) / width
-        bins[cell] = int(min(max(place + 1.0, 0.0), n_bin - 1.0))
+        relative_error = abs(error[cell]) / unit[cell]
+        place = log_unit(relative_error) / width
+        at_least_first = max(place + 1.0, 0.0)
+        bins[cell] = int(min(at_least_first, n_bin - 1.0))
 
 
 @jit
@@ -251,19 +265,22 @@ def lag_products(block: RunBlock, until: Floats, n_lag: int) -> tuple[Floats, In
     """
     innovation = np.ascontiguousarray(block.innovation)
     _, n_epoch, n_channel = innovation.shape
-    used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
-    n_used = len(used)
+    has_innovation = np.isfinite(innovation).any(axis=(0, 1))
+    channels = np.flatnonzero(has_innovation)
+    n_used = len(channels)
+    by_lag = (n_lag, n_used)
+    by_epoch = (n_epoch, n_used)
     sums = LagSums(
-        total=np.zeros((n_lag, n_used)),
-        number=np.zeros((n_lag, n_used)),
-        value=np.zeros((n_epoch, n_used)),
-        there=np.zeros((n_epoch, n_used)),
-        count_of_run=np.zeros((n_lag, n_used)),
+        total=np.zeros(by_lag),
+        number=np.zeros(by_lag),
+        value=np.zeros(by_epoch),
+        there=np.zeros(by_epoch),
+        count_of_run=np.zeros(by_lag),
     )
-    add_lags(innovation, block.t_epoch, until, used, sums)
+    add_lags(innovation, block.t_epoch, until, channels, sums)
     total, count = np.zeros((2, n_lag, n_channel))
-    total[:, used] = sums.total
-    count[:, used] = sums.number
+    total[:, channels] = sums.total
+    count[:, channels] = sums.number
     return total, count.astype(np.int64)
 
 
@@ -284,24 +301,26 @@ def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums:
     sums
         Sums, updated in place.
     """
-    total, number, value, there, count_of_run = sums
+    total, number, value, presence, count_of_run = sums
     n_run, n, _ = innovation.shape
     for run in range(n_run):
         is_other = run == 0  # most runs have their innovations at the same epochs
         for k in range(n):
             for c in range(len(channels)):
                 e = innovation[run, k, channels[c]]
-                is_there = np.isfinite(e) and t[k] < until[run]
-                value[k, c] = e if is_there else 0.0
-                is_other |= is_there != (there[k, c] == 1.0)
-                there[k, c] = 1.0 if is_there else 0.0
+                is_present = np.isfinite(e) and t[k] < until[run]
+                was_present = presence[k, c] == 1.0
+                value[k, c] = e if is_present else 0.0
+                is_other |= is_present != was_present
+                presence[k, c] = 1.0 if is_present else 0.0
         if is_other:
             count_of_run[:] = 0.0
         for lag in range(min(len(total), n)):
             for k in range(lag, n):
-                _add_products(value[k - lag], value[k], total[lag])
+                earlier = k - lag
+                _add_products(value[earlier], value[k], total[lag])
                 if is_other:
-                    _add_products(there[k - lag], there[k], count_of_run[lag])
+                    _add_products(presence[earlier], presence[k], count_of_run[lag])
         number += count_of_run
 
 

@@ -105,7 +105,9 @@ def _store_estimate_error(work, receiver, solution_error, filtering, point_model
         state = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
         estimate = receiver.fix[i] if filtering is None else receiver.nav[state]
         true = like(estimate, point[i]) if i < 6 else work.clock[i - 6]
-        solution_error.error[state] = where(valid, true - estimate, solution_error.error[state])
+        error = true - estimate
+        last_error = solution_error.error[state]
+        solution_error.error[state] = where(valid, error, last_error)
 
 
 @jit
@@ -132,14 +134,17 @@ def _store_point_covariance(P, inverse, point_model, valid):
     point_model : variances of ranges (m^2) and rates (m^2/s^2)
     valid : condition by lane, whether there is a solution
     """
+    range_variance = point_model.range_variance
+    rate_variance = point_model.rate_variance
     for i in range(4):
         row = RX_POS + i if i < 3 else RX_BIAS
         rate_row = RX_VEL + i if i < 3 else RX_DRIFT
         for j in range(4):
             column = RX_POS + j if j < 3 else RX_BIAS
             rate_column = RX_VEL + j if j < 3 else RX_DRIFT
-            by_range = point_model.range_variance * inverse[i, j]
-            by_rate = point_model.rate_variance * inverse[i, j]
+            dilution = inverse[i, j]
+            by_range = range_variance * dilution
+            by_rate = rate_variance * dilution
             P[row, column] = where(valid, by_range, P[row, column])
             P[rate_row, rate_column] = where(valid, by_rate, P[rate_row, rate_column])
 
@@ -148,11 +153,15 @@ def _store_point_covariance(P, inverse, point_model, valid):
 def _store_covariance(joint, solved, epoch):
     """Store the error covariance of the last solution by source, and its mean (Joint, or None)."""
     if joint is not None and solved[epoch]:
-        out, state, true = joint.out, joint.state, joint.true
+        out = joint.out
+        state = joint.state
+        true = joint.true
         first = true.solution
         n = out.held_mean.shape[0]
         for source in range(true.group.shape[0]):
-            P = state.sources[true.group[source], ..., true.lane[source]]
+            g = true.group[source]
+            lane = true.lane[source]
+            P = state.sources[g, ..., lane]
             for i in range(n):
                 for j in range(n):
                     out.held[source, i, j] = P[first + i, first + j]

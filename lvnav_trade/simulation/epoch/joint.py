@@ -90,7 +90,9 @@ def _enter_component(state, scratch, true, c, a):
     variance = state.variance[g, slot, 0, lane]
     for i in range(gain.shape[0]):
         shift[i] = -a * gain[i]
-    enter(state.sources[g, ..., lane], state.cross[g, slot, ..., lane], variance, shift, 0)
+    P = state.sources[g, ..., lane]
+    cross = state.cross[g, slot, ..., lane]
+    enter(P, cross, variance, shift, 0)
     covariance = scratch.seen[g, slot, 0, lane]  # Cov(h x, c)
     return 2.0 * a * covariance + a * a * variance
 
@@ -127,7 +129,9 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
     measured = measured_channel(signals, channel)
     block = true.shared_family[family]
     modelled = signals.partial[block, epoch, channel] if block >= 0 else 0.0
-    return shared.member[family, measured], shared.partial[family, epoch, measured] - modelled
+    component = shared.member[family, measured]
+    partial = shared.partial[family, epoch, measured]
+    return component, partial - modelled
 
 
 @jit
@@ -149,7 +153,8 @@ def _update_shared(state, scratch, h, signals, true, epoch, channel, whitened):
     for family in range(n_entering(signals, whitened)):
         m, a = component_partial(h, signals, true, family, epoch, channel, whitened)
         if m >= 0 and a != 0.0:
-            total += _enter_component(state, scratch, true, true.first_shared + m, a)
+            component = true.first_shared + m
+            total += _enter_component(state, scratch, true, component, a)
     return total
 
 
@@ -191,7 +196,8 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
     for g in range(true.n_slot.shape[0]):
         P = group(state.sources, g)
         spread = whole(scratch.spread)
-        spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0])
+        noise_by_source = group(scratch.noise, g)[0, 0]
+        spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, noise_by_source)
         total += total_of(scratch.spread)
         cross = group(state.cross, g)
         predicted = group(scratch.seen, g)
@@ -217,7 +223,9 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     epoch, channel : indices
     whitened : whether the measurement is from a decorrelated solution
     """
-    state, scratch, true = joint.state, joint.scratch, joint.true
+    state = joint.state
+    scratch = joint.scratch
+    true = joint.true
     gain = scratch.gain
     n_entry = true.n_entry[channel]
     entries = true.entry[place, channel, :n_entry]
@@ -230,9 +238,10 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     total += _update_shared(state, scratch, h, signals, true, epoch, channel, whitened)
     total += _update_imus(state, scratch, true, epoch, channel)
     # mean error after the update: (I - k h) m - k z, z the deterministic innovation; h m + z is the mean innovation
-    offset = update_vector(state.mean, gain, h, entries, columns) + innovation
+    mean = state.mean
+    offset = update_vector(mean, gain, h, entries, columns) + innovation
     for i in range(gain.shape[0]):
-        state.mean[i] -= gain[i] * innovation
+        mean[i] -= gain[i] * innovation
     return total + offset * offset
 
 
@@ -279,7 +288,9 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
         _correct_clones(gain, joint.true.clone, late)
         whitened = has_reported_covariance(model, channel)
         place = place_of_channel(late, channel, epoch)
-        square = _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, channel, whitened)
+        h = work.H[row]
+        innovation = work.z[row]
+        square = _update_truth(joint, h, innovation, case.signals, place, epoch, channel, whitened)
         _clear(work.x)
         square = square * weight  # expected square of the normalised innovation
         out.expected_nis[epoch] += square
@@ -309,9 +320,12 @@ def follow_clock(joint, work, case, weight, epoch, row, kind):
         gain = joint.scratch.gain
         for i in range(gain.shape[0]):
             gain[i] = model.clock_gain[kind, i] if i < model.n_state else 0.0
-        channel = model.n_kind * signals.used[epoch, row // model.n_kind] + kind
+        satellite = signals.used[epoch, row // model.n_kind]
+        channel = model.n_kind * satellite + kind
         place = place_of_channel(case.options.late, channel, epoch)
-        _update_truth(joint, work.H[row], work.z[row], signals, place, epoch, channel, False)
+        h = work.H[row]
+        innovation = work.z[row]
+        _update_truth(joint, h, innovation, signals, place, epoch, channel, False)
         _clear(work.x)
 
 
@@ -339,7 +353,9 @@ def start_joint(joint, work, case, mode_state, rules, epoch):
                 for i in range(gain.shape[0]):
                     gain[i] = 1.0 if i == state else 0.0
                 place = place_of_channel(case.options.late, row, epoch)
-                _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, row, whitened)
+                h = work.H[row]
+                innovation = work.z[row]
+                _update_truth(joint, h, innovation, case.signals, place, epoch, row, whitened)
 
 
 @jit
@@ -357,7 +373,9 @@ def innovation_of(joint, work, late, epoch, row, channel):
     """
     if joint is None:
         return work.z[row]
-    return work.z[row] + _mean_innovation(joint, work.H[row], place_of_channel(late, channel, epoch), channel)
+    place = place_of_channel(late, channel, epoch)
+    mean_innovation = _mean_innovation(joint, work.H[row], place, channel)
+    return work.z[row] + mean_innovation
 
 
 @jit

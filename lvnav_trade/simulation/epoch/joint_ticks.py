@@ -58,7 +58,8 @@ def _fill_array_partials(a, true, units, tick, dt):
                 u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
                 for i in range(3):
                     share = lasting_share(units, tick, triad, sensor, i, c)
-                    a[g, slot + c, 3 * sensor + i, lane] = share * u
+                    sample = 3 * sensor + i
+                    a[g, slot + c, sample, lane] = share * u
 
 
 @jit
@@ -73,7 +74,9 @@ def lasting_share(units, tick, triad, sensor, i, c):
     i, c : axis of the combined triad, sensing axis of the triad
     """
     stage = units.stage[tick]
-    return units.solved[stage, triad, sensor, i, c] * units.noisy[stage, sensor, 0, i]
+    weight = units.solved[stage, triad, sensor, i, c]
+    lasting_factor = units.noisy[stage, sensor, 0, i]
+    return weight * lasting_factor
 
 
 @jit
@@ -91,11 +94,12 @@ def tick_input(units, triad, sensor, c, driver, tick, dt):
     """
     a = units.dtheta[triad, tick]
     f = units.dvel[triad, tick]
-    angle = (a[0] / dt, a[1] / dt, a[2] / dt)
+    rate = (a[0] / dt, a[1] / dt, a[2] / dt)
     force = (f[0] / dt, f[1] / dt, f[2] / dt)
+    frames = units.frames[triad]
     if sensor == GYRO:
-        return unit_input(units.frames[triad], c, driver, angle, force)
-    return unit_input(units.frames[triad], c, driver, force, angle)
+        return unit_input(frames, c, driver, rate, force)
+    return unit_input(frames, c, driver, force, rate)
 
 
 @jit
@@ -118,7 +122,8 @@ def _add_array_profiles(z, true, unit, units, tick, t):
             solved = units.solved[stage, triad, sensor]
             for c in range(3):
                 u = tick_input(units, triad, sensor, c, true.driver[j], tick, unit.dt)
-                value = u * profile_value(unit, profile, c, t)
+                parameter = profile_value(unit, profile, c, t)
+                value = u * parameter
                 for i in range(3):
                     z[3 * sensor + i] += solved[i, c] * value
 
@@ -152,9 +157,12 @@ def _fill_partials(a, true, vehicle, tick):
             component = true.first[j]
             source = true.source[component]
             slot = true.slot[component]
+            g = true.group[source]
+            lane = true.lane[source]
             u = sensed_driver(sensor, true.driver[j], rate, force)
             for axis in range(3):
-                a[true.group[source], slot + axis, 3 * sensor + axis, true.lane[source]] = u[axis]
+                sample = 3 * sensor + axis
+                a[g, slot + axis, sample, lane] = u[axis]
 
 
 @jit
@@ -174,9 +182,12 @@ def _add_profiles(z, true, unit, reference, tick, t):
         if profile >= 0 and true.sampled[j]:
             sensor = true.sensor[j]
             increment = reference.dtheta[tick] if sensor == GYRO else reference.dvel[tick]
+            driver = true.driver[j]
+            first = 3 * sensor
             for axis in range(3):
-                u = 1.0 if true.driver[j] == CONSTANT else increment[axis] / unit.dt
-                z[3 * sensor + axis] += u * profile_value(unit, profile, axis, t)
+                u = 1.0 if driver == CONSTANT else increment[axis] / unit.dt
+                parameter = profile_value(unit, profile, axis, t)
+                z[first + axis] += u * parameter
 
 
 @jit
@@ -191,9 +202,14 @@ def deviations(z, true, unit, units, reference, tick):
     reference : Reference, true motion
     tick : index
     """
+    dt = unit.dt
+    sensed_angle = unit.dtheta[tick]
+    sensed_velocity = unit.dvel[tick]
+    true_angle = reference.dtheta[tick]
+    true_velocity = reference.dvel[tick]
     for i in range(3):
-        z[i] = (unit.dtheta[tick, i] - reference.dtheta[tick, i]) / unit.dt
-        z[3 + i] = (unit.dvel[tick, i] - reference.dvel[tick, i]) / unit.dt
+        z[i] = (sensed_angle[i] - true_angle[i]) / dt
+        z[3 + i] = (sensed_velocity[i] - true_velocity[i]) / dt
     t = unit.start + unit.dt * (tick + 0.5)
     if units is None:
         _add_profiles(z, true, unit, reference, tick, t)
@@ -218,15 +234,20 @@ def nominal_tick(sums, reference, tick, dt):
     f = reference.dvel[tick]
     c = matrix(q[0], q[1], q[2], q[3])
     c_end = matrix(q_end[0], q_end[1], q_end[2], q_end[3])
+    fx = f[0]
+    fy = f[1]
+    fz = f[2]
     # velocity gained in the axes at the start of the tick: f + a x f / 2
-    rx, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
-    gx = f[0] + 0.5 * rx
-    gy = f[1] + 0.5 * ry
-    gz = f[2] + 0.5 * rz
+    rx, ry, rz = cross(a[0], a[1], a[2], fx, fy, fz)
+    gx = fx + 0.5 * rx
+    gy = fy + 0.5 * ry
+    gz = fz + 0.5 * rz
+    half_tick = 0.5 * dt
     for i in range(3):
         row = 3 * i
         for j in range(3):
-            sums[row + j] = 0.5 * dt * (c[row + j] + c_end[row + j])
+            entry = row + j
+            sums[entry] = half_tick * (c[entry] + c_end[entry])
         sums[9 + i] = c[row] * gx + c[row + 1] * gy + c[row + 2] * gz
 
 
@@ -242,9 +263,12 @@ def begin_tick(joint, motion, vehicle, tick):
         mean = joint.state.mean
         first = vehicle.motion
         if tick > 0:
+            previous = tick - 1
             for i in range(3):
-                mean[first + i] += rate[tick, i] - rate[tick - 1, i]
-                mean[first + 3 + i] += force[tick, i] - force[tick - 1, i]
+                rate_change = rate[tick, i] - rate[previous, i]
+                force_change = force[tick, i] - force[previous, i]
+                mean[first + i] += rate_change
+                mean[first + 3 + i] += force_change
         fill_samples(motion.h, vehicle.blocks, rate[tick], force[tick])
 
 
@@ -270,14 +294,20 @@ def _enter_component(P, y, through, seen, S, a, variance, gain):
     half = 0.5 * variance
     for i in range(n):
         t = through[i]
-        u = y[i] - half * through[i]
+        u = y[i] - half * t
         for j in range(i, n):
-            P[i, j] = P[i, j] - (t * (y[j] - half * through[j]) + u * through[j])
+            t_j = through[j]
+            u_j = y[j] - half * t_j
+            reduction = t * u_j + u * t_j
+            P[i, j] = P[i, j] - reduction
     for i in range(n):
         y[i] = y[i] - through[i] * variance
     for r in range(N_SAMPLE):
+        a_r = a[r]
+        seen_r = seen[r]
         for q in range(N_SAMPLE):
-            S[r, q] = S[r, q] + a[r] * seen[q] + seen[r] * a[q] + a[r] * a[q] * variance
+            a_q = a[q]
+            S[r, q] = S[r, q] + a_r * seen[q] + seen_r * a_q + a_r * a_q * variance
 
 
 @jit
@@ -291,13 +321,14 @@ def _update_sources(state, ticks, true, h, columns):
         cross_g = group(state.cross, g)
         variance = group(state.variance, g)
         partials = group(ticks.a, g)
-        seen = whole(ticks.seen_source)
+        predicted = whole(ticks.seen_source)
         through = whole(ticks.through)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                update_vector_together(cross_g[k], seen, gain, h, columns)
+                cross_k = cross_g[k]
+                update_vector_together(cross_k, predicted, gain, h, columns)
                 if true.samples[g, k]:
-                    _enter_component(P, cross_g[k], through, seen, S, partials[k], variance[k, 0], gain)
+                    _enter_component(P, cross_k, through, predicted, S, partials[k], variance[k, 0], gain)
 
 
 @jit
@@ -321,7 +352,9 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
     units : ImuArray; None for one IMU
     tick : index
     """
-    state, ticks, true = joint.state, flight.ticks, joint.true
+    state = joint.state
+    ticks = flight.ticks
+    true = joint.true
     h = motion.h
     columns = vehicle.columns
     mean = state.mean
@@ -334,9 +367,10 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
     _update_sources(state, ticks, true, h, columns)
     update_vector_together(mean, ticks.seen, gain, h, columns)
     for r in range(N_SAMPLE):
-        ticks.seen[r] += deviation[r]
+        sample_deviation = deviation[r]
+        ticks.seen[r] += sample_deviation
         for i in range(model.n_state):
-            mean[i] -= gain[r, i] * deviation[r]
+            mean[i] -= gain[r, i] * sample_deviation
 
 
 @jit
@@ -351,9 +385,12 @@ def advance_joint(joint, flight, sums, dt, first):
     first : first motion state
     """
     if joint is not None:
-        state, true = joint.state, joint.true
+        state = joint.state
+        true = joint.true
         for g in range(true.n_slot.shape[0]):
-            advance(group(state.sources, g), whole(flight.ticks.moved_source), sums, dt, first)
+            P = group(state.sources, g)
+            moved = whole(flight.ticks.moved_source)
+            advance(P, moved, sums, dt, first)
             cross_g = group(state.cross, g)
             for k in range(true.n_slot[g]):
                 if true.followed[g, k]:

@@ -74,16 +74,21 @@ def _predicted_innovation(work, case, epoch, row):
     h = work.H[row]
     total = like(work.x[0], 0.0)
     for c in range(model.n_entry[channel]):
-        total = total + h[model.entry[channel, c]] * work.x[model.column[channel, c]]
+        entry = model.entry[channel, c]
+        state = model.column[channel, c]
+        total = total + h[entry] * work.x[state]
     return total
 
 
 @jit
 def _predict_innovations(work, case, joint, mode_state, epoch):
     """Set the inputs of the mode logic: measured minus predicted, and its prediction by the error state."""
-    for row in range(n_measured(case.model, case.signals, epoch)):
-        channel = channel_of(case.model, case.signals, epoch, row)
-        mode_state.z[row] = innovation_of(joint, work, case.options.late, epoch, row, channel)
+    model = case.model
+    signals = case.signals
+    late = case.options.late
+    for row in range(n_measured(model, signals, epoch)):
+        channel = channel_of(model, signals, epoch, row)
+        mode_state.z[row] = innovation_of(joint, work, late, epoch, row, channel)
         mode_state.predicted[row] = _predicted_innovation(work, case, epoch, row)
 
 
@@ -93,12 +98,17 @@ def _assess(work, sigma_points, case, joint, monitor, gate, epoch):
     state. gate : NOT_USED in the runs whose filter does not run.
     """
     if monitor is not None:
-        for row in range(n_measured(case.model, case.signals, epoch)):
-            channel = channel_of(case.model, case.signals, epoch, row)
-            innovation = innovation_of(joint, work, case.options.late, epoch, row, channel)
-            monitor.z[row] = innovation - _predicted_innovation(work, case, epoch, row)
+        model = case.model
+        signals = case.signals
+        late = case.options.late
+        for row in range(n_measured(model, signals, epoch)):
+            channel = channel_of(model, signals, epoch, row)
+            innovation = innovation_of(joint, work, late, epoch, row, channel)
+            predicted = _predicted_innovation(work, case, epoch, row)
+            monitor.z[row] = innovation - predicted
             monitor.variance[row] = noise_variance(work, sigma_points, case, epoch, row, channel)
-        assess(monitor, work, case, where(like(work.x[0], 0.0) + gate >= 0.0, 1.0, 0.0), epoch)
+        is_used = like(work.x[0], 0.0) + gate >= 0.0
+        assess(monitor, work, case, where(is_used, 1.0, 0.0), epoch)
 
 
 @jit
@@ -146,12 +156,14 @@ def _relinearise(work, parts, case, epoch):
 
     A solution with a reported covariance is one vector measurement, so it is linearised once.
     """
-    if not case.model.has_covariance:
+    model = case.model
+    if not model.has_covariance:
         options = case.options
-        correct_previous_epoch(work.x, parts.previous_epoch, options.delayed, case.model)
-        correct(work, parts.state_history, options.late, case.model)
-        ekf.place_antenna(work, parts.state_history, options.late, case.model, case.step, epoch)
-        fill_receiver_rows(work, parts, case, parts.sigma_points, options.late, epoch)
+        late = options.late
+        correct_previous_epoch(work.x, parts.previous_epoch, options.delayed, model)
+        correct(work, parts.state_history, late, model)
+        ekf.place_antenna(work, parts.state_history, late, model, case.step, epoch)
+        fill_receiver_rows(work, parts, case, parts.sigma_points, late, epoch)
 
 
 @inlined
@@ -194,12 +206,14 @@ def process_receiver(work, parts, case, joint, iteration, epoch, gate_squared, s
     work, parts, case, joint, epoch, gate_squared, starts : as in `update_receiver`
     """
     options = case.options
-    decorrelate(work, parts, case, parts.receiver, options.late, epoch)
+    late = options.late
+    decorrelate(work, parts, case, parts.receiver, late, epoch)
     _assess(work, parts.sigma_points, case, joint, parts.monitor, gate_squared, epoch)  # may inflate the covariance
     store_prediction(iteration, work, epoch)  # so every pass starts from the inflated prediction
     update_receiver(work, parts, case, joint, options.direct, epoch, gate_squared, starts)
     if iteration is not None:
-        for _ in range(0 if is_receiver_stored(options.late) else options.iterated.repeats):
+        repeats = 0 if is_receiver_stored(late) else options.iterated.repeats
+        for _ in range(repeats):
             linearise_receiver(work, parts, case, iteration, epoch)
             update_receiver(work, parts, case, joint, None, epoch, gate_squared, starts)
 
@@ -209,24 +223,31 @@ def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
     """Update by the scalar measurements of sensor k. A direct filter (True, or None) corrects the total state after
     each of them, and linearises the others there.
     """
-    first = ekf.row_of(case.model, work, case.sensors.channel[k])
     sensors = case.sensors
+    sigma_points = parts.sigma_points
+    late = case.options.late
+    first_channel = sensors.channel[k]
+    first_row = ekf.row_of(case.model, work, first_channel)
     for i in range(sensors.scalars[k]):
-        _update_scalar(work, parts.sigma_points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
+        row = first_row + i
+        channel = first_channel + i
+        _update_scalar(work, sigma_points, case, joint, epoch, row, channel, gate_squared)
         if direct is not None:
-            correct(work, parts.state_history, case.options.late, case.model)
-            fill_sensor_rows(work, parts, case, parts.sigma_points, case.options.late, k, epoch)
+            correct(work, parts.state_history, late, case.model)
+            fill_sensor_rows(work, parts, case, sigma_points, late, k, epoch)
 
 
 @inlined
 def _process_sensor(work, parts, case, joint, iteration, k, epoch, gate_squared):
     """Update by the measurements of sensor k; an iterated filter (IterationWork, or None) repeats the update."""
-    late = case.options.late
+    options = case.options
+    late = options.late
     fill_sensor_rows(work, parts, case, parts.sigma_points, late, k, epoch)
     store_prediction(iteration, work, epoch)
-    _update_sensor(work, parts, case, joint, case.options.direct, k, epoch, gate_squared)
+    _update_sensor(work, parts, case, joint, options.direct, k, epoch, gate_squared)
     if iteration is not None:
-        for _ in range(0 if is_sensor_stored(late, k) else case.options.iterated.repeats):
+        repeats = 0 if is_sensor_stored(late, k) else options.iterated.repeats
+        for _ in range(repeats):
             linearise_sensor(work, parts, case, iteration, k, epoch)
             _update_sensor(work, parts, case, joint, None, k, epoch, gate_squared)
 
@@ -235,8 +256,10 @@ def _process_sensor(work, parts, case, joint, iteration, k, epoch, gate_squared)
 def _process_sensors(work, parts, case, joint, epoch, gate_squared):
     """Update by the measurements of all sensors other than the receiver at an epoch."""
     sensors = case.sensors
+    measured = case.model.measured
     for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch] and case.model.measured[sensors.channel[k]]:
+        channel = sensors.channel[k]
+        if sensors.on[k, epoch] and measured[channel]:
             _process_sensor(work, parts, case, joint, parts.iteration, k, epoch, gate_squared)
 
 
@@ -256,7 +279,8 @@ def _sample_variance(out, receiver, variance, scale, from_gnss):
 @inlined
 def _start(work, parts, case, joint, rules, epoch):
     """Start the filter where the mode logic permits, and reset the states that begin at this epoch."""
-    mode_state, signals = parts.mode_state, case.signals
+    mode_state = parts.mode_state
+    signals = case.signals
     variance = signals.variance[epoch]
     scale = signals.scale[epoch]
     _sample_variance(mode_state.predicted, parts.receiver, variance, scale, rules.from_gnss)
@@ -269,25 +293,28 @@ def _start(work, parts, case, joint, rules, epoch):
 @inlined
 def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
     """Process the receiver's measurements of an epoch if the mode logic permits, then update its mode."""
-    model, signals, mode_state = case.model, case.signals, parts.mode_state
+    model = case.model
+    signals = case.signals
+    options = case.options
+    mode_state = parts.mode_state
     n_row = n_measured(model, signals, epoch)
     if rules.good[epoch]:
-        fill_receiver_rows(work, parts, case, parts.sigma_points, case.options.late, epoch)
+        fill_receiver_rows(work, parts, case, parts.sigma_points, options.late, epoch)
         if open_loop is not None:
-            compare_receiver(work, parts.state_history, case, case.options.late, epoch)
+            compare_receiver(work, parts.state_history, case, options.late, epoch)
         _predict_innovations(work, case, joint, mode_state, epoch)
-    check_measurements(mode_state, rules, case.options.delayed, model, signals, epoch, mode_state.z, n_row)
+    check_measurements(mode_state, rules, options.delayed, model, signals, epoch, mode_state.z, n_row)
     if rules.good[epoch]:
         _start(work, parts, case, joint, rules, epoch)
-        used = mode_state.sample[0] > 0.0
+        is_used = mode_state.sample[0] > 0.0
         starts = mode_state.sample[1] > 0.0
-        process_receiver(
-            work, parts, case, joint, parts.iteration, epoch, where(used, model.gate_squared, NOT_USED), starts
-        )
+        gate_squared = where(is_used, model.gate_squared, NOT_USED)
+        process_receiver(work, parts, case, joint, parts.iteration, epoch, gate_squared, starts)
         # innovations of a sample that the logic rejects are not results
         for row in range(n_row):
             channel = channel_of(model, signals, epoch, row)
-            work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
+            innovation = work.innovation[epoch, channel]
+            work.innovation[epoch, channel] = where(is_used, innovation, np.nan)
     update_mode(mode_state, rules, epoch, work.P)
 
 
@@ -336,8 +363,10 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
 def end_epoch(work, parts, case, epoch):
     """Store the estimate for the differences of the next epoch, and clone its error."""
     options = case.options
-    store_estimate(work, parts.previous_epoch, parts.state_history, options.late, options.delayed, case.model, epoch)
-    clone_formal(work.P, parts.previous_epoch, options.delayed)
+    delayed = options.delayed
+    previous_epoch = parts.previous_epoch
+    store_estimate(work, previous_epoch, parts.state_history, options.late, delayed, case.model, epoch)
+    clone_formal(work.P, previous_epoch, delayed)
 
 
 @inlined
@@ -372,12 +401,14 @@ def sample_window(work, parts, case, joint, flight, w):
     vehicle = case.options.vehicle
     motion = parts.motion
     first = case.schedule.first_tick[w]
-    at = vehicle.motion
+    first_motion = vehicle.motion
     for k in range(case.schedule.n_tick[w]):
+        tick = first + k
         predict_samples(parts.run, work, motion, vehicle, k, case.tick)
-        begin_tick(joint, motion, vehicle, first + k)
+        begin_tick(joint, motion, vehicle, tick)
         for i in range(N_SAMPLE):
-            work.P[at + i, at + i] = work.P[at + i, at + i] + vehicle.walk[first + k, i]
+            state = first_motion + i
+            work.P[state, state] = work.P[state, state] + vehicle.walk[tick, i]
         update_samples(
             work.P,
             work.x,
@@ -390,10 +421,10 @@ def sample_window(work, parts, case, joint, flight, w):
             vehicle.columns,
             case.model.n_estimated,
         )
-        _run_tick(parts.run, work, parts, case, first + k)
-        _joint_tick(joint, flight, work, motion, case, first + k)
-        advance(work.P, motion.moved, work.sums, case.tick, at)
-        advance_open_loop(parts.open_loop, work.x, work.sums, case.tick, at)
-        advance_joint(joint, flight, work.sums, case.tick, at)
+        _run_tick(parts.run, work, parts, case, tick)
+        _joint_tick(joint, flight, work, motion, case, tick)
+        advance(work.P, motion.moved, work.sums, case.tick, first_motion)
+        advance_open_loop(parts.open_loop, work.x, work.sums, case.tick, first_motion)
+        advance_joint(joint, flight, work.sums, case.tick, first_motion)
     mirror(work.P)
     finish_ticks(joint)

@@ -52,7 +52,8 @@ def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
     rate
         Hz. Sampling rate of the IMU.
     """
-    return reference(cached_trajectory(identity, card), rate)
+    trajectory = cached_trajectory(identity, card)
+    return reference(trajectory, rate)
 
 
 class _ByIdentity(NamedTuple):

@@ -136,16 +136,18 @@ def _error(
 
 def _rate_errors(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedError]:
     """Return the errors that all range rates have in common, in addition to the clock drift."""
-    kind, time = "range_rate_offset", receiver.range_rate_instability_time
+    name = "range_rate_offset"
+    time = receiver.range_rate_instability_time
     return [
-        _error("range-rate offset", kind, receiver.range_rate_offset, channels),
-        _error("range-rate instability", kind, receiver.range_rate_instability, channels, time),
+        _error("range-rate offset", name, receiver.range_rate_offset, channels),
+        _error("range-rate instability", name, receiver.range_rate_instability, channels, time),
     ]
 
 
 def _solution_bias(quantity: str, solution: DirectSolution, channels: Channels) -> CorrelatedError:
-    kind = f"{quantity}_bias"
-    return _error(f"solution {quantity} bias", kind, getattr(solution, kind), channels, solution.bias_time)
+    name = f"{quantity}_bias"
+    sigma = getattr(solution, name)
+    return _error(f"solution {quantity} bias", name, sigma, channels, solution.bias_time)
 
 
 def _atmosphere_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
@@ -227,12 +229,14 @@ def _sensor_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int
                 continue
             state = states[error.field].name if error.field in states else ""
             for k, label in enumerate(error.labels):
+                sensor_partials = by_label[:, :, k]
                 partials = np.zeros((n_epoch, channels.n_channel))
-                partials[:, scalars] = by_label[:, :, k]
-                enters = np.any(partials[:, scalars] != 0.0, axis=0)
+                partials[:, scalars] = sensor_partials
+                enters = np.any(sensor_partials != 0.0, axis=0)
                 member = np.full(channels.n_channel, -1, dtype=np.int64)
                 member[scalars] = np.where(enters, 0, -1)
-                errors.append(EnteringError(error._replace(labels=(label,), state=state), member, partials))
+                labelled = error._replace(labels=(label,), state=state)
+                errors.append(EnteringError(labelled, member, partials))
     return errors
 
 
@@ -243,7 +247,8 @@ def _wild_samples(failed: Failures, channels: Channels) -> list[EnteringError]:
         partials[:, channels.of("pseudorange")] = failed.wild
     else:
         partials[:, :3] = failed.solution_wild[:, None]
-    hit = np.flatnonzero(np.any(partials > 0.0, axis=0))
+    is_hit = np.any(partials > 0.0, axis=0)
+    hit = np.flatnonzero(is_hit)
     if not hit.size:
         return []
     member = np.full(channels.n_channel, -1, dtype=np.int64)
@@ -277,34 +282,40 @@ def shared_of(
     counts = np.array([len(error.labels) for error in errors], dtype=np.int64)
     # components by family: the first component of family k has the index first[k]
     first = np.cumsum(counts) - counts
-    member = np.empty((len(errors), shape[1]), dtype=np.int64)
-    partials = np.empty((len(errors), *shape))
-    sigma = np.empty(len(errors))
-    decay = np.zeros(len(errors))
+    n_family = len(errors)
+    n_channel = shape[1]
+    member = np.empty((n_family, n_channel), dtype=np.int64)
+    partials = np.empty((n_family, *shape))
+    sigma = np.empty(n_family)
+    decay = np.zeros(n_family)
     for family, item in enumerate(entering):
-        member[family] = np.where(item.member >= 0, first[family] + item.member, -1)
+        error = item.error
+        component = first[family] + item.member
+        member[family] = np.where(item.member >= 0, component, -1)
         partials[family] = item.partial
-        sigma[family] = item.error.sigma
-        if item.error.time_constant > 0.0:
-            decay[family] = math.exp(-interval / item.error.time_constant)
+        sigma[family] = error.sigma
+        if error.time_constant > 0.0:
+            decay[family] = math.exp(-interval / error.time_constant)
     sources: list[np.uint64] = []
     satellites: list[int | np.uint64] = []
     extra: list[int] = []
     pairs: list[tuple[int, int]] = []  # component, extra state that models it
     for error in errors:
         for label in error.labels:
+            component = len(sources)
             states = [number for _, number in states_modelling(layout.extras, error.state, label)]
-            pairs += [(len(sources), number) for number in states]
+            pairs += [(component, number) for number in states]
             extra.append(states[0] if states else -1)
             sources.append(source_word(f"{error.source} {error.kind}"))
             satellites.append(source_word(label) if label else 0)
     is_recorded = [error.kind == RECORDED for error in errors]
+    walk = sigma * np.sqrt(1.0 - decay * decay)
     return CorrelatedErrors(
         member=member,
         partial=partials,
         start=np.repeat(sigma, counts),
         decay=np.repeat(decay, counts),
-        walk=np.repeat(sigma * np.sqrt(1.0 - decay * decay), counts),
+        walk=np.repeat(walk, counts),
         sources=np.array(sources, dtype=np.uint64),
         satellites=np.array(satellites, dtype=np.uint64),
         extra=np.array(extra, dtype=np.int64),

@@ -83,9 +83,12 @@ def filtering_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout, ti
 
 def start_of(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> InitialState:
     """Return the true state at tick 0, and the covariances of the initial error."""
-    initial, C_n_i = scenario.initial, filtering.C_n_i
-    attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
-    roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
+    initial = scenario.initial
+    attitude_n = np.diag([initial.tilt, initial.tilt, initial.heading])
+    attitude = filtering.C_n_i @ attitude_n
+    velocity = np.eye(3) * initial.velocity
+    position = np.eye(3) * initial.position
+    roots = np.array([attitude, velocity, position])
     sources = [source_word(f"initial {name}") for name in ("attitude", "velocity", "position")]
     return InitialState(
         nav=np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]),
@@ -97,8 +100,12 @@ def start_of(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> Initi
 
 def _strapdown(scenario: Scenario, flight: TrueFlight) -> Strapdown:
     """Return the strapdown algorithm, with Earth rotation angle and position at the start of the flight."""
-    card, ref = scenario.filter, flight.reference
+    card = scenario.filter
+    ref = flight.reference
+    initial_r_i = ref.r_i[0]
     earth_rotation = float(earth_angle(flight.trajectory.theta0, ref.t[0]))
     squared_increments = np.sum(ref.dtheta * ref.dtheta, axis=1)
     largest_increment = float(np.sqrt(np.max(squared_increments)))
-    return strapdown_of(card.strapdown, card.gravity, card.mechanisation, earth_rotation, ref.r_i[0], largest_increment)
+    return strapdown_of(
+        card.strapdown, card.gravity, card.mechanisation, earth_rotation, initial_r_i, largest_increment
+    )

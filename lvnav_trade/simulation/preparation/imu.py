@@ -67,12 +67,14 @@ def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueI
     """
     ref = flight.reference
     course = flight.trajectory.course
-    terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
+    card = scenario.imu
+    terms = (*terms_of(card), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, course, flight.devices, layout)
-    profiles = profiles_of(scenario.imu, scenario.faults, course)
-    hand_over = hand_over_tick(scenario.imu, ref, course)
-    units = redundant_of(scenario.imu, units, ref, profiles, hand_over)
-    return TrueImu(terms, unit_of(scenario, ref, terms, course, units), units)
+    profiles = profiles_of(card, scenario.faults, course)
+    hand_over = hand_over_tick(card, ref, course)
+    units = redundant_of(card, units, ref, profiles, hand_over)
+    unit = unit_of(scenario, ref, terms, course, units)
+    return TrueImu(terms, unit, units)
 
 
 def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile) -> int:
@@ -89,7 +91,8 @@ def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile
     """
     if isinstance(card, ImuCard) or card.hand_over is None:
         return -1
-    seconds = course.time(card.hand_over, "imu.hand_over") - ref.t[0]
+    t_hand_over = course.time(card.hand_over, "imu.hand_over")
+    seconds = t_hand_over - ref.t[0]
     return math.ceil(seconds * card.rate - _ROUNDING)
 
 
@@ -119,19 +122,24 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Flig
     profiles: list[Profile] = []
     for triad, owner in enumerate(owners):
         unit = units[owner]
-        for sensor, ramp in ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature)):
+        ramps = ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature))
+        for sensor, ramp in ramps:
             if ramp is not None:
-                profiles.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
+                code = 2 * triad + sensor
+                profiles.append((code, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
     for number, fault in enumerate(faults):
         if isinstance(fault, GyroBiasStep | AccelBiasStep | GyroScaleFactorStep | AccelScaleFactorStep):
             sensor, driver = _STEPS[fault.kind]
-            code = 2 * owners.index(fault.unit - 1) + sensor
+            first_triad = owners.index(fault.unit - 1)
+            code = 2 * first_triad + sensor
             x, y, z = fault.size
+            step = (x, y, z)
+            opposite_step = (-x, -y, -z)
             for start, end in periods(number, fault, course):
                 begin = start if math.isfinite(start) else course.begin(start) - STEP
-                profiles.append((code, driver, begin, begin + STEP, (x, y, z)))
+                profiles.append((code, driver, begin, begin + STEP, step))
                 if math.isfinite(end):
-                    profiles.append((code, driver, end, end + STEP, (-x, -y, -z)))
+                    profiles.append((code, driver, end, end + STEP, opposite_step))
     return profiles
 
 
@@ -203,6 +211,8 @@ def _step_noise(term: ErrorTerm, step: float) -> list[float]:
 
     A random walk grows by w sqrt(step). A Gauss-Markov process stays stationary with s sqrt(1 - exp(-2 step / T)).
     """
-    share = math.sqrt(-math.expm1(-2.0 * step / term.time_constant))
+    decayed_share = -math.expm1(-2.0 * step / term.time_constant)
+    root_share = math.sqrt(decayed_share)
+    root_step = math.sqrt(step)
     pairs = zip(axes(term.walk), axes(term.sigma), strict=True)
-    return [math.hypot(walk * math.sqrt(step), sigma * share) for walk, sigma in pairs]
+    return [math.hypot(walk * root_step, sigma * root_share) for walk, sigma in pairs]

@@ -83,7 +83,9 @@ def arriving(
 
 def _ticks_within(t: Floats, start: float, end: float) -> Bools:
     """Return whether ticks that end at t (n,) s lie between two times (s), to rounding."""
-    return (t > start + 1e-9) & (t <= end + 1e-9)
+    is_after_start = t > start + 1e-9
+    is_until_end = t <= end + 1e-9
+    return is_after_start & is_until_end
 
 
 def elements(
@@ -136,9 +138,12 @@ def swing(ref: Reference, lever: Floats) -> Floats:
     dt = float(ref.t[1] - ref.t[0])
     rate = ref.w_ib_b
     mean_rate = ref.dtheta / dt
-    first, middle, last = (np.cross(w, np.cross(w, lever)) for w in (rate[:-1], mean_rate, rate[1:]))
-    tangential = np.cross(np.diff(rate, axis=0), lever)
-    return np.asarray(tangential + dt / 6.0 * (first + 4.0 * middle + last))
+    rates = (rate[:-1], mean_rate, rate[1:])
+    first, middle, last = (np.cross(w, np.cross(w, lever)) for w in rates)
+    centripetal = dt / 6.0 * (first + 4.0 * middle + last)
+    rate_change = np.diff(rate, axis=0)
+    tangential = np.cross(rate_change, lever)
+    return np.asarray(tangential + centripetal)
 
 
 def units_of(
@@ -178,11 +183,14 @@ def units_of(
     keys = []
     for index, triad in enumerate(triads):
         number = triad.unit
-        part = owners[:index].count(number)  # number of the triad in its IMU
+        triad_number = owners[:index].count(number)  # in its IMU
         axes_b = triad.frames[: triad.n_axis, 0]
+        first_axis = 3 * triad_number
+        tick_end = ref.t[1:]
         unit = card.units[number]
-        out.append(elements(sensed[number], unit, axes_b, 3 * part, scenario.faults, course, ref.t[1:], number))
-        keys.append(keyed(f"{IMU_NOISE} {part}" if part else IMU_NOISE, number))
+        out.append(elements(sensed[number], unit, axes_b, first_axis, scenario.faults, course, tick_end, number))
+        noise = f"{IMU_NOISE} {triad_number}" if triad_number else IMU_NOISE
+        keys.append(keyed(noise, number))
     lever = np.array([card.units[number].lever_arm for number in owners], dtype=float)
     return ImuArray(
         dtheta=np.array([increments[GYRO] for increments in out]),
@@ -215,8 +223,10 @@ def _measured_differences(card: ImuSet, devices: tuple[Sensor, ...], layout: Sta
             first, second = device.card.units
             pair_of[number] = len(pair_sensor)
             pair_sensor.append(sensor)
-            pair_solved.append([columns[sensor] for columns in difference(card, first - 1, second - 1)])
-            pair_state.append(state.get(RELATIVE[device.card.measurement], -1))
+            weights = difference(card, first - 1, second - 1)
+            pair_solved.append([columns[sensor] for columns in weights])
+            relative_bias = RELATIVE[device.card.measurement]
+            pair_state.append(state.get(relative_bias, -1))
     n_pair = len(pair_sensor)
     return {
         "pair_sensor": np.array(pair_sensor, dtype=np.int64),
@@ -228,8 +238,11 @@ def _measured_differences(card: ImuSet, devices: tuple[Sensor, ...], layout: Sta
 
 def white_of(unit: ImuCard, dt: float) -> Floats:
     """Return the sigma of white noise in an increment, (8,): gyro rad, accelerometer m/s; then quantisation steps."""
-    noise = [walk * math.sqrt(dt) for card in (unit.gyro, unit.accel) for walk in axes(card.random_walk)]
-    return np.array([*noise, unit.gyro.quantisation, unit.accel.quantisation])
+    gyro = unit.gyro
+    accel = unit.accel
+    root_dt = math.sqrt(dt)
+    noise = [walk * root_dt for card in (gyro, accel) for walk in axes(card.random_walk)]
+    return np.array([*noise, gyro.quantisation, accel.quantisation])
 
 
 def along_axes(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
@@ -245,25 +258,32 @@ def along_axes(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     lever_arm_increments = []
     for lever in units.lever:
         centripetal = np.cross(angle, np.cross(angle, lever))
-        lever_arm_increments.append((np.cross(change, lever) + centripetal) / dt)
-    velocities = np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(lever_arm_increments))
+        tangential = np.cross(change, lever)
+        lever_arm_increments.append((tangential + centripetal) / dt)
+    compensated = units.dvel - np.array(lever_arm_increments)
+    velocities = np.einsum("tcj,tnj->tnc", directions, compensated)
     return angles, velocities
 
 
 def fused(units: ImuArray, dt: float) -> tuple[Floats, Floats]:
     """Return angle and velocity increments of the combined triad without errors, (n_imu, 3) each, body axes."""
     angles, velocities = along_axes(units, dt)
-    angle = _combined(units, GYRO, angles) + units.shift[units.stage, GYRO]
-    velocity = _combined(units, ACCEL, velocities) + units.shift[units.stage, ACCEL]
+    angle_shift = units.shift[units.stage, GYRO]
+    velocity_shift = units.shift[units.stage, ACCEL]
+    angle = _combined(units, GYRO, angles) + angle_shift
+    velocity = _combined(units, ACCEL, velocities) + velocity_shift
     return np.ascontiguousarray(angle), np.ascontiguousarray(velocity)
 
 
 def _combined(units: ImuArray, sensor: int, along: Floats) -> Floats:
     """Return the combined increments (n_imu, 3) from increments along the sensing axes (n_triad, n_imu, 3)."""
-    combined = np.einsum("tic,tnc->ni", units.solved[0, :, sensor], along)
-    for stage in np.unique(units.stage[units.stage > 0]):
+    first_weights = units.solved[0, :, sensor]
+    combined = np.einsum("tic,tnc->ni", first_weights, along)
+    later_stages = np.unique(units.stage[units.stage > 0])
+    for stage in later_stages:
         in_stage = units.stage == stage
-        combined[in_stage] = np.einsum("tic,tnc->ni", units.solved[stage, :, sensor], along[:, in_stage])
+        weights = units.solved[stage, :, sensor]
+        combined[in_stage] = np.einsum("tic,tnc->ni", weights, along[:, in_stage])
     return np.asarray(combined)
 
 
@@ -280,16 +300,21 @@ def inputs_of(units: ImuArray, dt: float, driver: int, triad: int, sensor: int) 
         Driver as in `kernels.transition`; triad; GYRO or ACCEL.
     """
     frames = units.frames[triad]
-    own = units.dtheta if sensor == GYRO else units.dvel
-    cross_input = units.dvel if sensor == GYRO else units.dtheta
+    is_gyro = sensor == GYRO
+    sensed = units.dtheta if is_gyro else units.dvel
+    cross_input = units.dvel if is_gyro else units.dtheta
     if driver == CONSTANT:
-        return np.full((own.shape[1], 3), dt)
+        n_imu = sensed.shape[1]
+        return np.full((n_imu, 3), dt)
     if driver == SQUARE:
-        return np.asarray((own[triad] @ frames[:, 0].T) ** 2 / dt)
+        along_axes_of_triad = sensed[triad] @ frames[:, 0].T
+        return np.asarray(along_axes_of_triad**2 / dt)
     if OWN_0 <= driver <= OWN_2:
-        return np.asarray(own[triad] @ frames[:, driver - OWN_0].T)
+        directions = frames[:, driver - OWN_0]
+        return np.asarray(sensed[triad] @ directions.T)
     by_axis = []
     for axis in range(3):
-        direction = frames[axis, (driver - OTHER_0 - axis) % 3]
+        column = (driver - OTHER_0 - axis) % 3
+        direction = frames[axis, column]
         by_axis.append(cross_input[triad] @ direction)
     return np.stack(by_axis, axis=1)

@@ -65,13 +65,13 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> InitialDraws:
     k0, k1 = seed_words(seed)
     values = np.empty((n_run, len(words), 3))
     _fill(values, np.array(words, dtype=np.uint64), k0, k1)
-    used = np.array(has_effect, dtype=bool).reshape(-1, 3)
-    source_index, axis_index = np.nonzero(used)
+    is_effective = np.array(has_effect, dtype=bool).reshape(-1, 3)
+    source_index, axis_index = np.nonzero(is_effective)
     return InitialDraws(
         runs=np.arange(n_run),
         sources=tuple(sources[k] for k in source_index),
         axes=tuple("xyz"[k] for k in axis_index),
-        values=values[:, used],
+        values=values[:, is_effective],
     )
 
 
@@ -81,6 +81,7 @@ def _fill(values: NDArray[np.float64], words: NDArray[np.uint64], k0: np.uint64,
     for run in range(values.shape[0]):
         for k in range(words.shape[0]):
             n0, n1, n2, _ = normals(k0, k1, words[k], np.uint64(run), _ZERO, _ZERO)
-            values[run, k, 0] = n0
-            values[run, k, 1] = n1
-            values[run, k, 2] = n2
+            draw = values[run, k]
+            draw[0] = n0
+            draw[1] = n1
+            draw[2] = n2

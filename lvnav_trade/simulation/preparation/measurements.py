@@ -87,17 +87,19 @@ def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilte
     filtering
         Filter of the case.
     """
-    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    card = scenario.filter
+    channels = flight.channels
+    sky = flight.sky
     ranging = _ranging(scenario, flight, filtering)
     received = ranging.received
     assumed = assumed_of(scenario, flight, filtering)
 
     def dilution() -> Floats:
-        return pdop(flight.lines.sight.direction, seen.tracked)
+        return pdop(flight.lines.sight.direction, sky.tracked)
 
     check = failing(card, flight.failed, received.n_used, channels, dilution)
     rules = watched(card, check, channels, filtering.P)
-    smoothing = smoothing_numbers(scenario, ranging.smoothing, seen, flight.lines, ranging.entering)
+    smoothing = smoothing_numbers(scenario, ranging.smoothing, sky, flight.lines, ranging.entering)
     _, receiver, _ = filter_models(scenario)
     solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)
@@ -123,18 +125,24 @@ def measurements_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilte
 
 def _ranging(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> _Ranging:
     """Return the measurements of the receiver; of the filter only the states that model errors are used."""
-    seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
-    geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
-    drawn_errors = entering_errors(scenario, geometry, flight.ranging, failed, flight.devices)
-    recorded_errors = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
+    sky = flight.sky
+    line = flight.lines
+    delays = flight.delays
+    failed = flight.failed
+    trajectory = flight.trajectory
+    channels = flight.ranging
+    geometry = geometry_of(line, sky.tracked, delays.troposphere, delays.ionosphere)
+    drawn_errors = entering_errors(scenario, geometry, channels, failed, flight.devices)
+    recorded_errors = recorded(scenario, trajectory.theta0, line, sky, channels, failed.frozen)
     entering = (*drawn_errors, *recorded_errors.errors)
-    shape = (flight.epochs.t.size, flight.ranging.n_channel)
+    shape = (flight.epochs.t.size, channels.n_channel)
     shared = shared_of(entering, filtering.layout, epoch_interval(scenario), shape)
-    offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
+    offsets = time_offsets(scenario.constellation, sky.systems, trajectory.epoch, sky.t)
     offsets = offsets + relativity_left(scenario, flight)
-    gain = smoothing_gains(scenario, seen)
-    residual = late_by.residual + offsets + doppler_left(scenario, flight)
-    residual = residual + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
+    gain = smoothing_gains(scenario, sky)
+    residual = delays.residual + offsets + doppler_left(scenario, flight)
+    code_delay = delays.ionosphere[:, :, 0]
+    residual = residual + smoothing_offsets(scenario, gain, code_delay, failed.slip, line)
     return _Ranging(
         received=received_of(scenario, flight, shared, residual, recorded_errors.mean),
         entering=entering,

@@ -114,7 +114,10 @@ def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate
         Hz. Update rate of the filter.
     """
     per_epoch = model.n_kind * signals.n_used if model.tight else np.where(signals.n_used >= 4, 6, 0)
-    return thresholds_of(card, int(np.sum(per_epoch)), signals.used.shape[1], 1.0 / rate)
+    n_measurement = int(np.sum(per_epoch))
+    n_slot = signals.used.shape[1]
+    interval = 1.0 / rate
+    return thresholds_of(card, n_measurement, n_slot, interval)
 
 
 def satellites_taken(rules: ModeRules | None, n_used: Ints, chain: SolutionErrorModel | None) -> Ints:

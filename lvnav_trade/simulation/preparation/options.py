@@ -263,8 +263,10 @@ def _channel_lines(sensors: list[int], channels: Channels) -> Ints:
 def _n_stored(times: CloneTimes, ticks_per_epoch: float) -> int:
     """Return the number of states stored at once. A state is stored until its epoch is over."""
     epoch = np.arange(1, times.valid.size + 1)
-    epoch_of_storing = np.minimum(times.valid, times.early) / ticks_per_epoch
-    n_stored = np.floor(epoch - epoch_of_storing + 1e-9) + 1
+    storing_tick = np.minimum(times.valid, times.early)
+    epoch_of_storing = storing_tick / ticks_per_epoch
+    epochs_stored = epoch - epoch_of_storing
+    n_stored = np.floor(epochs_stored + 1e-9) + 1
     return max(1, int(n_stored.max(initial=1)))
 
 
@@ -327,14 +329,20 @@ def _clone_times(t_valid: Floats, before: float, t: Floats, group: int) -> Clone
     dt = float(t[1] - t[0])
     step = dt * group
     # states are stored at the end of a step, so the earliest are those of the first two steps
-    nearest = np.rint((t_valid - t[0]) / step).astype(np.int64) * group
-    valid = np.maximum(2 * group, nearest)
+    steps_since_start = (t_valid - t[0]) / step
+    nearest_step = np.rint(steps_since_start).astype(np.int64)
+    valid = np.maximum(2 * group, nearest_step * group)
     early = valid
     if before > 0.0:
-        early = np.maximum(group, valid - max(1, round(before / step)) * group)
+        steps_before = max(1, round(before / step))
+        early = np.maximum(group, valid - steps_before * group)
+    t_clone = t[valid]
+    t_early = t[early]
     # rounding errors of the times need no propagation by a fraction of a step
-    offset = t_valid - t[valid]
-    offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
-    base = t_valid - t[early]
-    base = np.where(base < 0.5 * dt * group, t[valid] - t[early], base)
+    offset = t_valid - t_clone
+    is_rounding = np.abs(offset) < 1e-6 * dt
+    offset = np.where(is_rounding, 0.0, offset)
+    base = t_valid - t_early
+    is_within_step = base < 0.5 * dt * group
+    base = np.where(is_within_step, t_clone - t_early, base)
     return CloneTimes(valid, early, offset, base)

@@ -122,7 +122,9 @@ def _means(units: ImuArray, axes: RedundantAxes, excluded: list[int]) -> Floats:
     """
     means = []
     for n in range(len(excluded) + 1):
-        means.append(mean_stage(units, axes, set(excluded[:n])).solved)
+        first_excluded = set(excluded[:n])
+        stage = mean_stage(units, axes, first_excluded)
+        means.append(stage.solved)
     return np.array(means)
 
 
@@ -163,7 +165,8 @@ def _bias_variances(card: ImuSet) -> tuple[Floats, Floats]:
         if term.driver == CONSTANT:
             variance = np.array(squares(term.sigma))
             # a Gauss-Markov process of variance s^2 drifts with 2 s^2 / T per second
-            drift = squares(term.walk) + 2.0 / term.time_constant * variance
+            decay_drift = 2.0 / term.time_constant * variance
+            drift = squares(term.walk) + decay_drift
             spread[term.sensor, term.triad] += variance
             walk[term.sensor, term.triad] += drift
     return spread, walk
@@ -187,9 +190,11 @@ def _profile_errors(units: ImuArray, profiles: Sequence[Profile], t: Floats, dt:
     errors = np.zeros((2, n_triad, n_tick, 3))
     for code, driver, start, end, amplitude in profiles:
         triad, sensor = divmod(code, 2)
-        growth = np.clip((t - start) / (end - start), 0.0, 1.0)
+        elapsed = (t - start) / (end - start)
+        growth = np.clip(elapsed, 0.0, 1.0)
         parameter = growth[:, None] * np.array(amplitude)
-        errors[sensor, triad] += parameter * inputs_of(units, dt, driver, triad, sensor)
+        inputs = inputs_of(units, dt, driver, triad, sensor)
+        errors[sensor, triad] += parameter * inputs
     has_axis = np.arange(3) < units.n_axis[:, None]
     return errors * has_axis[None, :, None, :]
 
@@ -210,7 +215,8 @@ def _variance(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> Floats:
     """
     lasting, white = summed_variances(card, units, dt, ticks)
     has_axis = np.arange(3) < units.n_axis[:, None]
-    return np.asarray(np.where(has_axis, lasting + white, np.inf))
+    variance = lasting + white
+    return np.asarray(np.where(has_axis, variance, np.inf))
 
 
 def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[int, int]]:
@@ -231,7 +237,9 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
     excluded = list[tuple[int, int]]()
     n_window = len(tests.weight)
     n_triad = along.shape[1]
-    by_window = along[:, :, : n_window * tests.ticks].reshape(2, n_triad, n_window, tests.ticks, 3)
+    n_tick = n_window * tests.ticks
+    tested = along[:, :, :n_tick]
+    by_window = tested.reshape(2, n_triad, n_window, tests.ticks, 3)
     sums = by_window.sum(axis=3)
     for window in range(n_window):
         for sensor in range(2):
@@ -242,7 +250,8 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
             ratio, unit = _least_residual_ratio(y, directions, weight, tests, out)
             if np.isfinite(ratio):
                 out.add(unit)
-                excluded.append(((window + 1) * tests.ticks, unit))
+                first_tick = (window + 1) * tests.ticks
+                excluded.append((first_tick, unit))
     return excluded
 
 

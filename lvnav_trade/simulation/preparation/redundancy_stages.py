@@ -67,18 +67,25 @@ def summed_variances(card: ImuSet, units: ImuArray, dt: float, ticks: int) -> tu
     n_triad, n_tick = units.dtheta.shape[:2]
     edges = np.arange(0, n_tick + 1, ticks)
     lasting = np.zeros((edges.size - 1, 2, n_triad, 3))
+    window_end = edges[1:, None]
     for term in terms_of(card):
-        inputs = np.cumsum(inputs_of(units, dt, term.driver, term.triad, term.sensor), axis=0)
-        from_start = np.vstack([np.zeros((1, 3)), inputs])
-        summed = np.diff(from_start[edges], axis=0)
-        parameter_variance = np.array(squares(term.sigma)) + np.array(squares(term.walk)) * dt * edges[1:, None]
-        lasting[:, term.sensor, term.triad] += parameter_variance * summed**2
+        inputs = inputs_of(units, dt, term.driver, term.triad, term.sensor)
+        summed_inputs = np.cumsum(inputs, axis=0)
+        from_start = np.vstack([np.zeros((1, 3)), summed_inputs])
+        window_inputs = np.diff(from_start[edges], axis=0)
+        initial_variance = np.array(squares(term.sigma))
+        variance_rate = np.array(squares(term.walk))
+        parameter_variance = initial_variance + variance_rate * dt * window_end
+        lasting[:, term.sensor, term.triad] += parameter_variance * window_inputs**2
     white = np.empty((2, n_triad, 3))
     for sensor in range(2):
-        noise = units.white[:, 3 * sensor : 3 * sensor + 3]
+        first = 3 * sensor
+        noise = units.white[:, first : first + 3]
         step = units.white[:, 6 + sensor, None]
+        noise_variance = ticks * noise**2
         # of the uniform rounding errors (step^2 / 12) of a sum only those of its first and last sample remain
-        white[sensor] = ticks * noise**2 + step**2 / 6.0
+        rounding_variance = step**2 / 6.0
+        white[sensor] = noise_variance + rounding_variance
     return lasting, np.broadcast_to(white[None], lasting.shape)
 
 
@@ -96,14 +103,17 @@ def mean_stage(units: ImuArray, axes: RedundantAxes, excluded: set[int]) -> Comb
     """
     solved = units.solved[0]
     if excluded:
-        in_use = ~np.isin(axes.owner, list(excluded))
+        is_excluded = np.isin(axes.owner, list(excluded))
+        in_use = ~is_excluded
         if axes.prime:
-            in_use &= axes.owner == axes.owner[in_use].min()
+            first_unit = axes.owner[in_use].min()
+            in_use &= axes.owner == first_unit
         has_axis = np.arange(3) < units.n_axis[:, None]
         triad, axis = np.nonzero(has_axis & in_use[:, None])
+        directions = units.frames[triad, axis, 0]
         solved = np.zeros_like(solved)
         for sensor, shares in enumerate(axes.shares):
-            A = least_squares(units.frames[triad, axis, 0], shares[triad])
+            A = least_squares(directions, shares[triad])
             solved[triad, sensor, :, axis] = A.T
     return CombinationStage(solved, noisy=np.ones((2, 2, 3)), shift=np.zeros((2, 3)))
 
@@ -140,21 +150,25 @@ class MedianStatistics:
 
     def _solutions(self, along: Floats) -> Floats:
         """Return the solution of each IMU alone, (n_unit, n_tick, 3), from increments (n_triad, n_tick, 3)."""
-        solutions = np.zeros((self._n, *along.shape[1:]))
+        shape = (self._n, *along.shape[1:])
+        solutions = np.zeros(shape)
         for triad, unit in enumerate(self._owner):
-            solutions[unit] += along[triad] @ self._alone[triad].T
+            gains = self._alone[triad].T
+            solutions[unit] += along[triad] @ gains
         return solutions
 
     def _solution_variances(self, variance: Floats) -> Floats:
         """Return the variances (n, 2, n_unit, 3) of the solution of each IMU from those of axes, (n, 2, n_triad, 3)."""
         variances = np.zeros((len(variance), 2, self._n, 3))
         for triad, unit in enumerate(self._owner):
-            variances[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
+            squared_gains = (self._alone[triad] ** 2).T
+            variances[:, :, unit] += variance[:, :, triad] @ squared_gains
         return variances
 
     def at(self, tick: int, excluded: set[int]) -> CombinationStage:
         """Return the stage of a tick without the excluded IMUs."""
-        window = min(tick // self.step, self._errors.shape[2] - 1)
+        last_window = self._errors.shape[2] - 1
+        window = min(tick // self.step, last_window)
         in_use = [unit for unit in range(self._n) if unit not in excluded]
         solved = np.zeros_like(self._units.solved[0])
         noisy = np.ones((2, 2, 3))
@@ -167,12 +181,15 @@ class MedianStatistics:
                 median = _rounded_median(error, white, lasting)
                 for triad, unit in enumerate(self._owner):
                     if unit in in_use:
-                        gain = median.gains[in_use.index(int(unit))]
+                        number = in_use.index(int(unit))
+                        gain = median.gains[number]
                         solved[triad, sensor, axis] = gain * self._alone[triad][axis]
                 noisy[sensor, 0, axis] = median.lasting
                 noisy[sensor, 1, axis] = median.white
                 # mean of the median, minus the part that enters by the linear gains
-                shift[sensor, axis] = white[0] * median.mean - median.gains @ (error - np.median(error))
+                median_mean = white[0] * median.mean
+                linear_mean = median.gains @ (error - np.median(error))
+                shift[sensor, axis] = median_mean - linear_mean
         return CombinationStage(solved, noisy, shift)
 
 
@@ -183,11 +200,15 @@ def _rounded_median(error: Floats, white: Floats, lasting: Floats) -> MedianMode
     limited to 40, lasting errors to a tenth of their logarithm. Variances are returned as factors on the sigmas of the
     linear part.
     """
-    deviations = (error - np.median(error)) / white[0]
-    tenths = np.clip(np.rint(deviations * 10.0), -400.0, 400.0)
-    log_ratios = np.log(np.maximum(lasting / white[0], 1e-4))
+    first_white = white[0]
+    deviations = (error - np.median(error)) / first_white
+    rounded_deviations = np.rint(deviations * 10.0)
+    tenths = np.clip(rounded_deviations, -400.0, 400.0)
+    lasting_ratios = np.maximum(lasting / first_white, 1e-4)
+    log_ratios = np.log(lasting_ratios)
     exponents = np.rint(log_ratios * 10.0)
-    return _cached_median(tuple(tenths), tuple(np.round(white / white[0], 6)), tuple(exponents))
+    white_ratios = np.round(white / first_white, 6)
+    return _cached_median(tuple(tenths), tuple(white_ratios), tuple(exponents))
 
 
 @lru_cache(maxsize=4096)
@@ -195,9 +216,10 @@ def _cached_median(tenths: tuple[float, ...], white: tuple[float, ...], exponent
     """Return the statistics of the middle value for the ratios of `_rounded_median`."""
     lasting_sigma = np.exp(np.array(exponents) / 10.0)
     white_sigma = np.array(white)
-    median = middle(np.array(tenths) / 10.0, white_sigma, lasting_sigma)
+    deviations = np.array(tenths) / 10.0
+    median = middle(deviations, white_sigma, lasting_sigma)
     linear_lasting = np.sum((median.gains * lasting_sigma) ** 2)
     linear_white = np.sum((median.gains * white_sigma) ** 2)
-    return median._replace(
-        lasting=float(np.sqrt(median.lasting / linear_lasting)), white=float(np.sqrt(median.white / linear_white))
-    )
+    lasting_factor = np.sqrt(median.lasting / linear_lasting)
+    white_factor = np.sqrt(median.white / linear_white)
+    return median._replace(lasting=float(lasting_factor), white=float(white_factor))

@@ -121,16 +121,19 @@ def _channel_names(scenario: Scenario, channels: Channels, report: ReportedSolut
 
 def _record(scenario: Scenario, flight: TrueFlight, times: Times) -> HistoryTruth:
     """Return the true state at the ticks of the history times, with the reporting axes there."""
-    ticks, ref = times.hist_tick, flight.reference
+    ticks = times.hist_tick
+    ref = flight.reference
     t = np.ascontiguousarray(ref.t[ticks])
     r = np.ascontiguousarray(ref.r_i[ticks])
     v = np.ascontiguousarray(ref.v_i[ticks])
     q = np.ascontiguousarray(ref.q_b_i[ticks])
     theta0 = flight.trajectory.theta0
-    pad_e = ecef_from_eci(ref.r_i[:1], earth_angle(theta0, ref.t[:1]))[0]
+    initial_angle = earth_angle(theta0, ref.t[:1])
+    pad_e = ecef_from_eci(ref.r_i[:1], initial_angle)[0]
     axes = reporting_axes(scenario.frame, t, r, v, theta0, pad_e)
     # time since the last epoch, or since the start before the first
     epoch_ticks = np.concatenate([[0], flight.epochs.tick])
     last_epoch = np.searchsorted(epoch_ticks, ticks, side="right") - 1
-    since = (ticks - epoch_ticks[last_epoch]) / scenario.imu.rate
+    ticks_since_epoch = ticks - epoch_ticks[last_epoch]
+    since = ticks_since_epoch / scenario.imu.rate
     return HistoryTruth(r, v, q, np.ascontiguousarray(axes), t, since, scenario.diverged)

@@ -32,9 +32,12 @@ def _history_ticks(t_hist: Floats, events: Floats, start: float, rate: float, n_
     For an event it is the end of the first strapdown step at or after it, because the thrust acts until a cut-off. For
     any other time it is the nearest tick.
     """
-    after = np.ceil((t_hist - start) * rate / group - _SAME_TICK).astype(np.int64) * group
+    steps = (t_hist - start) * rate / group
+    next_step = np.ceil(steps - _SAME_TICK).astype(np.int64)
+    after = np.clip(next_step * group, 0, n_imu)
     nearest = ticks_of(t_hist, start, rate, n_imu, group)
-    ticks = np.where(np.isin(t_hist, events), np.clip(after, 0, n_imu), nearest)
+    is_event = np.isin(t_hist, events)
+    ticks = np.where(is_event, after, nearest)
     return np.asarray(np.maximum.accumulate(ticks))
 
 
@@ -70,19 +73,26 @@ def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stor
     group
         Ticks of a strapdown step.
     """
-    steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
-    end = np.unique(np.concatenate([steps, hist_tick, epoch_tick, stored, [0, n_imu]]))
+    regular_ticks = np.arange(0, n_imu, per_window)
+    strapdown_steps = np.rint(regular_ticks / group).astype(np.int64)
+    step_ticks = strapdown_steps * group
+    ends = np.concatenate([step_ticks, hist_tick, epoch_tick, stored, [0, n_imu]])
+    end = np.unique(ends)
     first = np.concatenate([[0], end[:-1]])
     epoch = np.full(end.size, -1)
-    epoch[np.searchsorted(end, epoch_tick)] = np.arange(epoch_tick.size)
+    epoch_window = np.searchsorted(end, epoch_tick)
+    epoch[epoch_window] = np.arange(epoch_tick.size)
     is_repeated = np.ones(hist_tick.size, dtype=bool)
     _, first_at_tick = np.unique(hist_tick, return_index=True)
     is_repeated[first_at_tick] = False
+    is_single = ~is_repeated
     hist = np.full(end.size, -1)
-    hist[np.searchsorted(end, hist_tick[~is_repeated])] = np.flatnonzero(~is_repeated)
+    hist_window = np.searchsorted(end, hist_tick[is_single])
+    hist[hist_window] = np.flatnonzero(is_single)
     # the empty window at tick 0 is needed only if a history time is there
     is_needed = (end > 0) | (hist >= 0)
-    windows = np.stack([first, end - first, epoch, hist], axis=1)[is_needed]
+    columns_of_windows = [first, end - first, epoch, hist]
+    windows = np.stack(columns_of_windows, axis=1)[is_needed]
     repeated_tick = hist_tick[is_repeated]
     n_repeated = repeated_tick.size
     empty_windows = np.empty((n_repeated, 4), dtype=np.int64)
@@ -90,8 +100,10 @@ def _divide(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, stor
     empty_windows[:, 1] = 0  # ticks
     empty_windows[:, 2] = -1  # epoch
     empty_windows[:, 3] = np.flatnonzero(is_repeated)
-    order = np.argsort(np.concatenate([end[is_needed], repeated_tick]), kind="stable")
-    columns = np.concatenate([windows, empty_windows])[order].T
+    all_ends = np.concatenate([end[is_needed], repeated_tick])
+    order = np.argsort(all_ends, kind="stable")
+    all_windows = np.concatenate([windows, empty_windows])
+    columns = all_windows[order].T
     return _Windows(*np.ascontiguousarray(columns))
 
 
@@ -113,7 +125,8 @@ def _add_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: 
     """
     step_ticks = ticks_of(steps, start, rate, n_imu, group)
     hist_ticks = ticks_of(t_hist, start, rate, n_imu, group)
-    additional = steps[~np.isin(step_ticks, hist_ticks)]
+    is_at_history = np.isin(step_ticks, hist_ticks)
+    additional = steps[~is_at_history]
     return np.sort(np.concatenate([t_hist, additional]))
 
 

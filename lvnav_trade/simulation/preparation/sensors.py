@@ -63,22 +63,23 @@ class Sensor(NamedTuple):
 def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
     """Return the true flight at times t (n,) s, as sensors need it; before its start it is that of the start."""
     t = np.maximum(t, trajectory.start)
-    at = motion(trajectory, t)
-    rest = motion(without_oscillations(trajectory), t)
-    speed_e = np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1)
+    vehicle = motion(trajectory, t)
+    steady = motion(without_oscillations(trajectory), t)
+    v_e = earth_velocity(steady.r_i, steady.v_i)
+    speed_e = np.linalg.norm(v_e, axis=1)
     # heights may be computed in frame i, since it is rotated about the axis of the ellipsoid only
-    _, _, height = geodetic_from_ecef(at.r_i)
+    _, _, height = geodetic_from_ecef(vehicle.r_i)
     return FlightView(
         t=t,
-        r_i=at.r_i,
-        v_i=at.v_i,
-        q_b_i=at.q_b_i,
+        r_i=vehicle.r_i,
+        v_i=vehicle.v_i,
+        q_b_i=vehicle.q_b_i,
         height=height,
         theta=np.asarray(earth_angle(trajectory.theta0, t)),
-        w_ib_b=at.w_ib_b,
+        w_ib_b=vehicle.w_ib_b,
         epoch=trajectory.epoch,
-        r_rest=rest.r_i,
-        q_rest=rest.q_b_i,
+        r_rest=steady.r_i,
+        q_rest=steady.q_b_i,
         standing=np.logical_and.accumulate(speed_e < STILL),
     )
 
@@ -147,8 +148,10 @@ def measures(scenario: Scenario, card: SensorCard, course: FlightProfile, t_epoc
     """
     rate = card.rate or scenario.filter.update_rate
     samples = t_epoch * rate
-    is_due = np.abs(samples - np.rint(samples)) < 1e-6 * max(1.0, rate)
-    return inside(course.holding(card), t_epoch) & is_due
+    deviation = np.abs(samples - np.rint(samples))
+    is_due = deviation < 1e-6 * max(1.0, rate)
+    is_active = inside(course.holding(card), t_epoch)
+    return is_active & is_due
 
 
 def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
@@ -163,7 +166,8 @@ def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
     start
         s since lift-off. Start of the flight.
     """
-    last = np.maximum.accumulate(np.where(on, t_epoch, start))
+    measurement_times = np.where(on, t_epoch, start)
+    last = np.maximum.accumulate(measurement_times)
     previous = np.concatenate([[start], last[:-1]])
     return np.asarray(t_epoch - previous)
 
@@ -185,15 +189,15 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
     InputError
         If a sensor that measures on the pad only has no measurement.
     """
-    used = sensors_used(scenario)
-    if not used:
+    cards = sensors_used(scenario)
+    if not cards:
         return ()
     views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
-    measurements = [card.measurement for card in used.values()]
+    measurements = [card.measurement for card in cards.values()]
     compensates = scenario.filter.delay_compensation is not None
     state_names = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
     sensors = []
-    for name, card in used.items():
+    for name, card in cards.items():
         is_alone = measurements.count(card.measurement) == 1
         model = sensor_model(scenario, card)
         view = views(card.latency)
@@ -262,7 +266,9 @@ def _white_noise(
 
 def _padded(values: Floats, width: int) -> Floats:
     """Return values (n_epoch, n) padded with zeros to (n_epoch, width)."""
-    return np.ascontiguousarray(np.pad(values, ((0, 0), (0, width - values.shape[1]))))
+    n_missing = width - values.shape[1]
+    padded = np.pad(values, ((0, 0), (0, n_missing)))
+    return np.ascontiguousarray(padded)
 
 
 def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors | None:
@@ -281,13 +287,19 @@ def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -
         return None
     n = len(sensors)
     codes = [_KINDS.index(kind_of(type(sensor.card))) for sensor in sensors]
+    n_scalar = [len(sensor.channels.labels) for sensor in sensors]
+    on = np.array([sensor.on for sensor in sensors], dtype=np.bool_)
+    truth = np.array([sensor.truth for sensor in sensors], dtype=float)
+    filter_quantities = np.array([sensor.known for sensor in sensors], dtype=float)
+    theta = np.array([sensor.theta for sensor in sensors], dtype=float)
+    sources = [source_word(sensor.noise) for sensor in sensors]
     return Sensors(
         code=np.array(codes, dtype=np.int64),
         channel=np.array(channels.first, dtype=np.int64),
-        scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
-        on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),
-        truth=np.array([sensor.truth for sensor in sensors], dtype=float).reshape(n, n_epoch, N_TRUTH),
-        known=np.array([sensor.known for sensor in sensors], dtype=float).reshape(n, n_epoch, N_KNOWN),
-        theta=np.array([sensor.theta for sensor in sensors], dtype=float).reshape(n, n_epoch),
-        sources=np.array([source_word(sensor.noise) for sensor in sensors], dtype=np.uint64),
+        scalars=np.array(n_scalar, dtype=np.int64),
+        on=on.reshape(n, n_epoch),
+        truth=truth.reshape(n, n_epoch, N_TRUTH),
+        known=filter_quantities.reshape(n, n_epoch, N_KNOWN),
+        theta=theta.reshape(n, n_epoch),
+        sources=np.array(sources, dtype=np.uint64),
     )

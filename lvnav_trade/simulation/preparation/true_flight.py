@@ -79,23 +79,23 @@ def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = N
     epochs = epochs_of(scenario, ref)
     t = epochs.t
     start = float(ref.t[0])
-    seen = seen_in(scenario, trajectory, t, start)
+    sky = seen_in(scenario, trajectory, t, start)
     devices = sensors_of(scenario, trajectory, t, start)
-    channels = channels_of(scenario, seen, devices)
-    lines = lines_of(trajectory, np.array(scenario.receiver.lever_b), seen)
-    failed = failures(scenario.faults, course, t, seen.names, seen.elevation, seen.tracked)
+    channels = channels_of(scenario, sky, devices)
+    lines = lines_of(trajectory, np.array(scenario.receiver.lever_b), sky)
+    failed = failures(scenario.faults, course, t, sky.names, sky.elevation, sky.tracked)
     spoofed = feigned(scenario.faults, trajectory, t, lines.position, lines.sight)
     return TrueFlight(
         trajectory=trajectory,
         reference=ref,
         epochs=epochs,
-        sky=seen,
+        sky=sky,
         lines=lines,
-        stamped=np.minimum(t, seen.t + delay(scenario.faults, course, t)),
+        stamped=np.minimum(t, sky.t + delay(scenario.faults, course, t)),
         devices=devices,
         channels=channels,
         ranging=channels._replace(tight=True) if solves(scenario) else channels,
-        delays=delays(trajectory, scenario.receiver, seen, scenario.atmosphere, scenario.filter.corrections),
+        delays=delays(trajectory, scenario.receiver, sky, scenario.atmosphere, scenario.filter.corrections),
         failed=failed,
         biased=np.stack([failed.bias, failed.drift], axis=2) + spoofed,
     )
@@ -120,8 +120,9 @@ def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 
     n_imu, group
         Number of ticks; ticks of a strapdown step.
     """
-    steps = np.rint((times - start) * rate / group).astype(np.int64)
-    return np.clip(steps * group, 0, n_imu)
+    steps_since_start = (times - start) * rate / group
+    nearest_step = np.rint(steps_since_start).astype(np.int64)
+    return np.clip(nearest_step * group, 0, n_imu)
 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
@@ -130,20 +131,23 @@ def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
     start = float(ref.t[0])
     end = float(ref.t[-1])
     group = scenario.filter.strapdown.ratio
-    n_imu = ref.dtheta.shape[0] // group * group
+    n_tick = ref.dtheta.shape[0]
+    n_imu = n_tick // group * group
     interval = epoch_interval(scenario)
-    n_epoch = math.floor((end - start) / interval + 1e-9)
-    grid = start + interval * np.arange(1, n_epoch + 1, dtype=np.float64)
+    length = end - start
+    n_epoch = math.floor(length / interval + 1e-9)
+    count = np.arange(1, n_epoch + 1, dtype=np.float64)
+    grid = start + interval * count
     tick = ticks_of(grid, start, rate, n_imu, group)
     # the times are those of the ticks, where increments end: half a tick is 20 m at orbital speed
     return Epochs(ref.t[tick], tick, n_imu, group)
 
 
-def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
+def channels_of(scenario: Scenario, sky: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
     """Return the measurement channels of a filter."""
     card = scenario.filter
-    ever_tracked = np.any(seen.tracked, axis=0).tolist()
+    ever_tracked = np.any(sky.tracked, axis=0).tolist()
     sensors = tuple(device.channels for device in devices)
     has_receiver = card.tight or card.loose
     further = tuple(name for name in card.measurements if name in FURTHER)
-    return Channels(card.tight, seen.names, seen.systems, tuple(ever_tracked), has_receiver, sensors, further)
+    return Channels(card.tight, sky.names, sky.systems, tuple(ever_tracked), has_receiver, sensors, further)

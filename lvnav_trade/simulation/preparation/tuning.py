@@ -132,14 +132,19 @@ def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first
         edges = np.array([edge for interval in intervals for edge in interval])
         since = t_first[:, None] + ROUNDING
         until = t_end[:, None] + ROUNDING
-        return np.asarray(np.any((edges >= since) & (edges < until), axis=1))
+        is_in_window = (edges >= since) & (edges < until)
+        return np.asarray(np.any(is_in_window, axis=1))
     changed = np.zeros(first.size, dtype=bool)
     for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
         if limit is None:
             continue
-        summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
-        window_mean = (summed[end] - summed[first]) / (t_end - t_first)[:, None]
-        changed |= _jumps(window_mean, limit)
+        sums = np.cumsum(increments, axis=0)
+        summed = np.concatenate([np.zeros((1, 3)), sums])
+        window_increment = summed[end] - summed[first]
+        window_length = (t_end - t_first)[:, None]
+        window_mean = window_increment / window_length
+        has_jump = _jumps(window_mean, limit)
+        changed |= has_jump
     return changed & inside(intervals, t_end)
 
 
@@ -157,14 +162,19 @@ def _tabled_variance(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory
     start, end
         (n,) s since lift-off. Start and end of the windows.
     """
-    dynamics = dynamics_at(trajectory, 0.5 * (start + end))
+    middle = 0.5 * (start + end)
+    length = end - start
+    dynamics = dynamics_at(trajectory, middle)
     variance = np.zeros((start.size, 9))
     for table in tables:
         for name, first in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
             values = getattr(table, name)
             if values:
-                density = np.interp(getattr(dynamics, table.over), getattr(table, table.over), values) ** 2
-                variance[:, first : first + 3] += (density * (end - start))[:, None]
+                argument = getattr(dynamics, table.over)
+                grid = getattr(table, table.over)
+                density = np.interp(argument, grid, values) ** 2
+                added_variance = density * length
+                variance[:, first : first + 3] += added_variance[:, None]
     return variance
 
 
@@ -195,7 +205,8 @@ def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floa
     first_states = [("attitude", ATT), ("velocity", VEL), ("position", POS)]
     first_states += [(block.name, block.offset) for block in layout.parameters]
     for name, first in first_states:
-        variance[first : first + 3] = (getattr(card, name, 0.0) / imu.full_scale(name)) ** 2
+        sigma = getattr(card, name, 0.0) / imu.full_scale(name)
+        variance[first : first + 3] = sigma**2
     if layout.clock >= 0:
         variance[layout.clock] = card.clock_bias**2
         if not layout.has_reduced_clock:
@@ -219,8 +230,10 @@ def linearisations(card: FilterCard, rate: float, windows: TickWindows) -> Ints:
     if card.transition_rate is None:
         return codes
     moved = windows.n_tick > 0
-    step = windows.first_tick[moved] // max(1, round(rate / card.transition_rate))
-    moved_codes = np.where(np.diff(step, prepend=-1) > 0, RENEWED, KEPT)
+    ticks_per_step = max(1, round(rate / card.transition_rate))
+    step = windows.first_tick[moved] // ticks_per_step
+    is_new_step = np.diff(step, prepend=-1) > 0
+    moved_codes = np.where(is_new_step, RENEWED, KEPT)
     # no estimate exists before the first window, so it is linearised at its own means; the second renews the rates
     moved_codes[:2] = (FIRST, RENEWED)[: moved_codes.size]
     codes[moved] = moved_codes

@@ -20,7 +20,9 @@ from lvnav_trade.trajectory.truth import Trajectory
 
 def _sensor_variances(gyro: PerAxis, accel: PerAxis) -> Floats:
     """Return the squares (6,) of one-sigmas of the gyro and of the accelerometer."""
-    return np.array([*squares(gyro), *squares(accel)])
+    gyro_variances = squares(gyro)
+    accel_variances = squares(accel)
+    return np.array([*gyro_variances, *accel_variances])
 
 
 def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout) -> VehicleModel | None:
@@ -114,8 +116,10 @@ def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
     nozzle = np.zeros((t.size, 2))
     if trajectory.commands is not None:
         rate, nozzle = trajectory.commands.at(t)
-    bounds = envelopes(card, t, burning(trajectory, t), changes(trajectory), rate, nozzle)
-    return np.hstack(bounds) ** 2 * (t[1] - t[0]) ** 2
+    is_burning = burning(trajectory, t)
+    bounds = envelopes(card, t, is_burning, changes(trajectory), rate, nozzle)
+    dt = t[1] - t[0]
+    return np.hstack(bounds) ** 2 * dt**2
 
 
 def burning(trajectory: Trajectory, t: Floats) -> Bools:
@@ -181,16 +185,20 @@ def envelopes(
     """
     dt = float(t[1] - t[0])
     is_change = changing(card, t, changes)
-    unknown = np.asarray(np.where(burning | is_change, card.burn, card.coast))
+    is_disturbed = burning | is_change
+    unknown = np.asarray(np.where(is_disturbed, card.burn, card.coast))
     # pitch and yaw: response to commanded rates, and motion without a command
-    commanded = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)
+    commanded_acceleration = _slope(commanded_rate, commanded_rate[:1], dt)
+    commanded = card.turn_gain * commanded_acceleration
     response = np.abs(_lagged(commanded, card.turn_time, dt))
     turning = np.empty((t.size, 3))
     turning[:, 0] = card.roll
     turning[:, 1:] = response + unknown[:, np.newaxis]
     # a nozzle angle in pitch pushes along the axis of yaw, and vice versa
-    nozzle_jerk = card.nozzle_gain * _slope(nozzle_command, np.zeros((1, 2)), dt)
-    lateral = np.abs(_lagged(nozzle_jerk, card.nozzle_time, dt)) + card.lateral
+    nozzle_rate = _slope(nozzle_command, np.zeros((1, 2)), dt)
+    nozzle_jerk = card.nozzle_gain * nozzle_rate
+    nozzle_response = np.abs(_lagged(nozzle_jerk, card.nozzle_time, dt))
+    lateral = nozzle_response + card.lateral
     axial = np.where(burning, card.axial_burn, card.axial_coast)
     axial = np.where(is_change, card.axial_change, axial)
     return turning, np.column_stack([axial, lateral[:, 1], lateral[:, 0]])
@@ -216,4 +224,6 @@ def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
     from scipy.signal import lfilter  # imported here: it loads scipy.stats, 30 MiB and 0.5 s, and few filters need it
 
     factor = math.exp(-dt / time_constant)
-    return np.asarray(lfilter([0.0, 1.0 - factor], [1.0, -factor], drive, axis=0))
+    numerator = [0.0, 1.0 - factor]
+    denominator = [1.0, -factor]
+    return np.asarray(lfilter(numerator, denominator, drive, axis=0))

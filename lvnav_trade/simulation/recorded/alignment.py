@@ -47,7 +47,8 @@ def align(log: NavigationData, card: NavigationLog) -> Alignment:
     at_rest = (log.t_fix >= begin) & (log.t_fix <= end)
     if not at_rest.any() or end >= log.t_fix[-1]:
         raise InputError(f"still: no solutions from {begin:g} to {end:g} s, or none after it")
-    speed = float(np.max(np.linalg.norm(log.moving[at_rest], axis=1)))
+    speeds = np.linalg.norm(log.moving[at_rest], axis=1)
+    speed = float(np.max(speeds))
     if speed > _FASTEST:
         raise InputError(f"still: the vehicle moves at up to {speed:.2g} m/s from {begin:g} to {end:g} s")
     place = np.mean(log.place[at_rest], axis=0)
@@ -63,8 +64,12 @@ def align(log: NavigationData, card: NavigationLog) -> Alignment:
     else:
         # the mean rate at rest includes the Earth rate, which is thus removed too: a twelfth of a degree in 20 s
         heading, sigma = _motion_heading(log, card, level, rate, weight)
-    C_b_n = Rotation.from_rotvec([0.0, 0.0, heading]).as_matrix() @ level
-    earth_rate_b = C_b_n.T @ rotation_e_n(place[0], place[1]) @ np.array([0.0, 0.0, OMEGA])
+    turn = Rotation.from_rotvec([0.0, 0.0, heading])
+    C_b_n = turn.as_matrix() @ level
+    latitude, longitude, _ = place
+    C_e_n = rotation_e_n(latitude, longitude)
+    earth_rate_e = np.array([0.0, 0.0, OMEGA])
+    earth_rate_b = C_b_n.T @ C_e_n @ earth_rate_e
     bias = rate - earth_rate_b if card.gyro_bias == "still" else np.zeros(3)
     return Alignment(t=end, C_b_n=C_b_n, gyro_bias=bias, heading=heading, heading_sigma=sigma)
 
@@ -87,8 +92,9 @@ def increments_to(log: NavigationData, t: Floats, sums: Floats) -> Floats:
 def _weight(place: Floats) -> float:
     """Return gravity (m/s^2), gravitation plus centrifugal acceleration, at latitude, longitude (rad), height (m)."""
     r_e = ecef_from_geodetic(*place)
-    outward = OMEGA**2 * r_e * np.array([1.0, 1.0, 0.0])
-    return float(np.linalg.norm(gravity_along(r_e[None, :])[0] + outward))
+    centrifugal = OMEGA**2 * r_e * np.array([1.0, 1.0, 0.0])
+    gravitation = gravity_along(r_e[None, :])[0]
+    return float(np.linalg.norm(gravitation + centrifugal))
 
 
 def _mean_at_rest(log: NavigationData, card: NavigationLog, sums: Floats) -> Floats:
@@ -102,7 +108,9 @@ def _mean_at_rest(log: NavigationData, card: NavigationLog, sums: Floats) -> Flo
         (n_row, 3) rad or m/s. Increments summed up to each row.
     """
     begin, end = card.still
-    increment = increments_to(log, np.array([end]), sums) - increments_to(log, np.array([begin]), sums)
+    sum_at_end = increments_to(log, np.array([end]), sums)
+    sum_at_begin = increments_to(log, np.array([begin]), sums)
+    increment = sum_at_end - sum_at_begin
     return np.asarray(increment[0] / (end - begin))
 
 
@@ -142,20 +150,28 @@ def _motion_heading(
     _, begin = card.still
     end = begin + card.heading_within
     solutions = (log.t_fix > begin) & (log.t_fix <= end)
-    received = log.moving[solutions, 0] + 1j * log.moving[solutions, 1]
+    received_north = log.moving[solutions, 0]
+    received_east = log.moving[solutions, 1]
+    received = received_north + 1j * received_east
     if not solutions.any() or np.sqrt(np.mean(np.abs(received) ** 2)) < _SLOWEST:
         raise InputError(
             f"heading: the vehicle hardly moves in the {card.heading_within:g} s after its rest; state the heading"
         )
-    t = np.concatenate([[begin], log.t[(log.t > begin) & (log.t < end)]])
+    is_between = (log.t > begin) & (log.t < end)
+    t = np.concatenate([[begin], log.t[is_between]])
     velocity = _inertial_velocity(log, t, level, rate)
     velocity[:, 2] += weight * (t - begin)
     t_fix = log.t_fix[solutions]
-    inertial = np.interp(t_fix, t, velocity[:, 0]) + 1j * np.interp(t_fix, t, velocity[:, 1])
-    heading = float(np.angle(np.sum(received * np.conj(inertial))))
+    inertial_ahead = np.interp(t_fix, t, velocity[:, 0])
+    inertial_right = np.interp(t_fix, t, velocity[:, 1])
+    inertial = inertial_ahead + 1j * inertial_right
+    correlation = np.sum(received * np.conj(inertial))
+    heading = float(np.angle(correlation))
     # components of the received velocities across the inertial velocities, turned by the heading
-    across = np.imag(received * np.exp(-1j * (np.angle(inertial) + heading)))
-    variance = np.mean(across**2) / np.sum(np.abs(inertial) ** 2)
+    direction = np.angle(inertial) + heading
+    across = np.imag(received * np.exp(-1j * direction))
+    sum_of_squares = np.sum(np.abs(inertial) ** 2)
+    variance = np.mean(across**2) / sum_of_squares
     return heading, float(np.sqrt(variance))
 
 
@@ -174,12 +190,15 @@ def _inertial_velocity(log: NavigationData, t: Floats, level: Floats, rate: Floa
         (3,) rad/s. Rate that is subtracted from the angular rate, body axes.
     """
     dt = np.diff(t)[:, None]
-    dtheta = np.diff(increments_to(log, t, log.turned), axis=0) - rate * dt
-    dvel = np.diff(increments_to(log, t, log.pushed), axis=0)
+    angle_sums = increments_to(log, t, log.turned)
+    velocity_sums = increments_to(log, t, log.pushed)
+    dtheta = np.diff(angle_sums, axis=0) - rate * dt
+    dvel = np.diff(velocity_sums, axis=0)
     attitude = Rotation.from_matrix(level)
     velocity = np.zeros((len(t), 3))
     for k, step in enumerate(Rotation.from_rotvec(dtheta)):
-        middle = attitude * Rotation.from_rotvec(0.5 * step.as_rotvec())
+        half_step = Rotation.from_rotvec(0.5 * step.as_rotvec())
+        middle = attitude * half_step
         velocity[k + 1] = velocity[k] + middle.apply(dvel[k])
         attitude = attitude * step
     return velocity

@@ -161,7 +161,8 @@ def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], st
     for end, (unit, increments) in endings.items():
         names = [f"{part}_{axis}_{end}" for axis in "xyz"]
         if all(name in title_of for name in names):
-            return [title_of[name] for name in names], unit, increments
+            titles_of_axes = [title_of[name] for name in names]
+            return titles_of_axes, unit, increments
     raise InputError(
         f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
         f"{', '.join(titles[:12])}"
@@ -223,29 +224,39 @@ def _scatter(t: Floats) -> tuple[float, float]:
     """
     lag = min(_LAG, t.size // 4)
     count = np.arange(t.size)
-    dt = float(np.median(t[lag:] - t[:-lag])) / lag
+    lagged_differences = t[lag:] - t[:-lag]
+    dt = float(np.median(lagged_differences)) / lag
     if dt <= 0.0:
         return dt, 0.0
     deviation = t - dt * count
-    late_stamps = np.flatnonzero(np.diff(t) > 1.5 * dt)
+    is_late = np.diff(t) > 1.5 * dt
+    late_stamps = np.flatnonzero(is_late)
     for k in late_stamps[:_MOST_STEPS].tolist():
-        before = np.median(deviation[max(0, k + 1 - lag) : k + 1])
-        after = np.median(deviation[k + 1 : k + 1 + lag])
+        after_step = k + 1
+        begin = max(0, after_step - lag)
+        end = after_step + lag
+        before = np.median(deviation[begin:after_step])
+        after = np.median(deviation[after_step:end])
         if after - before > 0.5 * dt:
             return dt, 0.0
     slope, base = np.polyfit(count, t, 1)
     residual = t - slope * count - base
+    interval = float(slope)
     if np.max(np.abs(residual)) >= _FARTHEST * dt:
-        return float(slope), 0.0
-    return float(slope), float(np.std(residual))
+        return interval, 0.0
+    sigma = float(np.std(residual))
+    return interval, sigma
 
 
 def _even_times(t: Floats, file: str, places: list[str]) -> Floats:
     """Return the times (n,) of evenly spaced rows from times that scatter; InputError if rows are missing."""
     dt, sigma = _scatter(t)
-    if sigma == 0.0 and np.any(np.abs(np.diff(t) - dt) > _UNEVEN * dt):
-        _interval(t - t[0], file, places)  # raises the error with the row
-    return np.asarray(t[0] + dt * np.arange(t.size))
+    if sigma == 0.0:
+        deviations = np.abs(np.diff(t) - dt)
+        if np.any(deviations > _UNEVEN * dt):
+            _interval(t - t[0], file, places)  # raises the error with the row
+    count = np.arange(t.size)
+    return np.asarray(t[0] + dt * count)
 
 
 def _mean_interval(t: Floats, file: str, places: list[str], longest: float) -> float:
@@ -293,9 +304,11 @@ def _row_range(t: Floats, start: float, end: float, file: str) -> slice:
         If the part has too few rows.
     """
     since = t - t[0]
-    first, last = np.searchsorted(since, [start - 1e-9, end + 1e-9])
+    bounds = [start - 1e-9, end + 1e-9]
+    first, last = np.searchsorted(since, bounds)
     begin = int(first) if start > 0.0 else 0
     stop = int(last) if math.isfinite(end) else t.size
-    if stop - begin < FEWEST:
-        raise InputError(f"{file}: {stop - begin} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
+    n_row = stop - begin
+    if n_row < FEWEST:
+        raise InputError(f"{file}: {n_row} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
     return slice(begin, stop)

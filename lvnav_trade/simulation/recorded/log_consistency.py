@@ -86,9 +86,15 @@ def inertial_fixes(log: NavigationData, start: float, theta0: float) -> tuple[Fl
     """
     t = log.t_fix - start
     theta = earth_angle(theta0, t)
-    r_i = eci_from_ecef(ecef_from_geodetic(*log.place.T), theta)
-    v_e = np.einsum("nji,nj->ni", rotation_e_n(log.place[:, 0], log.place[:, 1]), log.moving)
-    return t, r_i, eci_from_ecef(v_e, theta) + np.cross([0.0, 0.0, OMEGA], r_i)
+    latitude = log.place[:, 0]
+    longitude = log.place[:, 1]
+    r_e = ecef_from_geodetic(*log.place.T)
+    r_i = eci_from_ecef(r_e, theta)
+    C_e_n = rotation_e_n(latitude, longitude)
+    v_e = np.einsum("nji,nj->ni", C_e_n, log.moving)
+    earth_rotation_velocity = np.cross([0.0, 0.0, OMEGA], r_i)
+    v_i = eci_from_ecef(v_e, theta) + earth_rotation_velocity
+    return t, r_i, v_i
 
 
 def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> NavigationData:
@@ -114,24 +120,30 @@ def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> Navig
         return log
     size = np.full(intervals.first.size, np.nan)
     size[compared_intervals] = residuals
-    allowed = max(_JUMP, _SCATTERS * float(np.median(residuals)))
+    typical_residual = float(np.median(residuals))
+    allowed = max(_JUMP, _SCATTERS * typical_residual)
     bad = np.nan_to_num(size) > allowed
     if not bad.any():
         return log
     wild = _both_sides(intervals, bad, log.t_fix.size)
     n_wild = np.count_nonzero(wild)
     explained = wild[intervals.first] | wild[intervals.last]
-    if n_wild > max(1.0, _MOST_WILD * wild.size) or (bad & ~explained).any():
-        k = int(np.argmax(bad if explained.all() else bad & ~explained))
+    most_wild = max(1.0, _MOST_WILD * wild.size)
+    unexplained = bad & ~explained
+    if n_wild > most_wild or unexplained.any():
+        k = int(np.argmax(bad if explained.all() else unexplained))
+        previous_row = intervals.first[k]
         row = intervals.last[k]
-        step = log.t_fix[row] - log.t_fix[intervals.first[k]]
+        step = log.t_fix[row] - log.t_fix[previous_row]
+        line = log.lines[row] if log.lines else row
         raise InputError(
-            f"{log.fixes}:{log.lines[row] if log.lines else row}: in the {step:.3g} s before it the velocity "
-            f"gains {size[k]:.3g} m/s that the unit ({card.imu.file}) does not show: are times, units and axes of both "
-            "right, and has neither a jump?"
+            f"{log.fixes}:{line}: in the {step:.3g} s before it the velocity gains {size[k]:.3g} m/s that the unit "
+            f"({card.imu.file}) does not show: are times, units and axes of both right, and has neither a jump?"
         )
-    worst = float(np.nanmax(np.where(bad, size, np.nan)))
-    first_lines = ", ".join(log.lines[k] for k in np.flatnonzero(wild)[:5])
+    bad_sizes = np.where(bad, size, np.nan)
+    worst = float(np.nanmax(bad_sizes))
+    first_wild = np.flatnonzero(wild)[:5]
+    first_lines = ", ".join(log.lines[k] for k in first_wild)
     note = (
         f"velocities of {n_wild} of {wild.size} solutions contradict the unit, by up to {worst:.3g} "
         f"m/s: left out ({card.gnss.file}:{first_lines})"
@@ -143,12 +155,15 @@ def _both_sides(intervals: _Intervals, bad: Bools, n: int) -> Bools:
     """Return whether solutions (n,) have a contradiction on both sides, or on the only side that is compared."""
     n_compared = np.zeros(n, dtype=int)
     n_wrong = np.zeros(n, dtype=int)
+    bad_count = bad.astype(int)
     for ends in (intervals.first, intervals.last):
         np.add.at(n_compared, ends, 1)
-        np.add.at(n_wrong, ends, bad.astype(int))
+        np.add.at(n_wrong, ends, bad_count)
     all_wrong = (n_wrong == n_compared) & (n_wrong > 0)
-    is_end_of_log = np.arange(n) % (n - 1) == 0
-    return np.asarray(all_wrong & ((n_compared > 1) | is_end_of_log))
+    index = np.arange(n)
+    is_end_of_log = index % (n - 1) == 0
+    is_sufficient = (n_compared > 1) | is_end_of_log
+    return np.asarray(all_wrong & is_sufficient)
 
 
 def _selected(log: NavigationData, selected: Bools) -> NavigationData:
@@ -165,8 +180,9 @@ def _selected(log: NavigationData, selected: Bools) -> NavigationData:
 
 def _rest_rate(log: NavigationData, still: tuple[float, float]) -> Floats:
     """Return the mean rate (3,) rad/s of the log during its rest."""
-    begin, end = increments_to(log, np.array(still), log.turned)
-    return np.asarray((end - begin) / (still[1] - still[0]))
+    t_begin, t_end = still
+    angles_begin, angles_end = increments_to(log, np.array(still), log.turned)
+    return np.asarray((angles_end - angles_begin) / (t_end - t_begin))
 
 
 def _refuse_units(log: NavigationData, card: NavigationLog, lever: Floats, bias: Floats) -> None:
@@ -227,27 +243,35 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
     """
     first, last = _interval_ends(log, step)
     if not first.size:
-        none = np.zeros((0, 3))
-        return _Intervals(first, last, gained=none, pushed=none, turn=np.zeros((0, 3, 3)))
-    dt = log.t_fix[last] - log.t_fix[first]
-    dtheta, dvel = _interval_increments(log, log.t_fix[first], dt)
+        no_velocities = np.zeros((0, 3))
+        no_rotations = np.zeros((0, 3, 3))
+        return _Intervals(first, last, gained=no_velocities, pushed=no_velocities, turn=no_rotations)
+    start = log.t_fix[first]
+    dt = log.t_fix[last] - start
+    dtheta, dvel = _interval_increments(log, start, dt)
     n_part = dtheta.shape[1]
-    dtheta = dtheta - bias * (dt / n_part)[:, None, None]
+    part_length = (dt / n_part)[:, None, None]
+    dtheta = dtheta - bias * part_length
     C = np.tile(np.eye(3), (dt.size, 1, 1))
     pushed = np.zeros((dt.size, 3))
     for k in range(n_part):
         angle = dtheta[:, k]
-        in_middle = dvel[:, k] + 0.5 * np.cross(angle, dvel[:, k])  # rotation during the step
+        velocity = dvel[:, k]
+        in_middle = velocity + 0.5 * np.cross(angle, velocity)  # rotation during the step
         pushed += np.einsum("nij,nj->ni", C, in_middle)
         C = C @ Rotation.from_rotvec(angle).as_matrix()
     # the velocity of the antenna includes that by the lever arm, w x r
     per_second = (n_part / dt)[:, None]
-    lever_at_start = np.cross(dtheta[:, 0] * per_second, lever)
-    lever_at_end = np.cross(dtheta[:, -1] * per_second, lever)
+    rate_at_start = dtheta[:, 0] * per_second
+    rate_at_end = dtheta[:, -1] * per_second
+    lever_at_start = np.cross(rate_at_start, lever)
+    lever_at_end = np.cross(rate_at_end, lever)
     pushed += np.einsum("nij,nj->ni", C, lever_at_end) - lever_at_start
-    _, r_i, v_i = inertial_fixes(log, 0.0, gmst(log.epoch))
+    theta0 = gmst(log.epoch)
+    _, r_i, v_i = inertial_fixes(log, 0.0, theta0)
     middle_r_i = 0.5 * (r_i[first] + r_i[last])
-    by_gravitation = gravity_along(middle_r_i) * dt[:, None]
+    gravitation = gravity_along(middle_r_i)
+    by_gravitation = gravitation * dt[:, None]
     gained = v_i[last] - v_i[first] - by_gravitation
     return _Intervals(first, last, gained=gained, pushed=pushed, turn=C)
 
@@ -264,25 +288,38 @@ def _interval_increments(log: NavigationData, start: Floats, dt: Floats) -> tupl
     start, dt
         (n,) s. Start and length of each interval.
     """
-    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
-    n_part = max(2, int(np.ceil(float(dt.max()) * min(log_rate, _FINEST))))
-    grid = start[:, None] + dt[:, None] * np.arange(n_part + 1) / n_part
+    log_length = float(log.t[-1] - log.t[0])
+    log_rate = (log.t.size - 1) / log_length
+    part_rate = min(log_rate, _FINEST)
+    longest = float(dt.max())
+    n_part = max(2, int(np.ceil(longest * part_rate)))
+    edges = np.arange(n_part + 1)
+    grid = start[:, None] + dt[:, None] * edges / n_part
+    times = grid.ravel()
     shape = (*grid.shape, 3)
-    angle_sums = increments_to(log, grid.ravel(), log.turned).reshape(shape)
-    velocity_sums = increments_to(log, grid.ravel(), log.pushed).reshape(shape)
-    return np.diff(angle_sums, axis=1), np.diff(velocity_sums, axis=1)
+    angle_sums = increments_to(log, times, log.turned).reshape(shape)
+    velocity_sums = increments_to(log, times, log.pushed).reshape(shape)
+    dtheta = np.diff(angle_sums, axis=1)
+    dvel = np.diff(velocity_sums, axis=1)
+    return dtheta, dvel
 
 
 def _interval_ends(log: NavigationData, step: float) -> tuple[Ints, Ints]:
     """Return first and last solutions (n,) of intervals of at least a step (s), without those that are too long."""
-    inside = np.flatnonzero((log.t_fix >= log.t[0]) & (log.t_fix <= log.t[-1]))
+    t_fix = log.t_fix
+    in_log = (t_fix >= log.t[0]) & (t_fix <= log.t[-1])
+    inside = np.flatnonzero(in_log)
     bounds = inside[:1].tolist()
     for k in inside[1:].tolist():
-        if log.t_fix[k] - log.t_fix[bounds[-1]] >= step - 1e-6:
+        previous_bound = bounds[-1]
+        if t_fix[k] - t_fix[previous_bound] >= step - 1e-6:
             bounds.append(k)
     index = np.array(bounds, dtype=np.int64)
-    is_short = np.diff(log.t_fix[index]) <= max(_LONGEST, 1.5 * step)
-    return index[:-1][is_short], index[1:][is_short]
+    lengths = np.diff(t_fix[index])
+    is_short = lengths <= max(_LONGEST, 1.5 * step)
+    first = index[:-1]
+    last = index[1:]
+    return first[is_short], last[is_short]
 
 
 def _unexplained(intervals: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
@@ -294,34 +331,44 @@ def _unexplained(intervals: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
     C = np.tile(np.eye(3), (len(blocks), 1, 1))
     pushed = np.empty((*blocks.shape, 3))
     for k in range(blocks.shape[1]):
-        pushed[:, k] = np.einsum("nij,nj->ni", C, intervals.pushed[blocks[:, k]])
-        C = C @ intervals.turn[blocks[:, k]]
+        interval = blocks[:, k]
+        pushed[:, k] = np.einsum("nij,nj->ni", C, intervals.pushed[interval])
+        C = C @ intervals.turn[interval]
     gained = intervals.gained[blocks]
     weight = np.ones(blocks.shape)
     size = weight
     for _ in range(_PASSES):  # reweighting, so that a wild solution does not bias the attitude
         # Wahba's problem: the attitude is U V' of the weighted sum of gained pushed', with determinant 1
-        U, _singular, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", weight, gained, pushed))
-        U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-        residual = gained - np.einsum("nij,nkj->nki", U @ Vt, pushed)
+        correlation = np.einsum("nk,nki,nkj->nij", weight, gained, pushed)
+        U, _singular, Vt = np.linalg.svd(correlation)
+        determinant = np.linalg.det(U @ Vt)
+        U[:, :, 2] *= np.sign(determinant)[:, None]
+        attitude = U @ Vt
+        residual = gained - np.einsum("nij,nkj->nki", attitude, pushed)
         size = np.linalg.norm(residual, axis=2)
-        scale = np.maximum(np.median(size, axis=1, keepdims=True), 1e-6)
-        weight = 1.0 / (1.0 + (size / (3.0 * scale)) ** 2)
+        typical_size = np.median(size, axis=1, keepdims=True)
+        scale = np.maximum(typical_size, 1e-6)
+        normalised = size / (3.0 * scale)
+        weight = 1.0 / (1.0 + normalised**2)
     indices, first_place = np.unique(blocks.ravel(), return_index=True)  # the last two windows may overlap
-    return size.ravel()[first_place], indices
+    residuals = size.ravel()[first_place]
+    return residuals, indices
 
 
 def _blocks(intervals: _Intervals, t_fix: Floats) -> Ints:
     """Return the intervals (n_block, n) of each window; no window spans a gap, and the last before a gap ends there."""
     if not intervals.first.size:
         return np.zeros((0, 0), dtype=np.int64)
-    typical_interval = float(np.median(t_fix[intervals.last] - t_fix[intervals.first]))
+    lengths = t_fix[intervals.last] - t_fix[intervals.first]
+    typical_interval = float(np.median(lengths))
     n = max(_FEWEST, round(_WINDOW / typical_interval))
-    gaps = np.flatnonzero(intervals.first[1:] != intervals.last[:-1]) + 1
+    is_after_gap = intervals.first[1:] != intervals.last[:-1]
+    gaps = np.flatnonzero(is_after_gap) + 1
     edges = [0, *gaps.tolist(), intervals.first.size]
     starts: list[int] = []
     for begin, end in pairwise(edges):
         if end - begin >= n:
             starts += range(begin, end - n + 1, n)
             starts.append(end - n)
-    return np.add.outer(np.unique(np.array(starts, dtype=np.int64)), np.arange(n))
+    block_starts = np.unique(np.array(starts, dtype=np.int64))
+    return np.add.outer(block_starts, np.arange(n))

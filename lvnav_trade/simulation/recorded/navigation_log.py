@@ -132,7 +132,9 @@ def _refuse_second(t: Floats, names: tuple[str, ...], file: str, places: list[st
     """Raise InputError for the first two rows of a satellite at the same time."""
     _, number = np.unique(names, return_inverse=True)
     order = np.lexsort((t, number))
-    is_repeated = (np.diff(number[order]) == 0) & (np.diff(t[order]) < _SAME)
+    is_same_satellite = np.diff(number[order]) == 0
+    is_same_time = np.diff(t[order]) < _SAME
+    is_repeated = is_same_satellite & is_same_time
     pairs = []
     for k in np.flatnonzero(is_repeated):
         rows = sorted((int(order[k]), int(order[k + 1])))
@@ -247,13 +249,17 @@ def read_recording(card: NavigationLog, folder: Path) -> NavigationData:
     zero = solutions.zero
     epoch = first_row_utc(card, solutions.zero, solutions.file)
     log = read_log(unit_file, card.imu.delimiter, _GAP)
-    t = np.concatenate([log.t[:1] - log.dt, log.t]) - card.imu.delay
+    start_of_first_row = log.t[:1] - log.dt
+    t = np.concatenate([start_of_first_row, log.t]) - card.imu.delay
     if t[-1] <= zero + card.still[1] or t[0] > zero + card.still[0] + 1e-6:
         spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {solutions.file} from {zero:.9g} s on"
         raise InputError(f"{unit_file}: its rows do not span the rest: it has {spans}")
     step = np.diff(t)[:, None]
-    angle_sums = np.cumsum(np.vstack([np.zeros(3), log.gyro * step]), axis=0)
-    velocity_sums = np.cumsum(np.vstack([np.zeros(3), log.accel * step]), axis=0)
+    dtheta = log.gyro * step
+    dvel = log.accel * step
+    origin = np.zeros(3)
+    angle_sums = np.cumsum(np.vstack([origin, dtheta]), axis=0)
+    velocity_sums = np.cumsum(np.vstack([origin, dvel]), axis=0)
     to_body = turning(card.imu.axes).T
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
     notes = solutions.notes

@@ -40,13 +40,16 @@ class Outage(NamedTuple):
         """Normalised squared error per degree of freedom: 1 on average for a consistent filter; NaN if it failed."""
         if self.failed:
             return math.nan
-        return float(self.error @ np.linalg.solve(self.covariance, self.error)) / _MOTION
+        weighted_error = np.linalg.solve(self.covariance, self.error)
+        square = float(self.error @ weighted_error)
+        return square / _MOTION
 
     @property
     def inside(self) -> bool:
         """Whether velocity and position errors are within three sigma, each by the norms of error and sigma."""
-        parts = [(self.error[at], self.sigma[at]) for at in (slice(0, 3), slice(3, 6))]
-        return not self.failed and all(np.linalg.norm(error) <= 3.0 * np.linalg.norm(sigma) for error, sigma in parts)
+        blocks = (slice(0, 3), slice(3, 6))
+        pairs = [(self.error[block], self.sigma[block]) for block in blocks]
+        return not self.failed and all(np.linalg.norm(error) <= 3.0 * np.linalg.norm(sigma) for error, sigma in pairs)
 
 
 def with_outage(prepared: Prepared, begin: float, end: float) -> Prepared:
@@ -61,7 +64,9 @@ def with_outage(prepared: Prepared, begin: float, end: float) -> Prepared:
     """
     withheld = (prepared.t_epoch >= begin - 1e-9) & (prepared.t_epoch <= end + 1e-9)
     signals = prepared.signals
-    return prepared._replace(signals=signals._replace(n_used=np.where(withheld, 0, signals.n_used)))
+    n_used = np.where(withheld, 0, signals.n_used)
+    remaining_signals = signals._replace(n_used=n_used)
+    return prepared._replace(signals=remaining_signals)
 
 
 def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
@@ -77,25 +82,32 @@ def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
     last_epoch = float(prepared.t_epoch[-1])
     interval = float(prepared.signals.interval)
     has_solution = prepared.signals.n_used > 0
-    t_withheld = prepared.t_epoch[(prepared.t_epoch <= begin + length + 1e-9) & has_solution]
+    planned_end = begin + length
+    is_before_end = prepared.t_epoch <= planned_end + 1e-9
+    t_withheld = prepared.t_epoch[is_before_end & has_solution]
     end = float(t_withheld[-1]) if t_withheld.size else begin
-    if end < begin + length - 0.5 * interval or begin + length > last_epoch + 1e-9:
+    if end < planned_end - 0.5 * interval or planned_end > last_epoch + 1e-9:
         return None
     # the run ends at the history time nearest to the last withheld solution
-    history_time = int(np.argmin(np.abs(prepared.t_hist - end)))
-    n_window = int(np.flatnonzero(prepared.schedule.hist == history_time)[0]) + 1
-    schedule = type(prepared.schedule)(*(array[:n_window] for array in prepared.schedule))
-    cut = with_outage(prepared, begin, end)._replace(schedule=schedule)
-    error, covariance, failed = end_of_run(cut, history_time)
+    time_to_end = np.abs(prepared.t_hist - end)
+    history_time = int(np.argmin(time_to_end))
+    schedule = prepared.schedule
+    last_window = np.flatnonzero(schedule.hist == history_time)[0]
+    n_window = int(last_window) + 1
+    cut_schedule = type(schedule)(*(array[:n_window] for array in schedule))
+    cut = with_outage(prepared, begin, end)._replace(schedule=cut_schedule)
+    run_error, run_covariance, failed = end_of_run(cut, history_time)
     states = slice(VEL, VEL + _MOTION)
-    is_finite = np.isfinite(error[states]).all() and np.isfinite(covariance).all()
-    P = covariance[states, states] + _noise(prepared, end)
+    error = run_error[states]
+    is_finite = np.isfinite(error).all() and np.isfinite(run_covariance).all()
+    P = run_covariance[states, states] + _noise(prepared, end)
     axes = np.kron(np.eye(2), prepared.record.axes[history_time])  # reporting axes of velocity and position
+    covariance = axes @ P @ axes.T
     return Outage(
         begin=begin,
         end=end,
-        error=error[states],
-        covariance=axes @ P @ axes.T,
+        error=error,
+        covariance=covariance,
         failed=failed or not is_finite,
     )
 
@@ -107,7 +119,10 @@ def _noise(prepared: Prepared, t: float) -> Floats:
     """
     if prepared.scenario.filter.tight:
         _, model, _ = filter_models(prepared.scenario)
-        return np.diag(np.repeat([model.velocity_sigma**2, model.position_sigma**2], 3))
-    epoch = int(np.argmin(np.abs(prepared.t_epoch - t)))
+        velocity_variance = model.velocity_sigma**2
+        position_variance = model.position_sigma**2
+        return np.diag(np.repeat([velocity_variance, position_variance], 3))
+    time_to_epochs = np.abs(prepared.t_epoch - t)
+    epoch = int(np.argmin(time_to_epochs))
     position_and_velocity = prepared.signals.variance[epoch, :6]
     return np.diag(np.roll(position_and_velocity, 3))

@@ -71,7 +71,8 @@ def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools,
     omitted = np.zeros_like(log.tracked)
     largest: list[str] = []
     for column in log.needed:
-        difference = log.observed[:, :, column] + log.added[:, :, column] - expected[:, :, column]
+        measured = log.observed[:, :, column] + log.added[:, :, column]
+        difference = measured - expected[:, :, column]
         residuals = _residuals(difference, compared_ranges)
         sizes = np.abs(residuals[np.isfinite(residuals)])
         if not sizes.size:
@@ -87,10 +88,12 @@ def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools,
                 f"{file}: {_COLUMNS[column]} contradicts the solutions: without the receiver's "
                 f"clock, half of them are off by more than {_quantity(typical, column)}; {hint}"
             )
-        wild = np.abs(np.nan_to_num(residuals)) > max(_WILD[column], _SCATTERS * typical)
+        allowed = max(_WILD[column], _SCATTERS * typical)
+        wild = np.abs(np.nan_to_num(residuals)) > allowed
         omitted |= wild
         if wild.any():
-            largest.append(_quantity(float(sizes.max()), column))
+            largest_size = float(sizes.max())
+            largest.append(_quantity(largest_size, column))
     n_omitted = int(np.count_nonzero(omitted))
     if not n_omitted:
         return log.tracked, ()
@@ -106,18 +109,23 @@ def _omitted_by_satellite(omitted: Bools, names: tuple[str, ...]) -> str:
     """Return the number of omitted ranges (n_epoch, n_sat) of the first satellites, as text."""
     _, satellites = np.nonzero(omitted)
     counts = Counter(names[k] for k in satellites.tolist())
-    return ", ".join(f"{name} ({count})" for name, count in sorted(counts.items())[:_NAMED])
+    first_counts = sorted(counts.items())[:_NAMED]
+    return ", ".join(f"{name} ({count})" for name, count in first_counts)
 
 
 def _quantity(size: float, column: int) -> str:
     unit = _UNITS[column]
-    return f"{size * 1e-3:.4g} k{unit}" if size >= 1e3 else f"{size:.3g} {unit}"
+    if size >= 1e3:
+        return f"{size * 1e-3:.4g} k{unit}"
+    return f"{size:.3g} {unit}"
 
 
 def _expected(prepared: Prepared) -> Floats:
     """Return the ranges and range rates (n_epoch, n_sat, 2) m and m/s by the solutions, without clocks."""
     sky, signals = prepared.sky, prepared.signals
-    line = sight(sky.r_i - signals.position[:, None, :], sky.v_i - signals.velocity[:, None, :])
+    relative_position = sky.r_i - signals.position[:, None, :]
+    relative_velocity = sky.v_i - signals.velocity[:, None, :]
+    line = sight(relative_position, relative_velocity)
     return np.stack([line.distance, line.rate], axis=2)
 
 
@@ -128,10 +136,13 @@ def _near_solution(prepared: Prepared) -> Bools:
 
 def _residuals(difference: Floats, used: Bools) -> Floats:
     """Return differences (n_epoch, n_sat) minus the median of their epoch; NaN if unused or with too few satellites."""
-    residuals = np.where(used & np.isfinite(difference), difference, np.nan)
-    is_enough = np.isfinite(residuals).sum(axis=1) >= _FEWEST_RESIDUALS
+    is_used = used & np.isfinite(difference)
+    residuals = np.where(is_used, difference, np.nan)
+    n_residual = np.isfinite(residuals).sum(axis=1)
+    is_enough = n_residual >= _FEWEST_RESIDUALS
     residuals[~is_enough] = np.nan
-    residuals[is_enough] -= np.nanmedian(residuals[is_enough], axis=1, keepdims=True)
+    epoch_median = np.nanmedian(residuals[is_enough], axis=1, keepdims=True)
+    residuals[is_enough] -= epoch_median
     return residuals
 
 
@@ -142,9 +153,11 @@ def _range_hint(residuals: Floats, rate: Floats) -> str:
     size = residuals[both_known]
     slope = motion[both_known]
     # least squares of residual = time offset * rate
-    offset = float(np.sum(size * slope) / max(np.sum(slope**2), 1e-9))
+    sum_of_squares = max(np.sum(slope**2), 1e-9)
+    offset = float(np.sum(size * slope) / sum_of_squares)
     unexplained = np.median(np.abs(size - offset * slope))
-    if unexplained <= _FITS * np.median(np.abs(size)):
+    typical_size = np.median(np.abs(size))
+    if unexplained <= _FITS * typical_size:
         direction = "later" if offset > 0.0 else "earlier"
         return (
             f"the satellites fit {abs(offset):.1f} s {direction}: is the epoch UTC, and do "
@@ -167,9 +180,12 @@ def _rate_hint(log: RecordedRanges, rate: Floats, used: Bools, typical: float) -
     typical
         m/s. Median residual with the present interpretation.
     """
+    observed_rate = log.observed[:, :, 1]
+    correction = log.added[:, :, 1]
     for factor, hint in _READINGS:
-        difference = factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate
+        difference = factor * observed_rate + correction - rate
         residuals = _residuals(difference, used)
-        if np.nanmedian(np.abs(residuals)) <= min(_CONTRADICTED[1], _FITS * typical):
+        size = np.nanmedian(np.abs(residuals))
+        if size <= min(_CONTRADICTED[1], _FITS * typical):
             return hint
     return "are the epoch and the unit right?"

@@ -130,24 +130,30 @@ def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
     lowest = (-90.0, -360.0, _LOWEST)
     highest = (90.0, 360.0, _HIGHEST)
     for name, column, low, high in zip(PLACE, rows.T, lowest, highest, strict=False):
-        for k in np.flatnonzero((column < low) | (column > high))[:1]:
-            bound = high if column[k] > high else low
-            raise InputError(f"{file}:{places[k]}: {name} is {column[k]:.9g}, beyond {bound:g}; is the unit right?")
+        is_outside = (column < low) | (column > high)
+        for k in np.flatnonzero(is_outside)[:1]:
+            value = column[k]
+            bound = high if value > high else low
+            raise InputError(f"{file}:{places[k]}: {name} is {value:.9g}, beyond {bound:g}; is the unit right?")
+    velocities = rows[:, 3:]
     with np.errstate(over="ignore"):  # an infinite speed is refused as well
-        speed = np.linalg.norm(rows[:, 3:], axis=1)
-    refuse_first(speed > _FASTEST, file, places, lambda k: f"a speed of {speed[k]:.6g} m/s; is the unit right?")
+        speed = np.linalg.norm(velocities, axis=1)
+    is_too_fast = speed > _FASTEST
+    refuse_first(is_too_fast, file, places, lambda k: f"a speed of {speed[k]:.6g} m/s; is the unit right?")
 
 
 def _select_complete(solutions: Solutions) -> Solutions:
     """Return the solutions without an empty field of position or velocity."""
     values = np.hstack([solutions.place, solutions.moving])
     complete = np.asarray(np.isfinite(values).all(axis=1))
-    return solutions.only(complete, left_out(solutions, ~complete, "have an empty field"))
+    note = left_out(solutions, ~complete, "have an empty field")
+    return solutions.only(complete, note)
 
 
 def _select_fixed(solutions: Solutions) -> Solutions:
     """Return the solutions that are not at latitude and longitude zero."""
-    at_zero = np.asarray(np.all(solutions.place[:, :2] == 0.0, axis=1))
+    latitude_and_longitude = solutions.place[:, :2]
+    at_zero = np.asarray(np.all(latitude_and_longitude == 0.0, axis=1))
     note = left_out(solutions, at_zero, "are at latitude and longitude zero, as of a receiver without a fix")
     return solutions.only(np.logical_not(at_zero), note)
 
@@ -155,11 +161,12 @@ def _select_fixed(solutions: Solutions) -> Solutions:
 def left_out(solutions: Solutions, omitted: Bools, reason: str) -> str:
     """Return the note on omitted rows (m,)."""
     lines = [solutions.lines[k] for k in np.flatnonzero(omitted)]
+    n_omitted = len(lines)
     listed = ", ".join(lines[:_NAMED])
-    if len(lines) > _NAMED:
+    if n_omitted > _NAMED:
         listed += ", ..."
-    place = f"{os.path.basename(solutions.file)}:{listed}"
-    return f"{len(lines)} of {omitted.size} solutions {reason}: left out ({place})"
+    file = os.path.basename(solutions.file)
+    return f"{n_omitted} of {omitted.size} solutions {reason}: left out ({file}:{listed})"
 
 
 def _check_sigmas(solutions: Solutions, sigmas_used: bool) -> Solutions:
@@ -168,17 +175,21 @@ def _check_sigmas(solutions: Solutions, sigmas_used: bool) -> Solutions:
         below = (solutions.sigma <= 0.0).any(axis=1)
         if not below.any():
             return solutions
-        note = f"sigmas of {np.count_nonzero(below)} of {below.size} solutions are not above zero; they are not used"
+        n_below = np.count_nonzero(below)
+        note = f"sigmas of {n_below} of {below.size} solutions are not above zero; they are not used"
         return solutions._replace(notes=(*solutions.notes, note))
-    wrong = ~((solutions.sigma >= _SMALLEST) & (solutions.sigma <= _LARGEST))
+    is_possible = (solutions.sigma >= _SMALLEST) & (solutions.sigma <= _LARGEST)
+    wrong = ~is_possible
     wrong_rows = np.asarray(wrong.any(axis=1))
     if np.count_nonzero(wrong_rows) > 0.5 * wrong_rows.size:
         row = int(np.argmax(wrong_rows))
         column = int(np.argmax(wrong[row]))
+        sigma = solutions.sigma[row, column]
+        place = f"{solutions.file}:{solutions.lines[row]}"
         limits = f"from {_SMALLEST[column]:g} to {_LARGEST[column]:g}"
         raise InputError(
-            f"{solutions.file}:{solutions.lines[row]}: {SIGMAS[column]} is {solutions.sigma[row, column]:g}; a sigma "
-            f"is {limits} (gnss.noise: filter takes the noise of the filter's card)"
+            f"{place}: {SIGMAS[column]} is {sigma:g}; a sigma is {limits} (gnss.noise: filter takes the noise of the "
+            "filter's card)"
         )
     note = left_out(solutions, wrong_rows, "have a sigma that is not above zero, or empty or too large")
     return solutions.only(np.logical_not(wrong_rows), note)
@@ -190,16 +201,18 @@ def _check_sigmas(solutions: Solutions, sigmas_used: bool) -> Solutions:
 def consistent(solutions: Solutions) -> Solutions:
     """Return the solutions without outliers; InputError if positions and velocities of the log are inconsistent."""
     r_e, v_e = _earth_fixed(solutions.place, solutions.moving)
-    used, worst = _on_path(solutions.t, r_e, v_e)
-    omitted = np.logical_not(used)
+    on_path, worst = _on_path(solutions.t, r_e, v_e)
+    omitted = np.logical_not(on_path)
     n_omitted = np.count_nonzero(omitted)
     if n_omitted <= max(1.0, MOST_WILD * omitted.size):
         reason = f"contradict the positions and velocities of the rows around them, by up to {_length(worst)}"
-        solutions = solutions.only(used, left_out(solutions, omitted, reason))
+        note = left_out(solutions, omitted, reason)
+        solutions = solutions.only(on_path, note)
         _refuse_contradiction(solutions)
         return solutions
     _refuse_contradiction(solutions)
-    k = int(np.argmax(used[1:] != used[:-1])) + 1  # first row at which the consistent run begins or ends
+    is_edge = on_path[1:] != on_path[:-1]
+    k = int(np.argmax(is_edge)) + 1  # first row at which the consistent run begins or ends
     raise InputError(
         f"{solutions.file}:{solutions.lines[k]}: the position is not where the rows before and their velocities lead; "
         f"{n_omitted} of {omitted.size} solutions so, by up to {_length(worst)}"
@@ -211,8 +224,12 @@ def _length(size: float) -> str:
 
 
 def _earth_fixed(place: Floats, moving: Floats) -> tuple[Floats, Floats]:
-    v_e = np.einsum("kji,kj->ki", rotation_e_n(place[:, 0], place[:, 1]), moving)
-    return ecef_from_geodetic(*place.T), v_e
+    latitude = place[:, 0]
+    longitude = place[:, 1]
+    C_e_n = rotation_e_n(latitude, longitude)
+    v_e = np.einsum("kji,kj->ki", C_e_n, moving)
+    r_e = ecef_from_geodetic(*place.T)
+    return r_e, v_e
 
 
 def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
@@ -221,37 +238,48 @@ def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
     The second result is the largest distance (m) of another row from that path.
     """
     dt = np.diff(t)
-    predicted = 0.5 * (v_e[1:] + v_e[:-1]) * dt[:, None]
-    distances = np.linalg.norm(np.diff(r_e, axis=0) - predicted, axis=1)
-    allowed = max(_JUMP, _SCATTERS * float(np.median(distances)))
+    mean_velocities = 0.5 * (v_e[1:] + v_e[:-1])
+    predicted = mean_velocities * dt[:, None]
+    displacements = np.diff(r_e, axis=0)
+    distances = np.linalg.norm(displacements - predicted, axis=1)
+    typical_distance = float(np.median(distances))
+    allowed = max(_JUMP, _SCATTERS * typical_distance)
 
     def excess(i: int, j: int) -> float:
         """Return the distance (m) of row j from the path from row i, less the allowed distance; negative: it fits."""
         step = t[j] - t[i]
-        displacement = 0.5 * (v_e[i] + v_e[j]) * step
-        distance = float(np.linalg.norm(r_e[j] - r_e[i] - displacement))
-        return distance - allowed - _UNSEEN * step**2
+        mean_velocity = 0.5 * (v_e[i] + v_e[j])
+        predicted_displacement = mean_velocity * step
+        displacement = r_e[j] - r_e[i]
+        distance = float(np.linalg.norm(displacement - predicted_displacement))
+        unseen = _UNSEEN * step**2
+        return distance - allowed - unseen
 
-    bad = distances > allowed + _UNSEEN * dt**2
-    edges = [0, *(np.flatnonzero(bad) + 1).tolist(), t.size]
+    unseen_distances = _UNSEEN * dt**2
+    bad = distances > allowed + unseen_distances
+    later_edges = np.flatnonzero(bad) + 1
+    edges = [0, *later_edges.tolist(), t.size]
     runs = [range(begin, end) for begin, end in pairwise(edges)]
     longest = max(range(len(runs)), key=lambda k: len(runs[k]))
-    used = np.zeros(t.size, dtype=bool)
-    used[list(runs[longest])] = True
+    longest_run = runs[longest]
+    on_path = np.zeros(t.size, dtype=bool)
+    on_path[list(longest_run)] = True
     worst = 0.0
     # runs after the longest in rising order, then runs before it in falling order: row next to the path, row at its end
-    after = [(run[0], run[-1], run) for run in runs[longest + 1 :]]
-    before = [(run[-1], run[0], run) for run in reversed(runs[:longest])]
-    for path_end, neighbours in ((runs[longest][-1], after), (runs[longest][0], before)):
+    runs_after = runs[longest + 1 :]
+    runs_before = reversed(runs[:longest])
+    after = [(run[0], run[-1], run) for run in runs_after]
+    before = [(run[-1], run[0], run) for run in runs_before]
+    for path_end, neighbours in ((longest_run[-1], after), (longest_run[0], before)):
         last = path_end
         for near, far, run in neighbours:
             beyond = excess(last, near)
             if beyond <= 0.0:
-                used[list(run)] = True
+                on_path[list(run)] = True
                 last = far
             else:
                 worst = max(worst, beyond + allowed)
-    return used, worst
+    return on_path, worst
 
 
 _Change = Callable[[Floats, Floats], tuple[Floats, Floats]]
@@ -291,10 +319,12 @@ def _refuse_contradiction(solutions: Solutions) -> None:
     fits = []
     for name, change in _READINGS:
         place, moving = change(solutions.place, solutions.moving)
-        if np.abs(place[:, 0]).max() <= 0.5 * np.pi:
+        latitude = place[:, 0]
+        if np.abs(latitude).max() <= 0.5 * np.pi:
             changed = _path_misses(solutions.t, place, moving)
             if changed.size and changed.max() <= _FITS:
-                fits.append((float(changed.max()), name))
+                largest_miss = float(changed.max())
+                fits.append((largest_miss, name))
     hint = f"with {min(fits)[1]} they fit: is that so?" if fits else "is a unit, an axis or a time wrong?"
     contradiction = "positions contradict the velocities"
     if axis > 0:
@@ -322,23 +352,34 @@ def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
         the vehicle moves in too few windows.
     """
     r_e, v_e = _earth_fixed(place, moving)
-    steps = 0.5 * (v_e[1:] + v_e[:-1]) * np.diff(t)[:, None]
-    by_velocity = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    by_position = np.vstack([np.zeros(3), np.cumsum(np.diff(r_e, axis=0), axis=0)])
-    path_length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    dt = np.diff(t)
+    mean_velocities = 0.5 * (v_e[1:] + v_e[:-1])
+    steps = mean_velocities * dt[:, None]
+    displacements = np.diff(r_e, axis=0)
+    origin = np.zeros(3)
+    by_velocity = np.vstack([origin, np.cumsum(steps, axis=0)])
+    by_position = np.vstack([origin, np.cumsum(displacements, axis=0)])
+    step_lengths = np.linalg.norm(steps, axis=1)
+    path_length = np.concatenate([[0.0], np.cumsum(step_lengths)])
     for span in _WINDOWS:
         first, last = _windows(t, span)
         moved_v = by_velocity[last] - by_velocity[first]
         moved_r = by_position[last] - by_position[first]
-        path = np.maximum(path_length[last] - path_length[first], np.linalg.norm(moved_r, axis=1))
+        path_by_velocity = path_length[last] - path_length[first]
+        path_by_position = np.linalg.norm(moved_r, axis=1)
+        path = np.maximum(path_by_velocity, path_by_position)
         moves = path >= _PATH
         if np.count_nonzero(moves) < _FEWEST_WINDOWS:
             continue
         start = place[first[moves]]
         C_e_n = rotation_e_n(start[:, 0], start[:, 1])
-        miss = moved_r[moves] - moved_v[moves]
-        by_vector = np.median(np.linalg.norm(miss, axis=1) / path[moves])
-        return np.append(by_vector, _axis_misses(C_e_n, moved_v[moves], moved_r[moves], miss))
+        moved_r = moved_r[moves]
+        moved_v = moved_v[moves]
+        miss = moved_r - moved_v
+        relative_miss = np.linalg.norm(miss, axis=1) / path[moves]
+        vector_miss = np.median(relative_miss)
+        axis_misses = _axis_misses(C_e_n, moved_v, moved_r, miss)
+        return np.append(vector_miss, axis_misses)
     return np.zeros(0)
 
 
@@ -358,18 +399,23 @@ def _axis_misses(C_e_n: Floats, moved_v: Floats, moved_r: Floats, miss: Floats) 
     r_n = np.abs(np.einsum("kij,kj->ki", C_e_n, moved_r))
     miss_n = np.abs(np.einsum("kij,kj->ki", C_e_n, miss))
     path_n = np.maximum(v_n, r_n)
-    ratio = np.median(miss_n / np.maximum(path_n, 1e-9), axis=0)
-    return np.where(np.median(path_n, axis=0) >= _PATH, ratio, 0.0)
+    relative_miss = miss_n / np.maximum(path_n, 1e-9)
+    median_miss = np.median(relative_miss, axis=0)
+    moves = np.median(path_n, axis=0) >= _PATH
+    return np.where(moves, median_miss, 0.0)
 
 
 def _windows(t: Floats, span: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return first and last rows of windows of about `span` s, half a window apart, without gaps in them."""
     dt = np.diff(t)
-    is_gap = dt > max(2.0, 3.0 * float(np.median(dt)))
+    typical_interval = float(np.median(dt))
+    is_gap = dt > max(2.0, 3.0 * typical_interval)
     n_gap = np.concatenate([[0], np.cumsum(is_gap)])
-    grid = np.arange(t[0], t[-1] - span, 0.5 * span)
+    last_start = t[-1] - span
+    grid = np.arange(t[0], last_start, 0.5 * span)
     starts = np.searchsorted(t, grid)
     ends = np.searchsorted(t, t[starts] + span)
     ends = np.minimum(ends, t.size - 1)
-    gapless = (ends > starts) & (n_gap[ends] == n_gap[starts])
+    is_without_gap = n_gap[ends] == n_gap[starts]
+    gapless = (ends > starts) & is_without_gap
     return starts[gapless], ends[gapless]

@@ -60,32 +60,38 @@ def with_ranges(
     sky = prepared.sky
     signals = prepared.signals
     measurements = measured(prepared.scenario)
-    needed = [column for column, name in enumerate(_OBSERVABLES) if name in measurements]
+    columns = [column for column, name in enumerate(_OBSERVABLES) if name in measurements]
     observed = _epoch_ranges(prepared, ranges, start)
-    tracked = np.isfinite(observed[:, :, needed]).all(axis=2) & sky.tracked
-    corrections = _corrections(prepared, observed[:, :, 0])
+    is_complete = np.isfinite(observed[:, :, columns]).all(axis=2)
+    tracked = is_complete & sky.tracked
+    pseudorange = observed[:, :, 0]
+    corrections = _corrections(prepared, pseudorange)
     if not (tracked.sum(axis=1) >= _START).any():
         in_case = ", ".join(sorted(set(sky.names))[:8])
         in_log = ", ".join(sorted(set(ranges.satellites))[:8])
         raise InputError(
             f"ranges: at no epoch of the case {_START} satellites that it tracks; it has {in_case}, the log {in_log}"
         )
-    tracked, notes = compared(prepared, RecordedRanges(observed, corrections, tracked, needed), ranges.file)
+    recorded_ranges = RecordedRanges(observed, corrections, tracked, columns)
+    tracked, notes = compared(prepared, recorded_ranges, ranges.file)
     corrected = observed + corrections
-    first = int(np.argmax(tracked.sum(axis=1) >= _START))
+    has_start = tracked.sum(axis=1) >= _START
+    first = int(np.argmax(has_start))
     bias, drift = _clock(prepared, corrected, tracked, first, fixes)
     since = (sky.t - sky.t[first])[:, None]
     is_recorded = tracked[:, :, None] & np.isfinite(corrected)
-    recorded_range = corrected[:, :, 0] - (bias + drift * since)
+    clock_bias = bias + drift * since
+    recorded_range = corrected[:, :, 0] - clock_bias
     recorded_rate = corrected[:, :, 1] - drift
-    used, n_used = slots(tracked)
+    satellite_by_slot, n_used = slots(tracked)
     recorded_signals = signals._replace(
-        used=used,
+        used=satellite_by_slot,
         n_used=n_used,
         range=np.where(is_recorded[:, :, 0], recorded_range, signals.range),
         rate=np.where(is_recorded[:, :, 1], recorded_rate, signals.rate),
     )
-    return prepared._replace(signals=recorded_signals), (*_strangers(prepared, ranges), *notes)
+    with_log = prepared._replace(signals=recorded_signals)
+    return with_log, (*_strangers(prepared, ranges), *notes)
 
 
 def _strangers(prepared: Prepared, ranges: Ranges) -> tuple[str, ...]:
@@ -105,10 +111,14 @@ def _epoch_ranges(prepared: Prepared, ranges: Ranges, start: float) -> Floats:
     number = {satellite_name(name): k for k, name in enumerate(prepared.sky.names)}
     t_epoch = prepared.sky.t  # times of validity of the measurements
     t = ranges.t - start
-    nearest = np.rint((t - t_epoch[0]) / prepared.signals.interval).astype(int)
+    intervals_since_first = (t - t_epoch[0]) / prepared.signals.interval
+    nearest = np.rint(intervals_since_first).astype(int)
     epoch = np.clip(nearest, 0, t_epoch.size - 1)
-    is_at_epoch = np.abs(t - t_epoch[epoch]) < 0.5 * prepared.unit.dt
-    observed = np.full((t_epoch.size, len(prepared.sky.names), 2), np.nan)
+    time_to_epoch = np.abs(t - t_epoch[epoch])
+    half_tick = 0.5 * prepared.unit.dt
+    is_at_epoch = time_to_epoch < half_tick
+    n_sat = len(prepared.sky.names)
+    observed = np.full((t_epoch.size, n_sat, 2), np.nan)
     for row in np.flatnonzero(is_at_epoch).tolist():
         satellite = ranges.satellites[row]
         if satellite in number:
@@ -122,10 +132,14 @@ def _corrections(prepared: Prepared, pseudorange: Floats) -> Floats:
     orbits = satellites(scenario.constellation, scenario.trajectory.epoch)
     travel_time = np.where(np.isfinite(pseudorange), pseudorange / SPEED_OF_LIGHT, _FLIGHT_TIME)
     sent = prepared.sky.t[:, None] - travel_time
+    one_second_later = sent + 1.0
     clock = orbits.clock(sent) + orbits.relativity(sent)
-    clock_later = orbits.clock(sent + 1.0) + orbits.relativity(sent + 1.0)
-    satellite_clock = np.stack([SPEED_OF_LIGHT * clock, SPEED_OF_LIGHT * (clock_later - clock)], axis=2)
-    modelled = prepared.delays.modelled_troposphere + prepared.delays.modelled_ionosphere
+    clock_later = orbits.clock(one_second_later) + orbits.relativity(one_second_later)
+    clock_range = SPEED_OF_LIGHT * clock
+    clock_rate = SPEED_OF_LIGHT * (clock_later - clock)
+    satellite_clock = np.stack([clock_range, clock_rate], axis=2)
+    delays = prepared.delays
+    modelled = delays.modelled_troposphere + delays.modelled_ionosphere
     return satellite_clock - modelled
 
 
@@ -153,11 +167,15 @@ def _clock(
     """
     t_fix, r_i, v_i = fixes
     sky = prepared.sky
-    nearest = int(np.argmin(np.abs(t_fix - sky.t[epoch])))
+    time_to_fixes = np.abs(t_fix - sky.t[epoch])
+    nearest = int(np.argmin(time_to_fixes))
     is_tracked = tracked[epoch]
-    line = sight(sky.r_i[epoch, is_tracked] - r_i[nearest], sky.v_i[epoch, is_tracked] - v_i[nearest])
+    relative_position = sky.r_i[epoch, is_tracked] - r_i[nearest]
+    relative_velocity = sky.v_i[epoch, is_tracked] - v_i[nearest]
+    line = sight(relative_position, relative_velocity)
     expected = np.stack([line.distance, line.rate], axis=1)
-    return np.median(corrected[epoch, is_tracked] - expected, axis=0)
+    clock_errors = corrected[epoch, is_tracked] - expected
+    return np.median(clock_errors, axis=0)
 
 
 _SOLUTION = {"position", "velocity"}
@@ -215,19 +233,22 @@ def replayed(scenario: Scenario, log: NavigationData, card: NavigationLog, align
     """
     refuse_unable(scenario, card)
     rate = scenario.imu.rate
-    first = int(np.argmax(log.t_fix >= aligned.t))
+    is_after_rest = log.t_fix >= aligned.t
+    first = int(np.argmax(is_after_rest))
     start = float(log.t_fix[first])
     end = float(min(log.t_fix[-1], log.t[-1]))
-    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
+    log_length = float(log.t[-1] - log.t[0])
+    log_rate = (log.t.size - 1) / log_length
     if rate > 1.5 * log_rate:
         raise InputError(f"imu.rate: {rate:g} Hz; the log has {log_rate:.4g} rows a second")
     epoch = utc_after(log.epoch, start)
     trajectory_card = scenario.trajectory.model_copy(update={"epoch": epoch})
     scenario = scenario.model_copy(update={"trajectory": trajectory_card, "faults": ()})
     lever = np.array(scenario.receiver.lever_b)
-    fixes = inertial_fixes(log, start, gmst(epoch))
-    trajectory, reference = _reference(scenario, log, aligned, fixes, lever, (start, end), epoch)
-    prepared = prepare(scenario, epoch_interval(scenario), flown=(trajectory, reference))
+    theta0 = gmst(epoch)
+    fixes = inertial_fixes(log, start, theta0)
+    flight = _reference(scenario, log, aligned, fixes, lever, (start, end), epoch)
+    prepared = prepare(scenario, epoch_interval(scenario), flown=flight)
     prepared = _on_log(prepared, fixes, log, card)
     if log.ranges is None or not scenario.filter.tight:
         return LogReplay(prepared)
@@ -247,25 +268,37 @@ def _reference(
     """Return the path of the IMU through the solutions, and its increments on the ticks of the case."""
     rate = scenario.imu.rate
     start, end = span
-    n = int(np.floor((end - start) * rate + 1e-6))
+    length = end - start
+    n = int(np.floor(length * rate + 1e-6))
     t = np.arange(n + 1) / rate
-    dtheta = np.diff(increments_to(log, start + t, log.turned), axis=0) - aligned.gyro_bias / rate
-    dvel = np.diff(increments_to(log, start + t, log.pushed), axis=0)
+    t_log = start + t
+    angle_sums = increments_to(log, t_log, log.turned)
+    velocity_sums = increments_to(log, t_log, log.pushed)
+    dtheta = np.diff(angle_sums, axis=0) - aligned.gyro_bias / rate
+    dvel = np.diff(velocity_sums, axis=0)
     theta0 = gmst(epoch)
-    first = int(np.argmax(log.t_fix >= start))
-    C_i_n = rotation_e_n(log.place[first, 0], log.place[first, 1]) @ _earth_rotation(theta0)
+    is_after_start = log.t_fix >= start
+    first = int(np.argmax(is_after_start))
+    latitude = log.place[first, 0]
+    longitude = log.place[first, 1]
+    C_i_n = rotation_e_n(latitude, longitude) @ _earth_rotation(theta0)
     # the body is assumed at rest between the end of the rest and the first solution, a fraction of a second
-    C = _attitudes(C_i_n.T @ aligned.C_b_n, dtheta)
+    initial_C_b_i = C_i_n.T @ aligned.C_b_n
+    C = _attitudes(initial_C_b_i, dtheta)
     w_b = np.vstack([dtheta[:1], dtheta]) * rate
     path = _imu_path(fixes, t, rate, C, w_b, lever)
     # from here on only the ticks up to the last solution
-    n = int(np.floor(float(min(t[-1], path.x[-1])) * rate + 1e-6))
+    last_time = float(min(t[-1], path.x[-1]))
+    n = int(np.floor(last_time * rate + 1e-6))
     t = t[: n + 1]
     q = quaternions(C)[: n + 1]
     dtheta = dtheta[:n]
     dvel = dvel[:n]
-    knots = np.unique(np.append(np.arange(0, n, max(1, round(_KNOTS * rate))), n))
-    phase = Phase("log", 0.0, float(t[-1]), path, attitude_spline(t[knots], q[knots]))
+    ticks_per_knot = max(1, round(_KNOTS * rate))
+    regular_knots = np.arange(0, n, ticks_per_knot)
+    knots = np.unique(np.append(regular_knots, n))
+    attitude = attitude_spline(t[knots], q[knots])
+    phase = Phase("log", 0.0, float(t[-1]), path, attitude)
     reference = Reference(
         t=t,
         r_i=path(t),
@@ -283,13 +316,17 @@ def _earth_rotation(theta0: float) -> Floats:
     """Return the rotation C_i_e (3, 3) for an Earth rotation angle (rad)."""
     c = np.cos(theta0)
     s = np.sin(theta0)
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    x_axis = [c, s, 0.0]
+    y_axis = [-s, c, 0.0]
+    z_axis = [0.0, 0.0, 1.0]
+    return np.array([x_axis, y_axis, z_axis])
 
 
 def _attitudes(C: Floats, dtheta: Floats) -> Floats:
     """Return the attitudes C_b_i (n + 1, 3, 3) from the initial attitude C (3, 3) and angle increments (n, 3) rad."""
     steps = Rotation.from_rotvec(dtheta).as_matrix()
-    attitudes = np.empty((len(dtheta) + 1, 3, 3))
+    n_attitude = len(dtheta) + 1
+    attitudes = np.empty((n_attitude, 3, 3))
     attitudes[0] = C
     for k, step in enumerate(steps):
         attitudes[k + 1] = attitudes[k] @ step
@@ -314,10 +351,15 @@ def _imu_path(
     t_fix, r_i, v_i = fixes
     inside = (t_fix >= 0.0) & (t_fix <= t[-1] + 1e-9)
     t_fix = t_fix[inside]
-    tick = np.clip(np.rint(t_fix * rate).astype(int), 0, t.size - 1)
-    arm = np.einsum("nij,j->ni", C_b_i[tick], lever)
-    arm_velocity = np.einsum("nij,nj->ni", C_b_i[tick], np.cross(w_b[tick], lever))
-    return CubicHermiteSpline(t_fix, r_i[inside] - arm, v_i[inside] - arm_velocity)
+    nearest_tick = np.rint(t_fix * rate).astype(int)
+    tick = np.clip(nearest_tick, 0, t.size - 1)
+    attitude = C_b_i[tick]
+    lever_velocity_b = np.cross(w_b[tick], lever)
+    lever_i = np.einsum("nij,j->ni", attitude, lever)
+    lever_velocity_i = np.einsum("nij,nj->ni", attitude, lever_velocity_b)
+    position = r_i[inside] - lever_i
+    velocity = v_i[inside] - lever_velocity_i
+    return CubicHermiteSpline(t_fix, position, velocity)
 
 
 def _on_log(
@@ -330,10 +372,11 @@ def _on_log(
     epochs = prepared.sky.t  # times of validity of the measurements
     nearest = _nearest(t_fix, epochs)
     matched = np.abs(t_fix[nearest] - epochs) < half_tick
-    if np.count_nonzero(matched) < _FEWEST:
+    n_matched = np.count_nonzero(matched)
+    if n_matched < _FEWEST:
         raise InputError(
-            f"{np.count_nonzero(matched)} of the case's {epochs.size} epochs, {epoch_interval(scenario):g} s "
-            f"apart, meet a solution of the log to half a tick of its unit, {half_tick:.2g} s"
+            f"{n_matched} of the case's {epochs.size} epochs, {epoch_interval(scenario):g} s apart, meet a solution of "
+            f"the log to half a tick of its unit, {half_tick:.2g} s"
         )
     signals, unit, ref = prepared.signals, prepared.unit, prepared.reference
     variance = signals.variance.copy()
@@ -368,9 +411,13 @@ def _on_log(
 
 def _nearest(t: Floats, t_wanted: Floats) -> Ints:
     """Return the index of the time in t (n,) that is nearest to each of the times t_wanted (m,)."""
-    after = np.clip(np.searchsorted(t, t_wanted), 1, t.size - 1)
-    is_before_nearer = t_wanted - t[after - 1] < t[after] - t_wanted
-    return np.where(is_before_nearer, after - 1, after)
+    insertion = np.searchsorted(t, t_wanted)
+    after = np.clip(insertion, 1, t.size - 1)
+    before = after - 1
+    time_since_before = t_wanted - t[before]
+    time_to_after = t[after] - t_wanted
+    is_before_nearer = time_since_before < time_to_after
+    return np.where(is_before_nearer, before, after)
 
 
 def _variances(log: NavigationData, fixes: tuple[Floats, Floats, Floats], nearest: Ints, theta0: float) -> Floats:
@@ -381,9 +428,14 @@ def _variances(log: NavigationData, fixes: tuple[Floats, Floats, Floats], neares
     t_fix, _, _ = fixes
     place = log.place[nearest]
     variance_n = log.sigma[nearest] ** 2
-    C_n_e = np.swapaxes(rotation_e_n(place[:, 0], place[:, 1]), 1, 2)
+    latitude = place[:, 0]
+    longitude = place[:, 1]
+    C_e_n = rotation_e_n(latitude, longitude)
+    C_n_e = np.swapaxes(C_e_n, 1, 2)
     angles = earth_angle(theta0, t_fix[nearest])
-    C_n_i = np.stack([_earth_rotation(angle).T @ C for angle, C in zip(angles, C_n_e, strict=True)])
-    position = np.einsum("nij,nj->ni", C_n_i**2, variance_n[:, :3])
-    velocity = np.einsum("nij,nj->ni", C_n_i**2, variance_n[:, 3:])
+    rotations = [_earth_rotation(angle).T @ C for angle, C in zip(angles, C_n_e, strict=True)]
+    C_n_i = np.stack(rotations)
+    shares = C_n_i**2
+    position = np.einsum("nij,nj->ni", shares, variance_n[:, :3])
+    velocity = np.einsum("nij,nj->ni", shares, variance_n[:, 3:])
     return np.hstack([position, velocity])

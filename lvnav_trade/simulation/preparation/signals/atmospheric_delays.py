@@ -52,24 +52,28 @@ class Delays(NamedTuple):
         return np.asarray(air[..., 0] - charge[..., 0])
 
 
-def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
+def _geometry(trajectory: Trajectory, receiver: ReceiverCard, sky: Sky, shift: float) -> tuple[DelayGeometry, Floats]:
     """Return position and lines of sight of the antenna some time after each epoch, and these times (n_epoch,) s.
 
     Parameters
     ----------
     trajectory, receiver
         True flight, and card of the receiver.
-    seen
+    sky
         Satellites at the epochs.
     shift
         s. Time after each epoch; negative: before.
     """
-    t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
+    theta0 = trajectory.theta0
+    t = np.clip(sky.t + shift, trajectory.start, trajectory.end)
     antenna_r_i, _ = antenna(trajectory, receiver, t)
-    satellite_r_i = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i
+    time_since_epoch = (t - sky.t)[:, None, None]
+    satellite_r_i = sky.r_i + time_since_epoch * sky.v_i
     line = satellite_r_i - antenna_r_i[:, None, :]
-    azimuth, elevation = look_angles(trajectory.theta0, t, antenna_r_i, unit(line))
-    antenna_r_e = ecef_from_eci(antenna_r_i, earth_angle(trajectory.theta0, t))
+    direction = unit(line)
+    azimuth, elevation = look_angles(theta0, t, antenna_r_i, direction)
+    earth_rotation = earth_angle(theta0, t)
+    antenna_r_e = ecef_from_eci(antenna_r_i, earth_rotation)
     latitude, longitude, height = geodetic_from_ecef(antenna_r_e)
     day_of_year, seconds_of_day = _start_of_day(trajectory)
     geometry = DelayGeometry(day_of_year, seconds_of_day + t, latitude, longitude, height, azimuth, elevation)
@@ -81,13 +85,15 @@ def _start_of_day(trajectory: Trajectory) -> tuple[float, float]:
     lift_off = datetime.fromisoformat(trajectory.epoch)
     start = lift_off + timedelta(seconds=leap_seconds(lift_off))
     midnight = start.replace(hour=0, minute=0, second=0, microsecond=0)
-    return float(start.timetuple().tm_yday), (start - midnight).total_seconds()
+    day_of_year = float(start.timetuple().tm_yday)
+    seconds_of_day = (start - midnight).total_seconds()
+    return day_of_year, seconds_of_day
 
 
 def delays(
     trajectory: Trajectory,
     receiver: ReceiverCard,
-    seen: Sky,
+    sky: Sky,
     atmosphere: AtmosphereCard,
     corrections: CorrectionsCard,
 ) -> Delays:
@@ -100,7 +106,7 @@ def delays(
     ----------
     trajectory, receiver
         True flight, and card of the receiver.
-    seen
+    sky
         Satellites at the epochs.
     atmosphere
         Card of the true atmosphere.
@@ -110,17 +116,19 @@ def delays(
 
     @cache
     def geometries() -> list[tuple[DelayGeometry, Floats]]:
-        return [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
+        return [_geometry(trajectory, receiver, sky, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
 
     def delay_and_rate(kind: str, delay: Callable[[DelayGeometry], Floats], carrier_sign: float) -> Floats:
         if kind == "none":
-            return np.zeros((*seen.tracked.shape, 2))
+            return np.zeros((*sky.tracked.shape, 2))
         (earlier, t_earlier), (present, _), (later, t_later) = geometries()
         before = delay(earlier)
         now = delay(present)
         after = delay(later)
-        rate = carrier_sign * (after - before) / (t_later - t_earlier)[:, None]
-        return np.where(seen.tracked[:, :, None], np.stack([now, rate], axis=2), 0.0)
+        time_difference = (t_later - t_earlier)[:, None]
+        rate = carrier_sign * (after - before) / time_difference
+        values = np.stack([now, rate], axis=2)
+        return np.where(sky.tracked[:, :, None], values, 0.0)
 
     # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
     air = atmosphere.troposphere

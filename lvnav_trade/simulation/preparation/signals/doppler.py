@@ -51,15 +51,19 @@ def _mean_rate(scenario: Scenario, flight: TrueFlight, interval: float) -> Float
     interval
         s. Length of the interval.
     """
-    trajectory, seen = flight.trajectory, flight.sky
-    t = np.maximum(seen.t - interval, trajectory.start)
-    antenna_r_i, _ = antenna(trajectory, scenario.receiver, t)
+    trajectory = flight.trajectory
+    receiver = scenario.receiver
+    sky = flight.sky
+    t = np.maximum(sky.t - interval, trajectory.start)
+    antenna_r_i, _ = antenna(trajectory, receiver, t)
     orbits = satellites(scenario.constellation, trajectory.epoch)
     sent = transmission(orbits, trajectory.theta0, t, antenna_r_i)
-    earlier_sky = seen._replace(t=t, r_i=sent.r_i, v_i=sent.v_i)
-    earlier = lines_of(trajectory, np.array(scenario.receiver.lever_b), earlier_sky)
+    earlier_sky = sky._replace(t=t, r_i=sent.r_i, v_i=sent.v_i)
+    lever_b = np.array(receiver.lever_b)
+    earlier = lines_of(trajectory, lever_b, earlier_sky)
     range_change = flight.lines.sight.distance - earlier.sight.distance
-    return np.asarray(range_change / (seen.t - t)[:, None])
+    elapsed = (sky.t - t)[:, None]
+    return np.asarray(range_change / elapsed)
 
 
 HALF_STEP = 0.5  # s to either side of a transmission for the rate of the true term
@@ -72,13 +76,14 @@ def relativity_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
     A clock that is ahead stamps its signals as sent later, which shortens the measured range. The true term follows
     from the orbital elements, the correction from position and velocity (`clock_term`).
     """
-    seen = flight.sky
-    if not seen.tracked.any():
+    sky = flight.sky
+    if not sky.tracked.any():
         return 0.0
     line = flight.lines.sight
     residual: Floats | float = 0.0
     if any(card.relativity for card in parts_of(scenario.constellation)):
-        sent = seen.t[:, None] - line.distance / SPEED_OF_LIGHT
+        travel_time = line.distance / SPEED_OF_LIGHT
+        sent = sky.t[:, None] - travel_time
         epoch = flight.trajectory.epoch
         before = clock_relativity(scenario.constellation, epoch, sent - HALF_STEP)
         now = clock_relativity(scenario.constellation, epoch, sent)
@@ -88,9 +93,11 @@ def relativity_left(scenario: Scenario, flight: TrueFlight) -> Floats | float:
     if scenario.filter.corrections.relativity:
         # satellite velocities of the sky are by reception time
         passing = 1.0 - line.rate / SPEED_OF_LIGHT
-        term = clock_term(seen.r_i, seen.v_i / passing[..., None])
-        is_corrected = np.array([letter != _CORRECTED_BY_THEIR_SYSTEM for letter in seen.systems])
-        residual = residual - np.where(is_corrected[:, None], term, 0.0)
+        v_i = sky.v_i / passing[..., None]
+        term = clock_term(sky.r_i, v_i)
+        is_corrected = np.array([letter != _CORRECTED_BY_THEIR_SYSTEM for letter in sky.systems])
+        correction = np.where(is_corrected[:, None], term, 0.0)
+        residual = residual - correction
     return residual
 
 
@@ -105,6 +112,8 @@ def clock_term(r_i: Floats, v_i: Floats) -> Floats:
         (..., 3) m and m/s. Position and velocity of the satellite at transmission, frame i.
     """
     factor = 2.0 / SPEED_OF_LIGHT
+    gravitation = falling(r_i, GM)
+    product_rate = v_i**2 + r_i * gravitation
     range_term = factor * np.sum(r_i * v_i, axis=-1)
-    rate_term = factor * np.sum(v_i**2 + r_i * falling(r_i, GM), axis=-1)
+    rate_term = factor * np.sum(product_rate, axis=-1)
     return np.stack([range_term, rate_term], axis=-1)

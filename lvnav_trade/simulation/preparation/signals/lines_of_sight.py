@@ -43,7 +43,7 @@ class Lines(NamedTuple):
         return factors(tables, measurements, self.trajectory, self.t)
 
 
-def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
+def lines_of(trajectory: Trajectory, lever_b: Floats, sky: Sky) -> Lines:
     """Return the lines of sight of a flight.
 
     Parameters
@@ -52,30 +52,31 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
         True flight.
     lever_b
         (3,) m. From the IMU to the point of the receiver's solution, body axes.
-    seen
+    sky
         Satellites at the epochs, and the antennas that receive them.
     """
-    at = motion(trajectory, seen.t)
-    C_b_i = matrices(at.q_b_i)
-    position, velocity = point_of(at, C_b_i, lever_b)
-    push = falling(at.r_i, GM) + np.einsum("nij,nj->ni", C_b_i, at.f_b)
-    antennas = [point_of(at, C_b_i, lever) for lever in seen.lever_arms]
+    vehicle = motion(trajectory, sky.t)
+    C_b_i = matrices(vehicle.q_b_i)
+    position, velocity = point_of(vehicle, C_b_i, lever_b)
+    specific_force_i = np.einsum("nij,nj->ni", C_b_i, vehicle.f_b)
+    acceleration = falling(vehicle.r_i, GM) + specific_force_i
+    antennas = [point_of(vehicle, C_b_i, lever) for lever in sky.lever_arms]
     antenna_r_i = np.stack([r_i for r_i, _ in antennas], axis=1)
     antenna_v_i = np.stack([v_i for _, v_i in antennas], axis=1)
-    receiving = seen.antenna[:, :, None]
+    receiving = sky.antenna[:, :, None]
     lines = sight(
-        seen.r_i - np.take_along_axis(antenna_r_i, receiving, axis=1),
-        seen.v_i - np.take_along_axis(antenna_v_i, receiving, axis=1),
+        sky.r_i - np.take_along_axis(antenna_r_i, receiving, axis=1),
+        sky.v_i - np.take_along_axis(antenna_v_i, receiving, axis=1),
     )
-    relative_acceleration = falling(seen.r_i, GM) - push[:, None, :]
+    relative_acceleration = falling(sky.r_i, GM) - acceleration[:, None, :]
     return Lines(
         trajectory=trajectory,
-        t=seen.t,
-        at=at,
+        t=sky.t,
+        at=vehicle,
         C_b_i=C_b_i,
         position=position,
         velocity=velocity,
-        push=push,
+        push=acceleration,
         sight=lines,
         acceleration=lines.acceleration(relative_acceleration),
     )

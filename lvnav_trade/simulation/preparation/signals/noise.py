@@ -48,48 +48,50 @@ def by_channel(
             table[:, channels.of(observable)] = value
     else:
         table[:, :3], table[:, 3:n] = own
-    for at, device in zip(channels.first, devices, strict=True):
+    for first, device in zip(channels.first, devices, strict=True):
         values = getattr(device, field)
-        table[:, at : at + values.shape[1]] = values
+        n_scalar = values.shape[1]
+        table[:, first : first + n_scalar] = values
     return table
 
 
-def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
+def rate_sigma_of(scenario: Scenario, sky: Sky, trajectory: Trajectory) -> Floats:
     """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase.
 
     Parameters
     ----------
     scenario
         Validated model of the case.
-    seen
+    sky
         Satellites at the epochs.
     trajectory
         True flight.
     """
     smoothing = smoothing_of(scenario)
     if smoothing is None or smoothing.velocity == "doppler":
-        return seen.rate_sigma
-    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(scenario.receiver, seen, trajectory)
+        return sky.rate_sigma
+    sigma = phase_sigma(scenario.receiver, sky, trajectory)
+    return math.sqrt(2.0) / smoothing.rate_interval * sigma
 
 
-def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
+def phase_sigma(receiver: ReceiverCard, sky: Sky, trajectory: Trajectory) -> Floats:
     """Return the sigma (n_epoch, n_sat) m of carrier phases.
 
     Parameters
     ----------
     receiver
         Card of the receiver.
-    seen
+    sky
         Satellites at the epochs.
     trajectory
         True flight, for the tables of the noise.
     """
-    (factor,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
+    (factor,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, sky.t)
     sigma = receiver.amplification * receiver.carrier_phase_sigma
-    return np.full(seen.rate_sigma.shape, sigma) * factor
+    return np.full(sky.rate_sigma.shape, sigma) * factor
 
 
-def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
+def true_sigma(scenario: Scenario, sky: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
     """Return the sigmas of white noise of a receiver without faults, see `own` in `by_channel`.
 
     The sigma of a difference of two epochs is that of the differenced observable.
@@ -98,17 +100,19 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
     ----------
     scenario
         Validated model of the case.
-    seen, line
+    sky, line
         Satellites at the epochs, lines of sight.
     channels
         Measurement channels.
     """
     if channels.tight:
-        rate = rate_sigma_of(scenario, seen, line.trajectory)
-        return tuple(rate if name == "range_rate" else _sky_sigma(seen, name) for name in channels.observables)
+        rate = rate_sigma_of(scenario, sky, line.trajectory)
+        return tuple(rate if name == "range_rate" else _sky_sigma(sky, name) for name in channels.observables)
     solution = direct(scenario)
-    of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
-    return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
+    position_factor, velocity_factor = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
+    position_sigma = solution.position_sigma * position_factor
+    velocity_sigma = solution.velocity_sigma * velocity_factor
+    return position_sigma, velocity_sigma
 
 
 def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
@@ -137,7 +141,7 @@ def assumed_variance(
     scenario: Scenario,
     model: ReceiverModel,
     channels: Channels,
-    seen: Sky,
+    sky: Sky,
     line: Lines,
     devices: tuple[Sensor, ...],
 ) -> Floats:
@@ -152,25 +156,25 @@ def assumed_variance(
         Validated model of the case, and the filter's receiver model.
     channels
         Measurement channels of the filter.
-    seen, line
+    sky, line
         Satellites at the epochs, lines of sight.
     devices
         Sensors other than the receiver.
     """
     variances: tuple[Any, ...]
     if channels.tight:
-        variances = tuple(_observable_variance(scenario, model, seen, line, name) for name in channels.observables)
+        variances = tuple(_observable_variance(scenario, model, sky, line, name) for name in channels.observables)
     elif isinstance(scenario.filter.receiver, str):
-        variances = tuple(sigma**2 for sigma in true_sigma(scenario, seen, line, channels))
+        variances = tuple(sigma**2 for sigma in true_sigma(scenario, sky, line, channels))
     else:
         position_factor, velocity_factor = line.noise_factors(model.noise_by, RECEIVER_SOLUTION)
         variances = ((model.position_sigma * position_factor) ** 2, (model.velocity_sigma * velocity_factor) ** 2)
     if solves(scenario):
         variances = (1.0, 1.0)
-    return by_channel(channels, seen.t.size, variances, devices, "variance")
+    return by_channel(channels, sky.t.size, variances, devices, "variance")
 
 
-def _observable_variance(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, name: str) -> Floats:
+def _observable_variance(scenario: Scenario, model: ReceiverModel, sky: Sky, line: Lines, name: str) -> Floats:
     """Return the noise variance of an observable in the filter model, (n_epoch, n_sat) SI squared.
 
     A difference of two epochs has white noise of its own only if the card says so; otherwise its noise is a state.
@@ -179,13 +183,13 @@ def _observable_variance(scenario: Scenario, model: ReceiverModel, seen: Sky, li
     ----------
     scenario, model
         Validated model of the case, and the filter's receiver model.
-    seen, line
+    sky, line
         Satellites at the epochs, lines of sight.
     name
         Name of the observable.
     """
     card = scenario.filter
-    variance = assumed_sigma(scenario, model, seen, line, name) ** 2
+    variance = assumed_sigma(scenario, model, sky, line, name) ** 2
     if name not in card.differences:
         return variance
     if card.previous_noise == "white":
@@ -193,7 +197,7 @@ def _observable_variance(scenario: Scenario, model: ReceiverModel, seen: Sky, li
     return 0.0 * variance
 
 
-def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:
+def assumed_sigma(scenario: Scenario, model: ReceiverModel, sky: Sky, line: Lines, observable: str) -> Floats:
     """Return the sigma of an observable's noise in the filter model, (n_epoch, n_sat) SI.
 
     For a difference of two epochs it is that of the differenced observable.
@@ -202,24 +206,27 @@ def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lin
     ----------
     scenario, model
         Validated model of the case, and the filter's receiver model.
-    seen, line
+    sky, line
         Satellites at the epochs, lines of sight.
     observable
         Name of the observable.
     """
     if isinstance(scenario.filter.receiver, str):
-        return _sky_sigma(seen, observable)
+        return _sky_sigma(sky, observable)
     name = DIFFERENCES.get(observable, observable)
     (factor,) = line.noise_factors(model.noise_by, (name,))
-    return np.asarray(getattr(model, f"{name}_sigma") * factor * np.ones(seen.tracked.shape))
+    sigma = getattr(model, f"{name}_sigma")
+    shape = sky.tracked.shape
+    return np.asarray(sigma * factor * np.ones(shape))
 
 
-def _sky_sigma(seen: Sky, observable: str) -> Floats:
+def _sky_sigma(sky: Sky, observable: str) -> Floats:
     if observable in PHASES:
-        return seen.phase_sigma
-    return seen.rate_sigma if observable == "range_rate" else seen.range_sigma
+        return sky.phase_sigma
+    return sky.rate_sigma if observable == "range_rate" else sky.range_sigma
 
 
 def _difference_variance(variance: Floats) -> Floats:
     """Return the variance (n_epoch, n_sat) of the difference between each epoch and the previous one."""
-    return np.asarray(variance + np.vstack([variance[:1], variance[:-1]]))
+    previous_variance = np.vstack([variance[:1], variance[:-1]])
+    return np.asarray(variance + previous_variance)

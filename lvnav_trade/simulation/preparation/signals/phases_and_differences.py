@@ -29,7 +29,7 @@ def wavelength(scenario: Scenario) -> float:
     return SPEED_OF_LIGHT / L1 if link is None else link.wavelength
 
 
-def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
+def linked(sky: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
     """Return the continuity of the carrier phases, (n_epoch, n_sat) each.
 
     Returns
@@ -41,22 +41,25 @@ def linked(seen: Sky, signals: UsedSatellites) -> tuple[Bools, Bools, Bools]:
     going_on
         Whether its phase is continuous since then; a frozen output repeats itself.
     """
-    n_epoch, n_sat = seen.tracked.shape
+    n_epoch, n_sat = sky.tracked.shape
     restart = np.zeros((n_epoch, n_sat), np.bool_)
     before = np.zeros((n_epoch, n_sat), np.bool_)
     going_on = np.zeros((n_epoch, n_sat), np.bool_)
     interrupted = np.ones(n_sat, np.bool_)  # since the satellite was last used
     used_last = np.zeros(n_sat, np.bool_)
     for epoch in range(n_epoch):
-        interrupted |= ~seen.continuous[epoch]
-        use = np.zeros(n_sat, np.bool_)
-        use[signals.used[epoch, : signals.n_used[epoch]]] = True
+        interrupted |= ~sky.continuous[epoch]
+        n_used = signals.n_used[epoch]
+        satellites = signals.used[epoch, :n_used]
+        is_used = np.zeros(n_sat, np.bool_)
+        is_used[satellites] = True
         is_frozen = bool(signals.frozen[epoch])
-        restart[epoch] = use & interrupted & (not is_frozen)
-        before[epoch] = use & used_last
-        going_on[epoch] = use & used_last & (~interrupted | is_frozen)
-        interrupted &= ~use | is_frozen
-        used_last = use
+        is_continued = ~interrupted | is_frozen
+        restart[epoch] = is_used & interrupted & (not is_frozen)
+        before[epoch] = is_used & used_last
+        going_on[epoch] = is_used & used_last & is_continued
+        interrupted &= ~is_used | is_frozen
+        used_last = is_used
     return restart, before, going_on
 
 
@@ -80,19 +83,22 @@ def further_of(
     offsets
         (n_epoch, n_sat) m. Offsets of satellite clocks and system times.
     """
-    channels, seen = flight.channels, flight.sky
+    channels = flight.channels
+    sky = flight.sky
     if not channels.further:
         return None
-    phase_range = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
-    phase = np.asarray(phase_range + wavelength(scenario) * flight.failed.slip)
+    distance = flight.lines.sight.distance
+    phase_range = distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
+    slip = wavelength(scenario) * flight.failed.slip
+    phase = np.asarray(phase_range + slip)
     freeze_output(signals.frozen, phase)
-    restart, _, _ = linked(seen, signals)
+    restart, _, _ = linked(sky, signals)
     return FurtherObservables(
         phase=phase,
         is_phase=np.array([name in PHASES for name in channels.observables]),
         is_difference=np.array([name in DIFFERENCES for name in channels.observables]),
         restart=restart,
-        ambiguity=_ambiguity_components(errors, seen.names),
+        ambiguity=_ambiguity_components(errors, sky.names),
         source=source_word(PHASE_NOISE),
     )
 
@@ -158,20 +164,24 @@ def _renewed_variances(scenario: Scenario, flight: TrueFlight, filtering: CaseFi
     restart
         (n_epoch, n_sat). Whether the carrier is newly acquired.
     """
-    seen = flight.sky
+    sky = flight.sky
     _, model, _ = filter_models(scenario)
-    renewed = np.full((len(seen.tracked), max(1, filtering.model.extra_offset.size)), -1.0)
+    n_epoch = len(sky.tracked)
+    n_extra = max(1, filtering.model.extra_offset.size)
+    renewed = np.full((n_epoch, n_extra), -1.0)
     first = 0
     for block in filtering.layout.extras:
-        states = slice(first, first + len(block.labels))
-        first += len(block.labels)
+        n_state = len(block.labels)
+        states = slice(first, first + n_state)
+        first += n_state
         if block.name not in OF_ONE:
             continue
-        satellites = np.array([seen.names.index(label) for label in block.labels], dtype=np.int64)
+        satellites = np.array([sky.names.index(label) for label in block.labels], dtype=np.int64)
         if block.name == "ambiguity":
             renewed[:, states] = np.where(restart[:, satellites], model.ambiguity**2, -1.0)
         else:
-            sigma = assumed_sigma(scenario, model, seen, flight.lines, OF_ONE[block.name])
+            observable = OF_ONE[block.name]
+            sigma = assumed_sigma(scenario, model, sky, flight.lines, observable)
             renewed[:, states] = sigma[:, satellites] ** 2
     return renewed
 
@@ -198,32 +208,38 @@ def references_of(
     InputError
         If the constellation lacks the reference satellite of the filter card.
     """
-    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    card = scenario.filter
+    channels = flight.channels
+    sky = flight.sky
     n_kind = len(channels.observables)
     references = np.full((signals.n_used.size, n_kind), -1, dtype=np.int64)
     if not channels.tight or card.clock != "differenced":
         return references
     name = card.reference_satellite
-    if name is not None and name not in seen.names:
-        raise InputError(records=[Mistake(missing_satellite(name, seen.names), "filter.reference_satellite")])
-    for kind in _leading(card.measurements, channels.observables):
+    if name is not None and name not in sky.names:
+        message = missing_satellite(name, sky.names)
+        raise InputError(records=[Mistake(message, "filter.reference_satellite")])
+    for observable in _leading(card.measurements, channels.observables):
         for epoch in np.flatnonzero(signals.n_used):
-            use = signals.used[epoch, : signals.n_used[epoch]]
-            slots = np.arange(use.size)
+            n_used = signals.n_used[epoch]
+            satellites = signals.used[epoch, :n_used]
+            slots = np.arange(satellites.size)
             if delayed is not None:
-                slots = slots[delayed.present[epoch, n_kind * use + kind]]
+                satellite_channels = n_kind * satellites + observable
+                slots = slots[delayed.present[epoch, satellite_channels]]
             if not slots.size:
                 continue
-            named = [slot for slot in slots if seen.names[use[slot]] == name]
-            highest = slots[np.argmax(seen.elevation[epoch, use[slots]])]
-            references[epoch, kind] = named[0] if named else highest
+            named = [slot for slot in slots if sky.names[satellites[slot]] == name]
+            elevation = sky.elevation[epoch, satellites[slots]]
+            highest = slots[np.argmax(elevation)]
+            references[epoch, observable] = named[0] if named else highest
     return references
 
 
 def _leading(measurements: tuple[str, ...], observables: tuple[str, ...]) -> list[int]:
     """Return the first measured observable of each clock unknown: bias, drift, bias at the previous epoch."""
     first: dict[str, int] = {}
-    for kind, name in enumerate(observables):
+    for observable, name in enumerate(observables):
         if name not in measurements:
             continue
         unknown = "bias"
@@ -231,5 +247,5 @@ def _leading(measurements: tuple[str, ...], observables: tuple[str, ...]) -> lis
             unknown = "before"
         elif name == "range_rate":
             unknown = "drift"
-        first.setdefault(unknown, kind)
+        first.setdefault(unknown, observable)
     return list(first.values())

@@ -96,7 +96,9 @@ class AssumedNoise(NamedTuple):
 
 def _in_solution(line: Lines, tracked: Bools, errors: Floats) -> Floats:
     """Return the errors (n_epoch, 6) of a least-squares solution by errors of ranges and rates (n_epoch, n_sat, 2)."""
-    return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
+    position_error = _shifts(line, tracked, errors[:, :, 0])
+    velocity_error = _shifts(line, tracked, errors[:, :, 1])
+    return np.hstack([position_error, velocity_error])
 
 
 def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> MeasurementGeometry:
@@ -130,21 +132,25 @@ def slots(tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
     tracked : (n_epoch, n_sat). Whether the satellite is tracked.
     """
     n_used = tracked.sum(axis=1).astype(np.int64)
-    used = np.full((len(tracked), max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
-    for epoch in range(len(tracked)):
+    n_epoch = len(tracked)
+    n_slot = max(1, int(n_used.max(initial=0)))
+    satellite_by_slot = np.full((n_epoch, n_slot), -1, dtype=np.int64)
+    for epoch in range(n_epoch):
         satellites = np.flatnonzero(tracked[epoch])
-        used[epoch, : satellites.size] = satellites
-    return used, n_used
+        satellite_by_slot[epoch, : satellites.size] = satellites
+    return satellite_by_slot, n_used
 
 
 def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
     """Return the errors (n_epoch, 3) of a least-squares solution by errors of ranges or of rates (n_epoch, n_sat)."""
     shift = np.zeros((len(errors), 3))
-    erroneous = np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)
+    tracked_errors = np.where(tracked, errors, 0.0)
+    erroneous = np.any(tracked_errors != 0.0, axis=1)
     for epoch in np.flatnonzero(erroneous):
         is_tracked = tracked[epoch]
         if np.count_nonzero(is_tracked) >= 4:
-            rows = ranging_rows(line.sight.direction[epoch, is_tracked])
+            directions = line.sight.direction[epoch, is_tracked]
+            rows = ranging_rows(directions)
             solution, *_ = np.linalg.lstsq(rows, errors[epoch, is_tracked])
             shift[epoch] = solution[:3]
     return shift
@@ -176,7 +182,7 @@ def received_of(
     scenario: Scenario,
     flight: TrueFlight,
     shared: CorrelatedErrors,
-    left: Floats,
+    residual: Floats,
     tabled: Floats,
 ) -> TrueSignals:
     """Return the true side of satellites and receiver at the epochs.
@@ -187,36 +193,38 @@ def received_of(
         Validated model of the case, and its true flight.
     shared
         Correlated measurement errors.
-    left
+    residual
         (n_epoch, n_sat, 2) m, m/s. Residual errors of ranges and rates after corrections: delays, clocks, smoothing.
     tabled
         (n_epoch, 6) m, m/s. Deterministic errors of the solution, frame i.
     """
     clock = scenario.receiver.clock
-    seen = flight.sky
+    sky = flight.sky
     line = flight.lines
     failed = flight.failed
-    used, n_used = slots(seen.tracked)
-    noise = true_sigma(scenario, seen, line, flight.ranging)
-    sigma = by_channel(flight.ranging, seen.t.size, noise, flight.devices, "sigma")
+    satellite_by_slot, n_used = slots(sky.tracked)
+    noise = true_sigma(scenario, sky, line, flight.ranging)
+    sigma = by_channel(flight.ranging, sky.t.size, noise, flight.devices, "sigma")
     interval = epoch_interval(scenario)
-    range_error, rate_error = np.moveaxis(flight.biased + left, 2, 0)
+    range_error, rate_error = np.moveaxis(flight.biased + residual, 2, 0)
     ranges = np.asarray(line.sight.distance + range_error)
     rates = np.asarray(line.sight.rate + rate_error)
-    position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
-    velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
+    position_error = _shifts(line, sky.tracked, range_error)
+    velocity_error = _shifts(line, sky.tracked, rate_error)
+    position = line.position + position_error + tabled[:, :3]
+    velocity = line.velocity + velocity_error + tabled[:, 3:]
     if not solves(scenario):  # otherwise the receiver continues internally while its output is frozen
-        freeze_output(failed.frozen, used, n_used, ranges, rates, position, velocity)
+        freeze_output(failed.frozen, satellite_by_slot, n_used, ranges, rates, position, velocity)
     return TrueSignals(
-        used=used,
+        used=satellite_by_slot,
         n_used=n_used,
-        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
+        words=np.array([source_word(name) for name in sky.names], dtype=np.uint64),
         range=ranges,
         rate=rates,
         position=position,
         velocity=velocity,
-        satellite=np.ascontiguousarray(seen.r_i),
-        satellite_velocity=np.ascontiguousarray(seen.v_i),
+        satellite=np.ascontiguousarray(sky.r_i),
+        satellite_velocity=np.ascontiguousarray(sky.v_i),
         sigma=grown_sigma(sigma, flight.ranging, failed),
         clock_step=np.array(clock_step(interval, clock.h0, clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),
@@ -230,16 +238,22 @@ def received_of(
 
 def assumed_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> AssumedNoise:
     """Return the noise model of the measurements in the filter."""
-    seen, line, late_by, channels = flight.sky, flight.lines, flight.delays, flight.channels
-    modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
-    extra = [_extra_partial(block, modelled, channels, flight.devices) for block in filtering.layout.extras]
+    sky = flight.sky
+    line = flight.lines
+    delays = flight.delays
+    channels = flight.channels
+    devices = flight.devices
+    modelled = geometry_of(line, sky.tracked, delays.modelled_troposphere, delays.modelled_ionosphere)
+    extra = [_extra_partial(block, modelled, channels, devices) for block in filtering.layout.extras]
     _, model, _ = filter_models(scenario)
-    variance = assumed_variance(scenario, model, channels, seen, line, flight.devices)
+    variance = assumed_variance(scenario, model, channels, sky, line, devices)
     cards = scenario.filter.underweighting
     course = flight.trajectory.course
     beta, factor = weights(cards, course, filtering.model.row_type, flight.epochs.t)
-    partials = np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel)
-    return AssumedNoise(variance * factor, np.sqrt(factor), beta, partials)
+    weighted_variance = variance * factor
+    shape = (len(extra), sky.t.size, channels.n_channel)
+    partials = np.array(extra).reshape(shape)
+    return AssumedNoise(weighted_variance, np.sqrt(factor), beta, partials)
 
 
 def signals_of(

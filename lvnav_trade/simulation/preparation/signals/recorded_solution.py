@@ -45,7 +45,7 @@ def recorded(
     scenario: Scenario,
     theta0: float,
     line: Lines,
-    seen: Sky,
+    sky: Sky,
     channels: Channels,
     frozen: Bools,
 ) -> RecordedErrors:
@@ -62,32 +62,40 @@ def recorded(
         Validated model of the case.
     theta0
         rad. Earth rotation angle at lift-off.
-    line, seen, channels
+    line, sky, channels
         Lines of sight, satellites, measurement channels.
     frozen
         (n_epoch,). Whether the receiver repeats the output, and the error, of the previous epoch.
     """
     card = table_of(scenario)
-    n_epoch = seen.t.size
+    n_epoch = sky.t.size
     if card is None or channels.tight:
         return RecordedErrors(mean=np.zeros((n_epoch, 6)), errors=(), values=np.zeros((0, 1)))
-    table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
+    recorded_table = sampled(card, sky.t)
+    earth_rotation = earth_angle(theta0, sky.t)
+    table = in_frame_i(recorded_table, card.frame, line.position, earth_rotation)
     freeze_output(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
     deviations = (table - mean).reshape(card.starts, -1)
     vectors, singular_values, shapes = np.linalg.svd(deviations, full_matrices=False)
-    largest = max(float(singular_values[0]), float(np.max(np.abs(table))))
-    count = int(np.count_nonzero(singular_values > _NEGLIGIBLE * largest))
-    scaled = singular_values[:count, None] * shapes[:count] / np.sqrt(card.starts)
+    largest_error = float(np.max(np.abs(table)))
+    largest = max(float(singular_values[0]), largest_error)
+    is_significant = singular_values > _NEGLIGIBLE * largest
+    count = int(np.count_nonzero(is_significant))
+    root_starts = np.sqrt(card.starts)
+    scaled = singular_values[:count, None] * shapes[:count] / root_starts
     by_epoch = scaled.reshape(count, n_epoch, 6)
     # error k enters the channels of the solution only, with the k-th singular vector as its derivative
-    partials = np.pad(by_epoch, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
-    member = np.where(np.arange(channels.n_channel) < 6, 0, -1)
+    n_channel = channels.n_channel
+    partials = np.pad(by_epoch, ((0, 0), (0, 0), (0, n_channel - 6)))
+    is_of_solution = np.arange(n_channel) < 6
+    member = np.where(is_of_solution, 0, -1)
     errors = []
     for number, partial in enumerate(partials):
         error = CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),))
         errors.append(EnteringError(error, member, partial))
-    return RecordedErrors(mean, tuple(errors), values=vectors[:, :count].T * np.sqrt(card.starts))
+    values = vectors[:, :count].T * root_starts
+    return RecordedErrors(mean, tuple(errors), values)
 
 
 def values_of(recorded: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
@@ -119,5 +127,7 @@ def start_of(seed: int, run: int, n_start: int) -> int:
     n_start
         Number of starts in the recording.
     """
-    word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), *seed_words(seed))[0]
-    return int(word) * n_start >> 32
+    source = source_word(f"{SOURCE} start")
+    zero = np.uint64(0)
+    words = philox(zero, np.uint64(run), source, zero, *seed_words(seed))
+    return int(words[0]) * n_start >> 32

@@ -17,19 +17,19 @@ from lvnav_trade.simulation.preparation.signals.noise import phase_sigma
 from lvnav_trade.simulation.preparation.signals.phases_and_differences import wavelength
 
 
-def smoothing_gains(scenario: Scenario, seen: Sky) -> Floats | None:
+def smoothing_gains(scenario: Scenario, sky: Sky) -> Floats | None:
     """Return the gains (n_epoch, n_sat) of the receiver's carrier smoothing; None without."""
     card = smoothing_of(scenario)
     if card is None:
         return None
     window = max(1, round(card.time / epoch_interval(scenario)))
-    return gains(seen.tracked, seen.continuous, window)
+    return gains(sky.tracked, sky.continuous, window)
 
 
 def smoothing_numbers(
     scenario: Scenario,
     gain: Floats | None,
-    seen: Sky,
+    sky: Sky,
     line: Lines,
     errors: Sequence[EnteringError],
 ) -> Smoothing | None:
@@ -41,21 +41,21 @@ def smoothing_numbers(
         Validated model of the case.
     gain
         (n_epoch, n_sat). Gains of `smoothing_gains`; None without smoothing.
-    seen, line
+    sky, line
         Satellites at the epochs, lines of sight.
     errors
         Correlated errors of the ranges.
     """
     if gain is None:
         return None
-    n = 2 * len(seen.names)
+    n = 2 * len(sky.names)
     code = []
     for item in errors:
         range_partial = np.broadcast_to(item.partial[:, 0:n:2], gain.shape)
         code.append(_in_code(item.error) * range_partial)
     return Smoothing(
         gain=gain,
-        sigma=phase_sigma(scenario.receiver, seen, line.trajectory),
+        sigma=phase_sigma(scenario.receiver, sky, line.trajectory),
         code=np.array(code).reshape(len(code), *gain.shape),
         source=np.uint64(source_word(PHASE_NOISE)),
     )

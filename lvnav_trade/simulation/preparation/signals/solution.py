@@ -69,7 +69,9 @@ def _shared(received: TrueSignals, epoch: int, channels: Ints) -> Floats:
     for family in range(len(shared.member)):
         member = shared.member[family, channels]
         rows = np.flatnonzero(member >= 0)
-        partials[rows, member[rows]] += shared.partial[family, epoch, channels[rows]]
+        components = member[rows]
+        entered_channels = channels[rows]
+        partials[rows, components] += shared.partial[family, epoch, entered_channels]
     return partials
 
 
@@ -106,20 +108,25 @@ def simulated(received: TrueSignals, assumed: Floats) -> SolutionErrorModel:
 
 def _epoch(point: Floats, received: TrueSignals, epoch: int) -> tuple[Floats, Floats, Ints]:
     """Return Jacobian rows (n_row, 11) at the true point, innovations (n_row,) there, and channels (n_row,)."""
-    use = received.used[epoch, : received.n_used[epoch]]
+    n_used = received.n_used[epoch]
+    satellites = received.used[epoch, :n_used]
     r_i = point[epoch, :3]
     v_i = point[epoch, 3:]
-    satellite_r_i = received.satellite[epoch, use]
-    satellite_v_i = received.satellite_velocity[epoch, use]
+    satellite_r_i = received.satellite[epoch, satellites]
+    satellite_v_i = received.satellite_velocity[epoch, satellites]
     rows = design(r_i, v_i, satellite_r_i, satellite_v_i)
     predicted = sight(satellite_r_i - r_i, satellite_v_i - v_i)
+    received_range = received.range[epoch, satellites]
+    received_rate = received.rate[epoch, satellites]
     # range and range rate of each satellite in turn
-    innovation = np.empty(2 * use.size)
-    innovation[0::2] = received.range[epoch, use] - predicted.distance
-    innovation[1::2] = received.rate[epoch, use] - predicted.rate
-    channels = np.empty(2 * use.size, dtype=np.int64)
-    channels[0::2] = 2 * use
-    channels[1::2] = 2 * use + 1
+    n_row = 2 * satellites.size
+    range_channels = 2 * satellites
+    innovation = np.empty(n_row)
+    innovation[0::2] = received_range - predicted.distance
+    innovation[1::2] = received_rate - predicted.rate
+    channels = np.empty(n_row, dtype=np.int64)
+    channels[0::2] = range_channels
+    channels[1::2] = range_channels + 1
     return rows, innovation, channels
 
 
@@ -183,8 +190,10 @@ def _gains(
 
 def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: TrueSignals) -> Floats:
     """Return the deterministic error of the receiver's filter by true motion and clock jumps, (n_epoch, 11)."""
+    r_i = point[:, :3]
+    v_i = point[:, 3:]
     modelled = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
-    moved = mismatch(model, modelled, point[:, 3:], point[:, :3])
+    moved = mismatch(model, modelled, v_i, r_i)
     moved[:, BIAS] += received.clock_jump[:, 0]
     moved[:, DRIFT] += received.clock_jump[:, 1]
     # at its start the filter has no estimate of the acceleration, so the whole acceleration is its error
@@ -267,16 +276,22 @@ def solved(
     for k in range(n_epoch):
         rows, innovation, channels = _epoch(point, received, k)
         gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
-        n_row = gains.gain.shape[1]  # zero if the receiver processes nothing
+        gain = gains.gain
+        keep = gains.keep
+        n_row = gain.shape[1]  # zero if the receiver processes nothing
         channels = channels[:n_row]
-        chain.move[k] = gains.keep @ gains.phi
+        shared_partials = _shared(received, k, channels)
+        kept_clock = keep[:, [BIAS, DRIFT]]
+        kept_motion = keep @ moved[k]
+        correction = gain @ innovation[:n_row]
+        chain.move[k] = keep @ gains.phi
         chain.own[k] = gains.P
-        chain.white[k, :, :n_row] = -gains.gain
+        chain.white[k, :, :n_row] = -gain
         chain.variance[k, :n_row] = received.sigma[k, channels] ** 2
-        chain.white[k, :, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock_noise
+        chain.white[k, :, -2:] = kept_clock @ clock_noise
         chain.variance[k, -2:] = 1.0
-        chain.shared[k] = -gains.gain @ _shared(received, k, channels)
-        chain.push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
+        chain.shared[k] = -gain @ shared_partials
+        chain.push[k] = kept_motion - correction
         if has_solution[k]:
             chain.reported[k] = reported_covariance(reported_model, gains.P)
     scaled = chain.reported * scale[:, :, None] * scale[:, None, :]
@@ -320,8 +335,9 @@ def _add_output(chain: SolutionErrorModel, frozen: Bools) -> SolutionErrorModel:
         A = move[k]
         d = push[k]
         if frozen[k] and k:
+            previous_point = chain.point[k - 1]
             A[m:, m:] = np.eye(6)
-            d[m:] = chain.point[k] - chain.point[k - 1]
+            d[m:] = chain.point[k] - previous_point
         else:
             A[m:, :m] = chain.move[k, pick]
             white[k, m:] = chain.white[k, pick]
@@ -341,7 +357,8 @@ def _add_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: Tr
     v white error of the code, n of the carrier; p and d derivatives of code and of code minus carrier with respect to
     the correlated errors c.
     """
-    smoothed = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
+    is_smoothed = np.any(smoothing.gain > 0.0, axis=0)
+    smoothed = np.flatnonzero(is_smoothed)
     m = chain.move.shape[1]
     n_slot = received.used.shape[1]
     n_in = chain.white.shape[2]
@@ -359,30 +376,36 @@ def _add_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: Tr
         A = move[k]
         W = white[k]
         B = shared[k]
-        satellites = received.used[k, : received.n_used[k]]
+        n_used = received.n_used[k]
+        satellites = received.used[k, :n_used]
         for slot, satellite in enumerate(satellites.tolist()):
             state = state_of[satellite]
             code = 2 * slot
             phase = n_in + slot
             a = smoothing.gain[k, satellite]
+            keep = 1.0 - a
             gain = chain.white[k, :, code]  # minus the solver's gain
+            kept_gain = keep * gain
             d = _code_minus_carrier(received, smoothing, k, satellite)
-            A[:m, state] = (1.0 - a) * gain
-            A[state, state] = 1.0 - a
+            A[:m, state] = kept_gain
+            A[state, state] = keep
             W[:m, code] = a * gain
             W[state, code] = a
-            W[:m, phase] = (1.0 - a) * gain
+            W[:m, phase] = kept_gain
             W[state, phase] = -a
-            B[:m] -= (1.0 - a) * np.outer(gain, d)
+            B[:m] -= keep * np.outer(gain, d)
             B[state] = a * d
-            variance[k, code] = received.sigma[k, 2 * satellite] ** 2
-            variance[k, phase] = smoothing.sigma[k, satellite] ** 2
-    kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
+            code_sigma = received.sigma[k, 2 * satellite]
+            phase_sigma = smoothing.sigma[k, satellite]
+            variance[k, code] = code_sigma**2
+            variance[k, phase] = phase_sigma**2
+    phase_sources = np.full(n_slot, PHASE)
+    noise_sources = np.concatenate([chain.kind, phase_sources])
     return chain._replace(
         move=move,
         white=white,
         variance=variance,
-        kind=kind,
+        kind=noise_sources,
         shared=shared,
         push=push,
     )
@@ -390,8 +413,11 @@ def _add_smoothing(chain: SolutionErrorModel, smoothing: Smoothing, received: Tr
 
 def _code_minus_carrier(received: TrueSignals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
     """Return the derivatives (n_component,) of code minus carrier of a satellite with respect to correlated errors."""
-    partials = np.zeros(received.shared.start.size)
-    for family, member in enumerate(received.shared.member[:, 2 * satellite].tolist()):
+    errors = received.shared
+    range_channel = 2 * satellite
+    members = errors.member[:, range_channel].tolist()
+    partials = np.zeros(errors.start.size)
+    for family, member in enumerate(members):
         if member >= 0:
             partials[member] += smoothing.code[family, epoch, satellite]
     return partials
