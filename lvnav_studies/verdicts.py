@@ -85,7 +85,7 @@ def _number_row(statement: Elsewhere) -> dict[str, Any]:
 def verdicts(frame: pd.DataFrame) -> list[Block]:
     """Return how many numbered statements hold, and a table of the rows of each verdict; nothing without rows.
 
-    Rows of campaigns without results do not count for a statement that other campaigns answer.
+    Rows that are not set up or belong to campaigns without results do not count for a statement that others answer.
     """
     if frame.empty:
         return []
@@ -108,7 +108,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
 
 def _summary(verdicts_by_number: Any) -> str:
     """Return how many statements have each verdict, from the verdicts of the rows grouped by statement."""
-    verdict_sets = verdicts_by_number.agg(lambda words: frozenset(words) - {NOT_FLOWN} or frozenset(words))
+    verdict_sets = verdicts_by_number.agg(_answered)
     counts = {}
     for verdict in _HEADINGS:
         is_unanimous = verdict_sets == frozenset([verdict])
@@ -119,3 +119,9 @@ def _summary(verdicts_by_number: Any) -> str:
         texts.append(f"{mixed} hold in part: for some readings or some of their conditions")
     text_list = ", ".join(texts)
     return f"Of {len(verdict_sets)} statements {text_list}."
+
+
+def _answered(words: pd.Series) -> frozenset[str]:
+    """Return the different verdicts of one statement; a row without an answer counts only if no row has one."""
+    verdict_set = frozenset(words)
+    return verdict_set - {NOT_FLOWN, NOT_SET_UP} or verdict_set - {NOT_FLOWN} or verdict_set

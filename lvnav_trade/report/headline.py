@@ -19,7 +19,7 @@ _KINDS = {"number": "numbers", "order": "orders and statements on innovations"}
 _NOT_COUNTED = {
     "repeats": ("result fixed by our inputs", "results fixed by our inputs"),
     "own": ("result whose statement or bound is ours", "results whose statement or bound is ours"),
-    "again": ("second comparison with a published number", "second comparisons with a published number"),
+    "again": ("second comparison with a published result", "second comparisons with a published result"),
     "verification": (
         "result that cannot fail here and verifies the tool",
         "results that cannot fail here and verify the tool",

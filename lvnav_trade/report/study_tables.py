@@ -47,11 +47,10 @@ def study_tables(tables: Tables, names: Sequence[str], axis: str) -> list[Block]
 
 @of("requirements")
 def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    probability = frame.probability.iloc[0]
     confidence = frame.confidence.iloc[0]
     n_met = int((frame.verdict == "met").sum())
     text = (
-        f"{n_met} of {len(frame)} cells pass: at least {100 * probability:g} % of flights "
+        f"{n_met} of {len(frame)} cells pass: at least {_probabilities(frame)} of flights "
         f"within the limit, at a confidence of {100 * confidence:g} %."
     )
     verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
@@ -60,6 +59,14 @@ def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         beyond=frame.failures.astype(str) + " of " + frame.runs.astype(str),
     )
     return [Text(text), stated("study_requirements", rows)]
+
+
+def _probabilities(frame: pd.DataFrame) -> str:
+    """Return the required probabilities in percent, each with its requirements if they differ."""
+    by_probability = frame.groupby("probability", sort=True).requirement.unique()
+    if len(by_probability) == 1:
+        return f"{100 * by_probability.index[0]:g} %"
+    return " or ".join(f"{100 * p:g} % ({', '.join(names)})" for p, names in by_probability.items())
 
 
 def _coverage(tables: Tables) -> list[Block]:

@@ -112,7 +112,7 @@ def test_second_readings_and_verifications_have_tables_of_their_own() -> None:
     text = headline(rows, ())[0]
     assert isinstance(text, Text)
     assert text.text.startswith(
-        "Not counted: 1 second comparison with a published number (0 hold); 1 result that cannot fail"
+        "Not counted: 1 second comparison with a published result (0 hold); 1 result that cannot fail"
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.study_tables import study_tables
+from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -34,6 +35,23 @@ def test_requirements_are_a_cell_each_that_passes_or_fails(tables):
     assert " cells pass: at least " in blocks[0].text
     assert set(cells(blocks, "verdict")) <= {"pass", "fail", "undecided"}
     assert len(cells(blocks, "case")) == len(tables.campaign["requirements"]) * len(tables.labels)
+
+
+@pytest.mark.parametrize(
+    ("second", "words"),
+    [
+        (0.6827, "1 of 2 cells pass: at least 68.27 % of flights within"),
+        (0.9973, "1 of 2 cells pass: at least 68.27 % (position) or 99.73 % (velocity) of flights within"),
+    ],
+)
+def test_different_required_probabilities_are_all_named(tables, monkeypatch, second, words):
+    frame = METRICS["requirements"](tables).head(2).copy()
+    frame["requirement"] = ["position", "velocity"]
+    frame["verdict"] = ["met", "violated"]
+    frame["probability"] = [0.6827, second]
+    monkeypatch.setitem(METRICS, "requirements", lambda _: frame)
+    text, _ = study_tables(tables, ("requirements",), "")
+    assert text.text.startswith(words)
 
 
 def test_a_bounded_noise_is_reported_by_case_with_its_weakest_direction():

@@ -38,6 +38,18 @@ def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_number
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("answer", ["does not hold here", "holds"])
+def test_a_row_without_an_answer_does_not_count_for_a_statement_that_has_one(answer: str) -> None:
+    rows = [ROWS[1] | {"verdict": word} for word in (answer, "not set up", "not flown")]
+    summary, *_ = verdicts(pd.DataFrame(rows, columns=COLUMNS))
+    assert isinstance(summary, Text)
+    assert summary.text.startswith("Of 1 statements 1 ")
+    assert "in part" not in summary.text
+    unanswered, *_ = verdicts(pd.DataFrame(rows[1:], columns=COLUMNS))
+    assert isinstance(unanswered, Text)
+    assert unanswered.text == "Of 1 statements 1 are not set up."
+
+
 def test_a_study_without_statements_says_nothing_of_them() -> None:
     assert verdicts(pd.DataFrame([], columns=COLUMNS)) == []
     assert further_rows(OfStudy(), {}) == []
