@@ -8,8 +8,8 @@ over sources shows when the error originated.
 
 from typing import NamedTuple
 
+from lvnav_trade.covariance.component_inputs import fill_inputs
 from lvnav_trade.covariance.difference_errors import joint_back, renew_back
-from lvnav_trade.covariance.propagate import fill_inputs
 from lvnav_trade.covariance.receiver_error import clone_back, solution_back
 from lvnav_trade.filter.policies.delay import place_of_channel
 from lvnav_trade.kernels import transition

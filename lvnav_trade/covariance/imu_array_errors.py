@@ -40,7 +40,7 @@ def _means(mean, units, triad, sensor, first, n_tick, seconds):
 def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
     """Set `scratch.input` (9, 3), the sensitivity of attitude, velocity and position to block j of an IMU array.
 
-    The parameters are those of `propagate.input_matrix`; first, n_tick : ticks of the window.
+    The parameters are those of `component_inputs.input_matrix`; first, n_tick : ticks of the window.
     """
     b, mean = scratch.input, scratch.mean_input
     for i in range(9):
