@@ -121,7 +121,8 @@ def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
         Whether measurements are processed.
     """
     tape = _whole_tape(prepared)
-    run_pass(prepared, components(prepared), tape, aided)
+    true = components(prepared)
+    run_pass(prepared, true, tape, aided)
     return tape
 
 
@@ -164,12 +165,14 @@ def _whole_flight(prepared: Prepared) -> float:
 
 def empty_tape(prepared: Prepared) -> UpdateTape:
     """Return the tape of a flight without updates."""
-    return new_tape(prepared.schedule.n_tick.size, 1, n_joint(prepared), row_width(prepared))
+    n_window = prepared.schedule.n_tick.size
+    return new_tape(n_window, 1, n_joint(prepared), row_width(prepared))
 
 
 def compile_backward(prepared: Prepared) -> None:
     """Compile the backward pass, or load it from the cache, by a pass over the first window of an empty tape."""
-    adjoint(prepared, float(prepared.t_hist[0]), tape=empty_tape(prepared))
+    first_time = float(prepared.t_hist[0])
+    adjoint(prepared, first_time, tape=empty_tape(prepared))
 
 
 def turns(prepared: Prepared) -> Floats:
@@ -249,7 +252,8 @@ def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None 
     covariances = _motion_covariances(prepared, time, tape)
     if prepared.options.backup is None:
         return covariances
-    unaided = _motion_covariances(prepared, time, forward_tape(prepared, aided=False))
+    unaided_tape = forward_tape(prepared, aided=False)
+    unaided = _motion_covariances(prepared, time, unaided_tape)
     return np.concatenate([covariances, unaided], axis=1)
 
 

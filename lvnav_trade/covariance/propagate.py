@@ -61,13 +61,14 @@ def _enter_over_window(P, y, b, variance, echo):
     for i in range(N_NAV):
         bi = b[i]
         for j in range(N_NAV):
-            value = bi * (y[j] + half * b[j])
-            P[i, j] += value
-            P[j, i] += value
+            covariance = y[j] + half * b[j]
+            added = bi * covariance
+            P[i, j] += added
+            P[j, i] += added
         for j in range(N_NAV, n):
-            value = bi * y[j]
-            P[i, j] += value
-            P[j, i] += value
+            added = bi * y[j]
+            P[i, j] += added
+            P[j, i] += added
     for i in range(N_NAV):
         y[i] += b[i] * variance
 
