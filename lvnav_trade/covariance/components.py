@@ -280,11 +280,15 @@ def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, units = prepared.scenario.imu, prepared.options.units
     noise = np.zeros((len(names), 6))
     for triad, (number, card) in enumerate(mounted(imu)):
-        variance = np.array([squares(card.gyro.random_walk), squares(card.accel.random_walk)]) * imu.rate
+        density = np.array([squares(card.gyro.random_walk), squares(card.accel.random_walk)])
+        variance = density * imu.rate
         if units is not None:  # solved (2, 3, 3): weights of each sensing axis in the combined triad
-            variance = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, variance) * units.noisy[0, :, 1] ** 2
-        noise[names.index(keyed("gyro random walk", number)), :3] += variance[0]
-        noise[names.index(keyed("accelerometer random walk", number)), 3:] += variance[1]
+            solved_squares = units.solved[0, triad] ** 2
+            variance = np.einsum("sic,sc->si", solved_squares, variance) * units.noisy[0, :, 1] ** 2
+        gyro_source = names.index(keyed("gyro random walk", number))
+        accelerometer_source = names.index(keyed("accelerometer random walk", number))
+        noise[gyro_source, :3] += variance[0]
+        noise[accelerometer_source, 3:] += variance[1]
     return noise
 
 

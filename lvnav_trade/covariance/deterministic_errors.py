@@ -139,6 +139,8 @@ def _add_deviation(mean, deviation, seconds, sensed):
 def _add_strapdown_error(mean, nav, reference, tick):
     """Add to the mean the error of the strapdown over a window that it began at the true state."""
     q = reference.q_b_i[tick]
+    v = reference.v_i[tick]
+    r = reference.r_i[tick]
     w = nav[Q]
     x = nav[Q + 1]
     y = nav[Q + 2]
@@ -148,8 +150,10 @@ def _add_strapdown_error(mean, nav, reference, tick):
     mean[ATT + 1] += tilt_y
     mean[ATT + 2] += tilt_z
     for i in range(3):
-        mean[VEL + i] += reference.v_i[tick, i] - nav[V + i]
-        mean[POS + i] += reference.r_i[tick, i] - nav[R + i]
+        velocity_error = v[i] - nav[V + i]
+        position_error = r[i] - nav[R + i]
+        mean[VEL + i] += velocity_error
+        mean[POS + i] += position_error
 
 
 @jit

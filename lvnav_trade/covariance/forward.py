@@ -15,7 +15,7 @@ from lvnav_trade.filter.policies.mode_logic import begin_mode_logic
 from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import group, total_of, whole
-from lvnav_trade.kernels.strapdown import place
+from lvnav_trade.kernels.strapdown import R, place
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.records import Floats
@@ -58,7 +58,8 @@ def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
     worst = ratio.max(axis=1, initial=1e-300)
     if not np.isfinite(gate_squared):
         return np.zeros_like(worst)
-    return chdtrc(1, gate_squared / worst)  # of a chi-square distribution with one degree of freedom
+    limit = gate_squared / worst
+    return chdtrc(1, limit)  # of a chi-square distribution with one degree of freedom
 
 
 @jit
@@ -74,7 +75,6 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
     axes_att, axes : (3, 3) rotations from frame i to body axes and to the reporting axes, for the budget
     """
     n = formal.shape[0]
-    n_group = true.n_slot.shape[0]
     lane_sums = whole(scratch.spread)
     for i in range(n):
         out.mean[hist, i] = state.mean[i]
@@ -84,13 +84,20 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
             # the true covariance is the sum over all sources: over groups by lane, then over lanes
             first_sources = group(state.sources, 0)
             lane_sums[0] = first_sources[i, j]
-            for g in range(1, n_group):
+            for g in range(1, true.n_slot.shape[0]):
                 further_sources = group(state.sources, g)
                 lane_sums[0] += further_sources[i, j]
             total = total_of(scratch.spread)
             out.true[hist, i, j] = total
             out.true[hist, j, i] = total
-    for g in range(n_group):
+    _write_budget(out, hist, state, scratch, true, axes_att, axes)
+
+
+@jit
+def _write_budget(out, hist, state, scratch, true, axes_att, axes):
+    """Write the variance of each filter state by source at a history time; the parameters are those of `write`."""
+    n = out.budget.shape[2]
+    for g in range(true.n_slot.shape[0]):
         P = group(state.sources, g)
         budget = group(scratch.budget, g)
         for i in range(3):
@@ -105,7 +112,8 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
         g = true.group[source]
         lane = true.lane[source]
         for i in range(n):
-            out.budget[hist, source, i] = scratch.budget[g, i, 0, lane]
+            variance = scratch.budget[g, i, 0, lane]
+            out.budget[hist, source, i] = variance
 
 
 @jit
@@ -126,7 +134,7 @@ def _record_window(tape, w, work):
         for i in range(work.sums.shape[0]):
             tape.sums[w, i] = work.sums[i]
         for i in range(3):
-            tape.position[w, i] = work.nav[7 + i]
+            tape.position[w, i] = work.nav[R + i]
 
 
 @jit
@@ -171,8 +179,9 @@ def _solve(work, chain, late, epoch):
     """Set the solution of a receiver that reports a covariance, not-a-number without a solution, and complete its
     Jacobian rows by the receiver-error states.
     """
+    is_solved = chain.solved[epoch]
     for i in range(6):
-        work.solution[i] = chain.point[epoch, i] if chain.solved[epoch] else np.nan
+        work.solution[i] = chain.point[epoch, i] if is_solved else np.nan
     complete_rows(work.H, late, epoch)
 
 

@@ -272,8 +272,10 @@ def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     errors = turns(prepared)[hist, :N_MOTION]
     pairs = []
-    for first in (ATT, VEL, POS):
-        pairs += [(first, first + 1), (first, first + 2), (first + 1, first + 2)]
+    for x in (ATT, VEL, POS):
+        y = x + 1
+        z = x + 2
+        pairs += [(x, y), (x, z), (y, z)]
     sums = [errors[i] + errors[j] for i, j in pairs]
     rows = np.vstack([errors, sums])
     bin_seconds = _whole_flight(prepared)

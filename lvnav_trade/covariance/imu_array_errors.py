@@ -28,7 +28,8 @@ REMAINDER, WHITE = -1, -3
 def _means(mean, units, triad, sensor, first, n_tick, seconds):
     """Set the mean inputs of a triad over a window, (2, 3) body axes: of the sensor itself, of the other sensor."""
     for i in range(3):
-        angle, velocity = 0.0, 0.0
+        angle = 0.0
+        velocity = 0.0
         for tick in range(first, first + n_tick):
             angle += units.dtheta[triad, tick, i]
             velocity += units.dvel[triad, tick, i]
@@ -191,9 +192,10 @@ def _add_component(out, hist, state, true, weights, component):
             out.budget[hist, source, i] += weight * (2.0 * covariance + weight * variance)
             for j in range(n):
                 shared = weight * state.cross[g, k, j, lane]
+                product = weight * weights[j] * variance
                 out.true[hist, i, j] += shared
                 out.true[hist, j, i] += shared
-                out.true[hist, i, j] += weight * weights[j] * variance
+                out.true[hist, i, j] += product
 
 
 @jit

@@ -168,8 +168,10 @@ def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Fl
         (n_hist, k, k) SI squared. Covariance in the filter model, and true covariance.
     """
     k = range(mean.shape[1])
-    formal_sigma = np.sqrt(formal[:, k, k])
-    true_sigma = np.sqrt(np.maximum(0.0, true[:, k, k]))
+    formal_variance = formal[:, k, k]
+    true_variance = np.maximum(0.0, true[:, k, k])
+    formal_sigma = np.sqrt(formal_variance)
+    true_sigma = np.sqrt(true_variance)
     return history._replace(
         formal=np.hstack([history.formal, formal_sigma]),
         true_sigma=np.hstack([history.true_sigma, true_sigma]),
@@ -182,9 +184,10 @@ def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Fl
 
 def _block_diagonal(first: Floats, second: Floats) -> Floats:
     """Return block-diagonal matrices (n_hist, n + k, n + k)."""
+    n_hist = len(first)
     n = first.shape[1]
     k = second.shape[1]
-    matrices = np.zeros((len(first), n + k, n + k))
+    matrices = np.zeros((n_hist, n + k, n + k))
     matrices[:, :n, :n] = first
     matrices[:, n:, n:] = second
     return matrices

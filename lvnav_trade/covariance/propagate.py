@@ -86,17 +86,18 @@ def _advance_components(joint, scratch, true, length, g):
     for k in range(true.n_slot[g]):
         factor = factors[k, 0]
         echo = echoes[k, 0]
+        variance = variances[k, 0]
         y = cross_covariances[k]
         if true.followed[g, k]:
             if true.moves[g, k]:
-                _enter_over_window(P, y, b[k], variances[k, 0], echo)
+                _enter_over_window(P, y, b[k], variance, echo)
             for i in range(y.shape[0]):
                 y[i] = factor * y[i]
             if true.moves[g, k]:
                 # the new remainder enters the states with the sign opposite to that of the component
                 for i in range(N_NAV):
                     y[i] -= echo * b[k, i]
-        variances[k, 0] = factor * factor * variances[k, 0] + noises[k, 0]  # c+ = f c + w
+        variances[k, 0] = factor * factor * variance + noises[k, 0]  # c+ = f c + w
 
 
 @jit

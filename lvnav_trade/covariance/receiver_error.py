@@ -82,7 +82,8 @@ def advance_solution(joint, scratch, chain, true, epoch):
     m = chain.move.shape[1]
     for g in range(true.n_slot.shape[0]):
         work = whole(scratch.y)
-        _multiply_covariance(group(joint.sources, g), work, A, first)
+        group_covariance = group(joint.sources, g)
+        _multiply_covariance(group_covariance, work, A, first)
         cross_covariances = group(joint.cross, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
@@ -98,7 +99,8 @@ def advance_solution(joint, scratch, chain, true, epoch):
         P = joint.sources[g, ..., lane]
         for i in range(m):
             for j in range(m):
-                P[first + i, first + j] += W[i, q] * variance * W[j, q]
+                covariance = W[i, q] * variance * W[j, q]
+                P[first + i, first + j] += covariance
     for c in range(true.first_shared, true.source.shape[0]):
         source = true.source[c]
         k = true.slot[c]
@@ -107,7 +109,8 @@ def advance_solution(joint, scratch, chain, true, epoch):
         P = joint.sources[g, ..., lane]
         y = joint.cross[g, ..., lane]
         variance = joint.variance[g, k, 0, lane]
-        partials = chain.shared[epoch, :, c - true.first_shared]
+        number = c - true.first_shared
+        partials = chain.shared[epoch, :, number]
         enter(P, y[k], variance, partials, first)
 
 

@@ -117,11 +117,16 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
     interval = t - before
     is_gap = interval > max(GAP, 3.0 * usual)
     last_hist = history.t.size - 1
-    hist = np.searchsorted(history.t, t[is_gap] - 1e-9)
+    measured_again = t[is_gap]
+    hist = np.searchsorted(history.t, measured_again - 1e-9)
     hist = np.minimum(hist, last_hist)
     begins = before[is_gap].tolist()
     ends = history.t[hist].tolist()
-    return tuple(Gap(f"{AFTER_GAP}{end:g} s", begin, end) for begin, end in zip(begins, ends, strict=True))
+    intervals = []
+    for begin, end in zip(begins, ends, strict=True):
+        name = f"{AFTER_GAP}{end:g} s"
+        intervals.append(Gap(name, begin, end))
+    return tuple(intervals)
 
 
 _ROUNDING = 1e-6  # of a sigma: filters that have used the same measurements so far differ by less
@@ -213,9 +218,10 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
         satellite = prepared.sky.names.index(name)
         sub_filter = without_satellite(prepared, satellite)
         sub_runs = run_block(sub_filter, seed, runs.first_run, n_run)
-        separation = runs.err[:, :, columns] - sub_runs.err[:, :, columns]
+        error = runs.err[:, :, columns]
+        sub_error = sub_runs.err[:, :, columns]
         limits = protection.limits[number]
-        ratio[:, number] = furthest(separation, protection._replace(limits=limits))
+        ratio[:, number] = furthest(error - sub_error, protection._replace(limits=limits))
     channels = _channels(prepared, protection)
     of_runs = alarms(ratio, runs.t, channels, runs.first_run)
     return runs._replace(decisions=_sorted_decisions(runs.decisions, of_runs))

@@ -122,6 +122,7 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
     Q = Q / np.outer(safe, safe)
     values, vectors = np.linalg.eigh(Q)
     smallest = values[:, 0]
+    largest = values[:, -1]
     weakest_interval = int(np.argmin(smallest))
     weakest = vectors[weakest_interval, :, 0]
     largest_entry = np.argmax(np.abs(weakest))
@@ -129,7 +130,7 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
         rank=int(_ranks(Q).min()),
         states=states.size,
         low=max(0.0, float(smallest.min())),
-        high=float(values[:, -1].max()),
+        high=float(largest.max()),
         weakest=weakest / weakest[largest_entry],
         rows=_noise_bounds(prepared, tape),
     )

@@ -90,8 +90,10 @@ def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
         blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
         if not blocks:
             continue
-        own_x, own_y, own_z = (true[:, columns] / dt).T
-        other_x, other_y, other_z = (true[:, other_columns] / dt).T
+        own_input = true[:, columns] / dt
+        other_input = true[:, other_columns] / dt
+        own_x, own_y, own_z = own_input.T
+        other_x, other_y, other_z = other_input.T
         drivers = []
         for block in blocks:
             axes = _driver(block.driver, own_x, own_y, own_z, other_x, other_y, other_z)
@@ -126,7 +128,8 @@ def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats
     d
         (n_state,) SI. Error, truth minus estimate.
     """
-    return compensated(inputs(prepared, first, n_tick), d)
+    true_inputs = inputs(prepared, first, n_tick)
+    return compensated(true_inputs, d)
 
 
 def tick_at(prepared: Prepared, time: float) -> int:
@@ -152,17 +155,20 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
         s since lift-off. Time of the truth; None: that of the epoch.
     """
     model = prepared.model
+    dt = prepared.unit.dt
     time_of_truth = prepared.t_epoch[epoch] if time is None else time
     tick = tick_at(prepared, time_of_truth)
     previous_tick = max(0, tick - 1)
+    previous_increments = increments(prepared, previous_tick, 1, d)[0]
     work.nav[:] = navigation_at(prepared, tick, d)
-    work.previous[:] = increments(prepared, previous_tick, 1, d)[0]
+    work.previous[:] = previous_increments
     work.clock_hat[:] = 0.0
     if model.clock >= 0:
-        work.clock_hat[:] = -d[model.clock : model.clock + 2]
+        clock_states = slice(model.clock, model.clock + 2)
+        work.clock_hat[:] = -d[clock_states]
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
-    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
+    place_antenna(work, None, None, model, dt, epoch)
 
 
 def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:

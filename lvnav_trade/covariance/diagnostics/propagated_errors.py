@@ -106,6 +106,9 @@ def strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: Wi
     legs = [(inputs(prepared, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
     tick_before = max(0, start - 1)
     increments_before = inputs(prepared, tick_before, 1).true[0]
+    attitude = slice(Q, Q + 4)
+    velocity = slice(V, V + 3)
+    position = slice(R, R + 3)
 
     def integrate(d: Floats) -> Floats:
         nav = navigation_at(prepared, start, d)
@@ -119,15 +122,12 @@ def strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: Wi
 
     no_error = np.zeros(errors.shape[1])
     exact = integrate(no_error)
-    q = exact[Q : Q + 4]
-    v = exact[V : V + 3]
-    r = exact[R : R + 3]
     results = np.empty((len(errors), 9))
     for result, d in zip(results, errors, strict=True):
         nav = integrate(d)
-        result[ATT : ATT + 3] = small_rotation(*q, *nav[Q : Q + 4])
-        result[VEL : VEL + 3] = v - nav[V : V + 3]
-        result[POS : POS + 3] = r - nav[R : R + 3]
+        result[ATT : ATT + 3] = small_rotation(*exact[attitude], *nav[attitude])
+        result[VEL : VEL + 3] = exact[velocity] - nav[velocity]
+        result[POS : POS + 3] = exact[position] - nav[position]
     return results
 
 

@@ -97,16 +97,19 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
         Integrity risk, and prior probability that a satellite has failed.
     """
     # at this bound every probability of the sum is at most its share of the risk
-    reach = quantile(risk / (1.0 + prior * len(without)))
+    share = risk / (1.0 + prior * len(without))
+    reach = quantile(share)
     low = np.zeros(sigma.shape)
     high = reach * sigma
     if len(without):
-        high = np.maximum(high, np.max(limits + reach * without, axis=0))
+        bound = limits + reach * without
+        high = np.maximum(high, np.max(bound, axis=0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         fault_free = exceedance_probability(middle, sigma)
-        faulty = np.sum(exceedance_probability(middle - limits, without), axis=0)
-        is_too_low = fault_free + prior * faulty > risk
+        faulty = exceedance_probability(middle - limits, without)
+        integrity_risk = fault_free + prior * np.sum(faulty, axis=0)
+        is_too_low = integrity_risk > risk
         low = np.where(is_too_low, middle, low)
         high = np.where(is_too_low, high, middle)
     return np.asarray(high)

@@ -275,6 +275,8 @@ def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
         Number of ticks.
     """
     units = prepared.options.units
+    dt = prepared.unit.dt
+    key = seed_words(seed)
     work, _ = new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
     no_quantisation = np.repeat([1.0, 0.0], [6, 2])
@@ -283,10 +285,12 @@ def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
     sensed = []
     for run in range(2 * _NOISE_RUNS):
         work.run[0] = run
-        sense_units(work, array_work, units, 0, 0, n, prepared.unit.dt, *seed_words(seed))
+        sense_units(work, array_work, units, 0, 0, n, dt, *key)
         sensed.append(array_work.sensed.copy())
     runs = np.array(sensed)
-    return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
+    even_runs = runs[::2]
+    odd_runs = runs[1::2]
+    return np.asarray((even_runs - odd_runs) / math.sqrt(2.0))
 
 
 def of_start(prepared: Prepared, seed: int) -> list[CheckResult]:
@@ -294,6 +298,7 @@ def of_start(prepared: Prepared, seed: int) -> list[CheckResult]:
     start = prepared.start
     card = prepared.scenario.initial
     reference = prepared.reference
+    key = seed_words(seed)
     work, _ = new_work(prepared, lanes=False)
     theta0 = prepared.trajectory.theta0
     C_i_n = reporting_axes("ned", reference.t[:1], reference.r_i[:1], reference.v_i[:1], theta0)[0]
@@ -301,17 +306,21 @@ def of_start(prepared: Prepared, seed: int) -> list[CheckResult]:
     position = slice(R, R + 3)
     errors = np.empty((RUNS, 9))
     for run in range(RUNS):
-        q = from_errors(work, start, *seed_words(seed), np.uint64(run))
+        q = from_errors(work, start, *key, np.uint64(run))
         tilt = small_rotation(*start.nav[:4], *q)
         errors[run, :3] = C_i_n @ tilt
         errors[run, 3:6] = start.nav[velocity] - work.nav[velocity]
         errors[run, 6:] = start.nav[position] - work.nav[position]
+    tilt_errors = errors[:, :2]
+    heading_errors = errors[:, 2]
+    velocity_errors = errors[:, 3:6]
+    position_errors = errors[:, 6:]
     checks = []
     for name, sigma, draws in (
-        ("initial tilt", card.tilt, errors[:, :2]),
-        ("initial heading", card.heading, errors[:, 2]),
-        ("initial velocity", card.velocity, errors[:, 3:6]),
-        ("initial position", card.position, errors[:, 6:]),
+        ("initial tilt", card.tilt, tilt_errors),
+        ("initial heading", card.heading, heading_errors),
+        ("initial velocity", card.velocity, velocity_errors),
+        ("initial position", card.position, position_errors),
     ):
         if sigma > 0.0:
             checks += moments(name, draws / sigma)

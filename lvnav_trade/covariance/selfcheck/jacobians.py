@@ -128,7 +128,8 @@ def _spread(epochs: Ints) -> list[int]:
         return []
     last = epochs.size - 1
     places = np.linspace(0, last, EPOCHS).astype(int)
-    return sorted({int(epochs[place]) for place in places})
+    chosen = epochs[places]
+    return sorted({int(epoch) for epoch in chosen})
 
 
 def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
@@ -202,9 +203,11 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
     assert sensors is not None  # the case has this sensor
     first_channel = sensors.channel[k]
     first_row = row_of(model, work, first_channel)
-    time_of_validity = prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch]
+    delay = prepared.devices[k].delay[epoch]
+    time_of_validity = prepared.t_epoch[epoch] - delay
     _estimate(prepared, work, epoch, d, time_of_validity)
-    measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+    truth = sensors.truth[k, epoch]
+    measure(work.observed[k], sensors.code[k], truth, 0.0, 0.0, 0.0)
     fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)
     rows = [(first_row + i, first_channel + i) for i in range(sensors.scalars[k])]
     return _dense_rows(prepared, work, rows)

@@ -144,20 +144,23 @@ def _nominal_epochs(prepared: Prepared) -> Bools:
 def _simulate_draws(prepared: Prepared, seed: int) -> EpochDraws:
     """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
     signals = prepared.signals
+    interval = signals.interval
     key = seed_words(seed)
     epochs = _checked_epochs(prepared)
+    n_epoch = epochs.size
     is_nominal = _nominal_epochs(prepared)
     has_ranges = _has_ranges(prepared)
     work, parts = new_work(prepared, lanes=False)
     truth = Truth(prepared.unit, prepared.start, prepared.record)
     start_case = case_of(prepared)
     # ranges also if the receiver computes a solution from them, which itself draws nothing
-    case = case_of(prepared, model=prepared.model._replace(tight=has_ranges))
+    model = prepared.model._replace(tight=has_ranges)
+    case = case_of(prepared, model=model)
     exact = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
     n_shared = signals.shared.start.size
     start = np.empty((RUNS, 2))
-    steps = np.empty((RUNS, epochs.size, 2))
-    shared = np.zeros((RUNS, 1 + epochs.size, n_shared))
+    steps = np.empty((RUNS, n_epoch, 2))
+    shared = np.zeros((RUNS, 1 + n_epoch, n_shared))
     white = defaultdict[str, list[Floats]](list)
     for run in range(RUNS):
         work.run[0] = run
@@ -166,10 +169,11 @@ def _simulate_draws(prepared: Prepared, seed: int) -> EpochDraws:
         shared[run, 0] = work.shared[:n_shared]
         for k, epoch in enumerate(epochs.tolist()):
             bias, drift = work.clock
+            jump = signals.clock_jump[epoch]
             observe(work, parts, case, None, key, epoch)
             measure_sensors(work, parts.units, prepared.sensors, None, signals, key, epoch)
-            bias += signals.interval * drift + signals.clock_jump[epoch, 0]
-            drift += signals.clock_jump[epoch, 1]
+            bias += interval * drift + jump[0]
+            drift += jump[1]
             steps[run, k] = work.clock - (bias, drift)
             shared[run, k + 1] = work.shared[:n_shared]
             if is_nominal[epoch] and prepared.channels.receiver:

@@ -25,7 +25,11 @@ ALLOWED = 1e-6
 def sizes(prepared: Prepared) -> Floats:
     """Return the error (n_state,) that is applied to each state, SI."""
     outputs = state_outputs(prepared.layout, prepared.scenario.frame)
-    return np.array([SIZE.get(output.quantity, 1.0 / output.label_factor) for output in outputs])
+    applied = []
+    for output in outputs:
+        unit = 1.0 / output.label_factor
+        applied.append(SIZE.get(output.quantity, unit))
+    return np.array(applied)
 
 
 def round_trip(prepared: Prepared) -> list[CheckResult]:
@@ -89,7 +93,10 @@ def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int
     model = prepared.model
     truth = prepared.record
     vehicle = prepared.options.vehicle
-    work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
+    q = truth.q[hist]
+    v = truth.v[hist]
+    r = truth.r[hist]
+    work.nav[:] = navigation(q, v, r, d)
     work.P[:] = np.eye(model.n_state)
     for block, offset in enumerate(model.par_offset):
         work.par[block] = -d[offset : offset + 3]
@@ -100,10 +107,12 @@ def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int
         work.extra[extra] = -d[offset]
     if vehicle is not None:
         tick = _tick(prepared, hist)
-        rate_states = slice(vehicle.motion, vehicle.motion + 3)
-        force_states = slice(vehicle.motion + 3, vehicle.motion + 6)
-        parts.motion.rate[:] = vehicle.rate[tick] - d[rate_states]
-        parts.motion.force[:] = vehicle.force[tick] - d[force_states]
+        first_rate = vehicle.motion
+        first_force = vehicle.motion + 3
+        rate_error = d[first_rate : first_rate + 3]
+        force_error = d[first_force : first_force + 3]
+        parts.motion.rate[:] = vehicle.rate[tick] - rate_error
+        parts.motion.force[:] = vehicle.force[tick] - force_error
 
 
 def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int) -> Floats:
@@ -159,7 +168,10 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
         return [CheckResult(KIND, "transition", reason=reason)]
     formal = history._replace(true_cov=history.formal_cov)
     names = state_names(prepared.layout)
-    intervals = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
+    intervals = []
+    for gap in gaps(history):
+        seconds = gap.end - gap.begin
+        intervals.append((f"gap of {seconds:.0f} s", gap.begin, gap.end))
     if not (history.n_row > 0).any():
         start = float(history.t[0])
         end = float(history.t[-1])
@@ -168,14 +180,16 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
     for interval, begin, end in intervals:
         result = nonlinearity(prepared, formal, begin, end=end)
         deviation = _deviation(result)
-        where = f"{names[result.state]}, {begin:g} to {end:g} s"
+        state = names[result.state]
+        where = f"{state}, {begin:g} to {end:g} s"
         checks.append(CheckResult(KIND, interval, deviation, high=ALLOWED_GAP, where=where))
     at_events = {name: nonlinearity(prepared, formal, t) for name, t in events.items()}
     if at_events:
         event = max(at_events, key=lambda name: _deviation(at_events[name]))
         result = at_events[event]
         deviation = _deviation(result)
-        where = f"{names[result.state]} at {event}"
+        state = names[result.state]
+        where = f"{state} at {event}"
         checks.append(CheckResult(KIND, "update interval", deviation, high=ALLOWED_GAP, where=where))
     return checks
 
