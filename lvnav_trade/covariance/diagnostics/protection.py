@@ -149,8 +149,8 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
         Integrity risk, false-alarm probability, prior probability of a satellite fault.
     """
     columns = columns_of(prepared)
-    used = prepared.signals.used
-    satellites = np.unique(used[used >= 0]).tolist()
+    in_use = prepared.signals.used
+    satellites = np.unique(in_use[in_use >= 0]).tolist()
     n_axis = sum(len(axes) for axes in columns)
     risk = risks.integrity_risk / n_axis
     false_alarm = risks.false_alarm / n_axis
