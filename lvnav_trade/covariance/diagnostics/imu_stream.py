@@ -214,7 +214,7 @@ def _triad_cards(prepared: Prepared) -> list[tuple[int, ImuCard, str]]:
     imu = prepared.scenario.imu
     if isinstance(imu, ImuCard):
         return [(0, imu, "")]
-    cards = []
+    cards: list[tuple[int, ImuCard, str]] = []
     for k, triad in enumerate(triads_of(imu)):
         card = imu.units[triad.unit]
         cards.append((k, card, f"unit {triad.unit + 1} "))
