@@ -8,8 +8,8 @@ over sources shows when the error originated.
 
 from typing import NamedTuple
 
+from lvnav_trade.covariance.component_inputs import fill_inputs
 from lvnav_trade.covariance.difference_errors import joint_back, renew_back
-from lvnav_trade.covariance.propagate import fill_inputs
 from lvnav_trade.covariance.receiver_error import clone_back, solution_back
 from lvnav_trade.filter.policies.delay import place_of_channel
 from lvnav_trade.kernels import transition
@@ -67,16 +67,21 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
     place : place of the stored state that a delayed measurement was compared with
     """
     # the update e+ = (I - k h) e - k v gives lambda <- lambda - h' (k' lambda); v contributes (k' lambda)^2 Var(v)
-    gain, h = tape.gain[row_of], tape.h[row_of]
-    epoch, channel = tape.epoch[row_of], tape.channel[row_of]
+    gain = tape.gain[row_of]
+    h = tape.h[row_of]
+    epoch = tape.epoch[row_of]
+    channel = tape.channel[row_of]
     source = true.noise_source[channel]
     # the noise of a decorrelated solution entered with the receiver-error states
     is_in_states = whitened or source < 0
     variance = 0.0
     if not is_in_states:
-        variance = signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+        sigma = signals.sigma[epoch, measured_channel(signals, channel)]
+        variance = sigma**2
+    difference = true.differences.of[channel]
     for m in range(back.e.shape[0]):
-        through = _dot(gain, back.e[m])
+        y = back.e[m]
+        through = _dot(gain, y)
         if variance > 0.0:
             back.contribution[m, source, time_bin] += through * through * variance
         # correlated errors enter a measurement with its partial derivative, so lambda_c <- lambda_c - (k' lambda) dz/dc
@@ -84,12 +89,14 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
             c, partial = component_partial(h, signals, true, family, epoch, channel, whitened)
             if c >= 0:
                 back.c[m, true.first_shared + c] -= through * partial
-        row = true.differences.of[channel]
-        if row >= 0:
+        if difference >= 0:
             for c in range(true.first_shared):
-                back.c[m, c] -= through * true.differences.reach[row, epoch, c]
+                partial = true.differences.reach[difference, epoch, c]
+                back.c[m, c] -= through * partial
         for k in range(true.n_entry[channel]):
-            back.e[m, true.column[place, channel, k]] -= through * h[true.entry[place, channel, k]]
+            state = true.column[place, channel, k]
+            entry = true.entry[place, channel, k]
+            y[state] -= through * h[entry]
 
 
 @jit
@@ -111,23 +118,28 @@ def _components_back(back, scratch, sums, true, units, seconds, window, time_bin
     decay = true.decay[length]
     fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
     for c in range(true.source.shape[0]):
-        source, k = true.source[c], true.slot[c]
-        g, lane = true.group[source], true.lane[source]
-        first_pair, last_pair = true.state_from[c], true.state_from[c + 1]
+        source = true.source[c]
+        k = true.slot[c]
+        g = true.group[source]
+        lane = true.lane[source]
+        first_pair = true.state_from[c]
+        last_pair = true.state_from[c + 1]
         factor = true.factor[length, g, k, 0, lane]
         noise = true.noise[length, g, k, 0, lane]
         has_echo = true.echo[length, g, k, 0, lane] > 0.0
+        drives_motion = first_pair == last_pair and true.moves[g, k]
         b = scratch.b[g, k, ..., lane]
         for m in range(back.e.shape[0]):
+            y = back.e[m]
             through = back.c[m, c]  # effect on the metric of the noise that drives the component
             entered = 0.0  # effect of the component by the states that it enters over the window
             # the same noise drives the component and the error of the states that model it
             for p in range(first_pair, last_pair):
                 state = true.states[p]
-                through += back.e[m, state]
-                entered += (factor - decay[state]) * back.e[m, state]
-            if first_pair == last_pair and true.moves[g, k]:
-                entered = _dot(b, back.e[m])
+                through += y[state]
+                entered += (factor - decay[state]) * y[state]
+            if drives_motion:
+                entered = _dot(b, y)
                 if has_echo:
                     through -= entered
             back.contribution[m, source, time_bin] += through * through * noise
@@ -138,11 +150,15 @@ def _components_back(back, scratch, sums, true, units, seconds, window, time_bin
 def _white_back(back, true, length, time_bin):
     """Add the contribution of half of the white noise of a window by source; the other half enters at its other end."""
     for source in range(true.group.shape[0]):
-        white = true.white[length, true.group[source], ..., true.lane[source]]
+        g = true.group[source]
+        lane = true.lane[source]
+        white = true.white[length, g, ..., lane]
         for i in range(back.e.shape[1]):
-            if white[i] > 0.0:
+            variance = white[i]
+            if variance > 0.0:
                 for m in range(back.e.shape[0]):
-                    back.contribution[m, source, time_bin] += 0.5 * white[i] * back.e[m, i] * back.e[m, i]
+                    through = back.e[m, i]
+                    back.contribution[m, source, time_bin] += 0.5 * variance * through * through
 
 
 @jit
@@ -154,12 +170,15 @@ def _start_back(back, true):
         for source in range(true.initial.shape[0]):  # lambda' P lambda
             for i in range(n):
                 for k in range(n):
-                    back.contribution[m, source, 0] += y[i] * true.initial[source, i, k] * y[k]
+                    covariance = true.initial[source, i, k]
+                    back.contribution[m, source, 0] += y[i] * covariance * y[k]
         for c in range(true.source.shape[0]):
+            source = true.source[c]
             through = back.c[m, c]
             for p in range(true.state_from[c], true.state_from[c + 1]):
-                through += y[true.states[p]]
-            back.contribution[m, true.source[c], 0] += through * through * true.start[c]
+                state = true.states[p]
+                through += y[state]
+            back.contribution[m, source, 0] += through * through * true.start[c]
 
 
 @jit
@@ -176,8 +195,10 @@ def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_b
     tick : index
     time_bin : bin of the contribution
     """
-    fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+    h = scratch.h
+    columns = vehicle.columns
     gain_adjoint = scratch.y
+    fill_samples(h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
     n_axis = 1 if units is None else 3  # an axis of an array enters all combined axes
     for m in range(back.e.shape[0]):
         y = back.e[m]
@@ -186,19 +207,25 @@ def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_b
         for source in range(true.group.shape[0]):
             for r in range(N_SAMPLE):
                 through = gain_adjoint[r]
-                back.contribution[m, source, time_bin] += through * through * true.sample_noise[source, r]
+                variance = true.sample_noise[source, r]
+                back.contribution[m, source, time_bin] += through * through * variance
         for j in range(true.sensor.shape[0]):
             if true.sampled[j] and true.profile[j] < 0:
+                sensor = true.sensor[j]
                 first = true.first[j]
-                source, k = true.source[first], true.slot[first]
-                g, lane = true.group[source], true.lane[source]
+                source = true.source[first]
+                k = true.slot[first]
+                g = true.group[source]
+                lane = true.lane[source]
                 for axis in range(3):
                     for i in range(n_axis):
-                        r = 3 * true.sensor[j] + (axis + i) % 3
-                        back.c[m, first + axis] -= gain_adjoint[r] * scratch.a[g, k + axis, r, lane]
+                        r = 3 * sensor + (axis + i) % 3
+                        partial = scratch.a[g, k + axis, r, lane]
+                        back.c[m, first + axis] -= gain_adjoint[r] * partial
         for r in range(N_SAMPLE):
-            for k in range(vehicle.columns.shape[1]):
-                y[vehicle.columns[r, k]] -= gain_adjoint[r] * scratch.h[r, k]
+            for k in range(columns.shape[1]):
+                state = columns[r, k]
+                y[state] -= gain_adjoint[r] * h[r, k]
 
 
 @jit
@@ -249,20 +276,25 @@ def _window_back(back, scratch, tape, true, case, w, time_bin):
     w : index of the window
     time_bin : bin of the contribution
     """
-    schedule, model = case.schedule, case.model
+    schedule = case.schedule
+    model = case.model
+    units = case.options.units
     length = schedule.length[w]
+    first = schedule.first_tick[w]
+    n_tick = schedule.n_tick[w]
     seconds = model.seconds[length]
-    sums, position = tape.sums[w], tape.position[w]
-    x, y, z = position[0], position[1], position[2]
-    transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
+    sums = tape.sums[w]
+    position = tape.position[w]
+    D = scratch.D
+    transition.fill(D, true.nav_kinds, true.nav_drivers, sums, position[0], position[1], position[2], seconds)
     _white_back(back, true, length, time_bin)
-    window = length, schedule.first_tick[w], schedule.n_tick[w]
-    _components_back(back, scratch, sums, true, case.options.units, seconds, window, time_bin)
+    window = length, first, n_tick
+    _components_back(back, scratch, sums, true, units, seconds, window, time_bin)
     rows = true.nav_rows
     columns = true.nav_columns
     decay = true.decay[length]
     for m in range(back.e.shape[0]):
-        apply_phi_transposed(back.e[m], scratch.D, rows, columns, decay, model.clock, seconds)
+        apply_phi_transposed(back.e[m], D, rows, columns, decay, model.clock, seconds)
     _white_back(back, true, length, time_bin)
 
 
@@ -283,11 +315,14 @@ def _add_metrics(back, entering, hist):
     entering : BackwardMetrics
     hist : history time, -1 none
     """
-    if hist < 0 or entering.place[hist] < 0:
+    if hist < 0:
+        return False
+    place = entering.place[hist]
+    if place < 0:
         return False
     for m in range(back.e.shape[0]):
         for i in range(back.e.shape[1]):
-            back.e[m, i] += entering.rows[entering.place[hist], m, i]
+            back.e[m, i] += entering.rows[place, m, i]
     return True
 
 
@@ -304,12 +339,18 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
     entering : BackwardMetrics, the metrics
     time_bins : (n_window,) time bin of each window
     """
-    schedule, signals, options = case.schedule, case.signals, case.options
+    schedule = case.schedule
+    signals = case.signals
+    options = case.options
+    model = case.model
+    successive = true.successive
     has_entered = False
     # each window in the reverse order of `forward.forward`: history, clones, updates, receiver errors, propagation
     for w in range(schedule.n_tick.shape[0] - 1, -1, -1):
         time_bin = time_bins[w]
         epoch = schedule.epoch[w]
+        first = schedule.first_tick[w]
+        n_tick = schedule.n_tick[w]
         if _add_metrics(back, entering, schedule.hist[w]):
             has_entered = True
         if not has_entered:
@@ -317,16 +358,17 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
         if epoch >= 0:
             joint_back(back, true, options.late, options.delayed, epoch)
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
-            place = place_of_channel(options.late, tape.channel[row], tape.epoch[row])
-            whitened = case.model.has_covariance and tape.channel[row] < signals.n_receiver
+            channel = tape.channel[row]
+            place = place_of_channel(options.late, channel, tape.epoch[row])
+            whitened = model.has_covariance and channel < signals.n_receiver
             _update_back(back, tape, true, signals, row, time_bin, whitened, place)
         if epoch >= 0:
             _solution_back(back, scratch.y, flight.chain, true, epoch, time_bin)
-            renew_back(back, true.successive, case.model, epoch, time_bin)
-            _solution_back(back, scratch.y, true.successive, true, epoch, time_bin)
-        if schedule.n_tick[w] > 0:
+            renew_back(back, successive, model, epoch, time_bin)
+            _solution_back(back, scratch.y, successive, true, epoch, time_bin)
+        if n_tick > 0:
             clone_back(back, true, options.late, w)
             _window_back(back, scratch, tape, true, case, w, time_bin)
-            window = schedule.first_tick[w], schedule.n_tick[w], time_bin
+            window = first, n_tick, time_bin
             _ticks_back(back, scratch, tape, true, case, flight, options.vehicle, window)
     _start_back(back, true)

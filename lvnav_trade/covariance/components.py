@@ -176,7 +176,8 @@ def _profiles(prepared: Prepared) -> list[tuple[int, int, int, int]]:
     profiles = []
     for code, driver in zip(unit.profile_sensor.tolist(), unit.profile_driver.tolist(), strict=True):
         triad, sensor = divmod(code, 2)
-        profiles.append((sensor, driver, states.get((sensor, driver), -1), triad))
+        state = states.get((sensor, driver), -1)
+        profiles.append((sensor, driver, state, triad))
     return profiles
 
 
@@ -279,11 +280,15 @@ def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, units = prepared.scenario.imu, prepared.options.units
     noise = np.zeros((len(names), 6))
     for triad, (number, card) in enumerate(mounted(imu)):
-        variance = np.array([squares(card.gyro.random_walk), squares(card.accel.random_walk)]) * imu.rate
+        density = np.array([squares(card.gyro.random_walk), squares(card.accel.random_walk)])
+        variance = density * imu.rate
         if units is not None:  # solved (2, 3, 3): weights of each sensing axis in the combined triad
-            variance = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, variance) * units.noisy[0, :, 1] ** 2
-        noise[names.index(keyed("gyro random walk", number)), :3] += variance[0]
-        noise[names.index(keyed("accelerometer random walk", number)), 3:] += variance[1]
+            solved_squares = units.solved[0, triad] ** 2
+            variance = np.einsum("sic,sc->si", solved_squares, variance) * units.noisy[0, :, 1] ** 2
+        gyro_source = names.index(keyed("gyro random walk", number))
+        accelerometer_source = names.index(keyed("accelerometer random walk", number))
+        noise[gyro_source, :3] += variance[0]
+        noise[accelerometer_source, 3:] += variance[1]
     return noise
 
 
@@ -295,7 +300,8 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
     initial = np.zeros((len(names), n, n))
     for source, first in enumerate((ATT, VEL, POS)):  # the first three sources are the initial errors
         root = prepared.start.roots[source]
-        initial[source, first : first + 3, first : first + 3] = root @ root.T
+        axes = slice(first, first + 3)
+        initial[source, axes, axes] = root @ root.T
     if layout.clock >= 0:
         variances = np.array([clock.initial_bias, clock.initial_drift]) ** 2
         states = slice(layout.clock, layout.clock + 2)
@@ -381,13 +387,14 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
     """
     n_source = len(true.initial)
     n_slot = true.followed.shape[1]
+    group, lane = true.group, true.lane
     sources = true.initial.copy()
     cross = np.zeros((n_source, n_slot, n_joint(prepared)))
     variances = np.zeros((n_source, n_slot, 1))
     variances[true.source, true.slot, 0] = true.start
     for c, (source, slot, variance) in enumerate(zip(true.source, true.slot, true.start, strict=True)):
-        states = true.states[true.state_from[c] : true.state_from[c + 1]]
+        first_pair, last_pair = true.state_from[c], true.state_from[c + 1]
+        states = true.states[first_pair:last_pair]
         sources[source, states[:, None], states] += variance
         cross[source, slot, states] += variance
-    group, lane = true.group, true.lane
     return as_lanes(sources, group, lane), as_lanes(cross, group, lane), as_lanes(variances, group, lane)

@@ -81,7 +81,8 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
     """
     if prepared.options.delayed is None:
         return None
-    signals, frozen = prepared.signals, prepared.signals.frozen
+    signals = prepared.signals
+    observables = prepared.channels.observables
     channels = difference_channels(prepared)
     n = len(channels)
     n_epoch = prepared.t_epoch.size
@@ -94,19 +95,20 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
     is_state = prepared.scenario.filter.previous_noise == "estimated"
     for i, channel in enumerate(channels):
         satellite = channel // n_kind
+        is_renewed = is_new[:, satellite]
         move[:, n + i, i] = 1.0  # the present error becomes that of the previous epoch
-        move[:, i, i] = frozen  # a frozen measurement keeps its error
+        move[:, i, i] = signals.frozen  # a frozen measurement keeps its error
         white[:, i, i] = 1.0
         if not is_state:
-            variance[:, i] = np.where(is_new[:, satellite], signals.sigma[:, channel] ** 2, 0.0)
-        is_phase = prepared.channels.observables[channel % n_kind] in PHASES
+            variance[:, i] = np.where(is_renewed, signals.sigma[:, channel] ** 2, 0.0)
+        is_phase = observables[channel % n_kind] in PHASES
         true_channel = channel if is_phase else n_kind * satellite
         for family, block in enumerate(families):
             member = signals.shared.member[family, true_channel]
             if member >= 0:
                 assumed = signals.partial[block, :, channel] if block >= 0 else 0.0
                 unmodelled = signals.shared.partial[family, :, true_channel] - assumed
-                shared[:, i, member] += np.where(is_new[:, satellite], unmodelled, 0.0)
+                shared[:, i, member] += np.where(is_renewed, unmodelled, 0.0)
     renewed, renewed_source = _renewed_states(prepared, names)
     return SuccessiveErrors(
         move=move,
@@ -123,17 +125,20 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
 def _new_measurements(prepared: Prepared) -> Bools:
     """Return whether the filter uses a satellite with a new measurement at an epoch, (n_epoch, n_satellite)."""
     signals = prepared.signals
-    used = np.zeros((prepared.t_epoch.size, len(prepared.sky.names)), dtype=np.bool_)
-    for epoch in range(len(used)):
-        used[epoch, signals.used[epoch, : signals.n_used[epoch]]] = True
-    return used & ~signals.frozen[:, None]
+    is_used = np.zeros((prepared.t_epoch.size, len(prepared.sky.names)), dtype=np.bool_)
+    for epoch in range(len(is_used)):
+        n_used = signals.n_used[epoch]
+        satellites = signals.used[epoch, :n_used]
+        is_used[epoch, satellites] = True
+    return is_used & ~signals.frozen[:, None]
 
 
 def _renewed_states(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
     """Return `renewed` and `renewed_source` of `SuccessiveErrors`."""
     delayed = prepared.options.delayed
     renewed = np.full(delayed.renewed.shape, -1.0)
-    source = np.zeros(delayed.renewed.shape[1], dtype=np.int64)
+    n_extra = delayed.renewed.shape[1]
+    source = np.zeros(n_extra, dtype=np.int64)
     state = 0
     for block in prepared.layout.extras:
         for label in block.labels:
@@ -150,8 +155,10 @@ def _renewal_noise(prepared: Prepared, block: str, satellite: str) -> tuple[str,
     """Return the error source of a renewed state, and the sigma (n_epoch,) to which it is reset."""
     observable = OF_ONE[block]
     if block == "ambiguity":
-        return "carrier ambiguity", np.full(prepared.t_epoch.size, prepared.scenario.receiver.carrier_ambiguity)
-    channel = prepared.model.n_kind * prepared.sky.names.index(satellite)
+        sigma = prepared.scenario.receiver.carrier_ambiguity
+        return "carrier ambiguity", np.full(prepared.t_epoch.size, sigma)
+    satellite_number = prepared.sky.names.index(satellite)
+    channel = prepared.model.n_kind * satellite_number
     channel += prepared.channels.observables.index(observable)
     return noise_of(observable), prepared.signals.sigma[:, channel]
 
@@ -169,12 +176,13 @@ def measure_further(nominal, further, signals, epoch):
     """
     if further is not None:
         for slot in range(signals.n_used[epoch]):
-            s = signals.used[epoch, slot]
+            satellite = signals.used[epoch, slot]
+            ranges = nominal.ranges[slot]
             for observable in range(2, further.is_phase.shape[0]):
                 values = further.phase if further.is_phase[observable] else signals.range
-                nominal.ranges[slot, observable] = values[epoch, s]
+                ranges[observable] = values[epoch, satellite]
                 if further.is_difference[observable] and epoch > 0:
-                    nominal.ranges[slot, observable] -= values[epoch - 1, s]
+                    ranges[observable] -= values[epoch - 1, satellite]
 
 
 @jit
@@ -199,18 +207,21 @@ def _renew_joint(joint, successive, true, model, epoch):
     """
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
-            if successive.renewed[epoch, e] >= 0.0:
+            variance = successive.renewed[epoch, e]
+            if variance >= 0.0:
                 state = model.extra_offset[e]
                 for g in range(true.n_slot.shape[0]):
                     _clear_state(group(joint.sources, g), state)
+                    cross_covariances = group(joint.cross, g)
                     for k in range(true.n_slot[g]):
                         if true.followed[g, k]:
-                            y = group(joint.cross, g)[k]
+                            y = cross_covariances[k]
                             y[state] = like(y[state], 0.0)
                 joint.mean[state] = 0.0
                 source = successive.renewed_source[e]
-                g, lane = true.group[source], true.lane[source]
-                joint.sources[g, state, state, lane] = successive.renewed[epoch, e]
+                g = true.group[source]
+                lane = true.lane[source]
+                joint.sources[g, state, state, lane] = variance
 
 
 @inlined
@@ -245,12 +256,13 @@ def renew_back(back, successive, model, epoch, time_bin):
     """
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
-            if successive.renewed[epoch, e] >= 0.0:
+            variance = successive.renewed[epoch, e]
+            if variance >= 0.0:
                 state = model.extra_offset[e]
                 source = successive.renewed_source[e]
                 for m in range(back.e.shape[0]):
                     through = back.e[m, state]
-                    back.contribution[m, source, time_bin] += through * through * successive.renewed[epoch, e]
+                    back.contribution[m, source, time_bin] += through * through * variance
                     back.e[m, state] = 0.0
 
 
@@ -305,5 +317,7 @@ def joint_back(back, true, late, delayed, epoch):
         for m in range(back.e.shape[0]):
             y = back.e[m]
             for c in range(delayed.cloned.shape[0] - 1, -1, -1):
-                y[_origin(true, late, delayed, epoch, c)] += y[delayed.clone + c]
-                y[delayed.clone + c] = 0.0
+                clone = delayed.clone + c
+                origin = _origin(true, late, delayed, epoch, c)
+                y[origin] += y[clone]
+                y[clone] = 0.0

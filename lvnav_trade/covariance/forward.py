@@ -4,7 +4,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from lvnav_trade.covariance.difference_errors import begin_successive, clone_joint, measure_further
-from lvnav_trade.covariance.imu_array_errors import add_sums, inform_nominal, samples_of_units
+from lvnav_trade.covariance.forward_samples import expected_of_samples, write_samples
+from lvnav_trade.covariance.imu_array_errors import add_sums, inform_nominal
 from lvnav_trade.covariance.propagate import nominal_window, propagate
 from lvnav_trade.covariance.receiver_error import advance_solution, clone_error, complete_rows
 from lvnav_trade.filter.policies.back_propagation import accumulate_transition, begin_transition
@@ -14,8 +15,8 @@ from lvnav_trade.filter.policies.mode_logic import begin_mode_logic
 from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import group, total_of, whole
-from lvnav_trade.kernels.strapdown import place
-from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
+from lvnav_trade.kernels.strapdown import R, place
+from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.sensors.family import measure
@@ -38,9 +39,12 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
     """
     sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
     has_nees = np.all(sigma > 0.0, axis=1)
+    positive_sigma = sigma[has_nees]
     # E[e' P^-1 e] = tr(P^-1 E[e e']); the scaling of both matrices does not change the trace
-    scale = sigma[has_nees, :, None] * sigma[has_nees, None, :]
-    ratio = np.linalg.solve(formal[has_nees] / scale, total[has_nees] / scale)
+    scale = positive_sigma[:, :, None] * positive_sigma[:, None, :]
+    scaled_formal = formal[has_nees] / scale
+    scaled_total = total[has_nees] / scale
+    ratio = np.linalg.solve(scaled_formal, scaled_total)
     expected = np.full(len(formal), np.nan)
     expected[has_nees] = np.trace(ratio, axis1=1, axis2=2)
     return expected
@@ -54,44 +58,8 @@ def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
     worst = ratio.max(axis=1, initial=1e-300)
     if not np.isfinite(gate_squared):
         return np.zeros_like(worst)
-    return chdtrc(1, gate_squared / worst)  # of a chi-square distribution with one degree of freedom
-
-
-@jit
-def expected_of_samples(true, ticks, motion, vehicle):
-    """Return the expected sum of squares of the normalised innovations of the samples of the last tick.
-
-    Parameters
-    ----------
-    true : Components
-    ticks : SampleScratch, with mean innovation and innovation covariance by source
-    motion : ImuSampleWork, with P h' and weights of the filter's sequential update
-    vehicle : VehicleModel
-    """
-    S, T = ticks.expected, ticks.turned
-    h, columns = motion.h, vehicle.columns
-    total = 0.0
-    for r in range(N_SAMPLE):
-        for q in range(N_SAMPLE):
-            T[r, q] = 1.0 if q == r else 0.0
-            S[r, q] = ticks.seen[r] * ticks.seen[q]
-            for source in range(true.group.shape[0]):
-                S[r, q] += ticks.S[true.group[source], r, q, true.lane[source]]
-    # samples are processed in sequence: innovation r is T_r z, with T_r = e_r - sum over q < r of h_r K_q weight_q T_q
-    for r in range(N_SAMPLE):
-        for q in range(r):
-            projection = 0.0  # h_r K_q
-            for k in range(columns.shape[1]):
-                projection += h[r, k] * motion.K[q, columns[r, k]]
-            factor = projection * motion.weight[q]
-            for k in range(N_SAMPLE):
-                T[r, k] -= factor * T[q, k]
-        square = 0.0  # expected square of innovation r, T_r S T_r'
-        for k in range(N_SAMPLE):
-            for q in range(N_SAMPLE):
-                square += T[r, k] * S[k, q] * T[r, q]
-        total += square * motion.weight[r]
-    return total
+    limit = gate_squared / worst
+    return chdtrc(1, limit)  # of a chi-square distribution with one degree of freedom
 
 
 @jit
@@ -114,85 +82,47 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
             out.formal[hist, i, j] = formal[i, j]
             out.formal[hist, j, i] = formal[i, j]
             # the true covariance is the sum over all sources: over groups by lane, then over lanes
-            lane_sums[0] = group(state.sources, 0)[i, j]
+            first_sources = group(state.sources, 0)
+            lane_sums[0] = first_sources[i, j]
             for g in range(1, true.n_slot.shape[0]):
-                lane_sums[0] += group(state.sources, g)[i, j]
+                further_sources = group(state.sources, g)
+                lane_sums[0] += further_sources[i, j]
             total = total_of(scratch.spread)
             out.true[hist, i, j] = total
             out.true[hist, j, i] = total
+    _write_budget(out, hist, state, scratch, true, axes_att, axes)
+
+
+@jit
+def _write_budget(out, hist, state, scratch, true, axes_att, axes):
+    """Write the variance of each filter state by source at a history time; the parameters are those of `write`."""
+    n = out.budget.shape[2]
     for g in range(true.n_slot.shape[0]):
-        P, budget = group(state.sources, g), group(scratch.budget, g)
+        P = group(state.sources, g)
+        budget = group(scratch.budget, g)
         for i in range(3):
-            budget[ATT + i, 0] = variance_along(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
-            budget[VEL + i, 0] = variance_along(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
-            budget[POS + i, 0] = variance_along(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
+            axis = axes[i]
+            body_axis = axes_att[i]
+            budget[ATT + i, 0] = variance_along(P, ATT, body_axis[0], body_axis[1], body_axis[2])
+            budget[VEL + i, 0] = variance_along(P, VEL, axis[0], axis[1], axis[2])
+            budget[POS + i, 0] = variance_along(P, POS, axis[0], axis[1], axis[2])
         for i in range(9, n):
             budget[i, 0] = P[i, i]
     for source in range(true.group.shape[0]):
-        g, lane = true.group[source], true.lane[source]
+        g = true.group[source]
+        lane = true.lane[source]
         for i in range(n):
-            out.budget[hist, source, i] = scratch.budget[g, i, 0, lane]
-
-
-@jit
-def write_samples(out, hist, state, true, units, samples, tick, dt):
-    """Write the error variance of IMU samples without their noise by source: raw, and corrected by the estimated bias.
-
-    Parameters
-    ----------
-    out : PassResults, updated in place
-    hist : history time
-    state, true : JointCovariance, Components
-    units : ImuArray, or None
-    samples : ReportedSamples
-    tick, dt : last tick; s, of a tick
-    """
-    _write_biases(out, hist, state, true, samples)
-    if units is None:
-        _write_components(out, hist, state, true, samples, tick)
-    else:
-        samples_of_units(out, hist, state, true, units, samples, tick, dt)
-
-
-@jit
-def _write_biases(out, hist, state, true, samples):
-    for source in range(true.group.shape[0]):
-        P = state.sources[true.group[source], ..., true.lane[source]]
-        for r in range(N_SAMPLE):
-            state_of_bias = samples.bias[r]
-            if state_of_bias >= 0:
-                out.samples[hist, source, 6 + r] += P[state_of_bias, state_of_bias]
-
-
-@jit
-def _write_components(out, hist, state, true, samples, tick):
-    """Add the variance of IMU error components to those of raw and corrected samples, for one IMU."""
-    for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0 or true.driver[j] < 0:
-            continue
-        u = sensed_driver(true.sensor[j], true.driver[j], samples.rate[tick], samples.force[tick])
-        for axis in range(3):
-            r = 3 * true.sensor[j] + axis
-            c = true.first[j] + axis
-            source, k = true.source[c], true.slot[c]
-            g, lane = true.group[source], true.lane[source]
-            variance = u[axis] * u[axis] * state.variance[g, k, 0, lane]
-            out.samples[hist, source, r] += variance
-            bias = samples.bias[r]
-            if bias < 0:
-                out.samples[hist, source, 6 + r] += variance
-            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != bias:
-                # the error of the corrected sample is component plus bias error: their covariance counts twice
-                shared = 2.0 * u[axis] * state.cross[g, k, bias, lane]
-                out.samples[hist, source, 6 + r] += variance + shared
+            variance = scratch.budget[g, i, 0, lane]
+            out.budget[hist, source, i] = variance
 
 
 @jit
 def write_solution(out, hist):
     """Write mean and covariance of the receiver's last solution at a history time."""
-    for i in range(out.held_mean.shape[0]):
+    n = out.held_mean.shape[0]
+    for i in range(n):
         out.receiver_mean[hist, i] = out.held_mean[i]
-        for j in range(out.held_mean.shape[0]):
+        for j in range(n):
             for source in range(out.held.shape[0]):
                 out.receiver[hist, source, i, j] = out.held[source, i, j]
 
@@ -204,7 +134,7 @@ def _record_window(tape, w, work):
         for i in range(work.sums.shape[0]):
             tape.sums[w, i] = work.sums[i]
         for i in range(3):
-            tape.position[w, i] = work.nav[7 + i]
+            tape.position[w, i] = work.nav[R + i]
 
 
 @jit
@@ -221,9 +151,9 @@ def _measure_receiver(work, further, signals, tight, epoch):
     """
     if tight:
         for slot in range(signals.n_used[epoch]):
-            s = signals.used[epoch, slot]
-            work.ranges[slot, 0] = signals.range[epoch, s]
-            work.ranges[slot, 1] = signals.rate[epoch, s]
+            satellite = signals.used[epoch, slot]
+            work.ranges[slot, 0] = signals.range[epoch, satellite]
+            work.ranges[slot, 1] = signals.rate[epoch, satellite]
         measure_further(work, further, signals, epoch)
     else:
         for axis in range(3):
@@ -236,11 +166,12 @@ def _measure_sensors(work, sensors, differences, epoch):
     """Set the measurements of the other sensors (Sensors, or None) on the nominal flight at an epoch."""
     if sensors is not None:
         for k in range(sensors.code.shape[0]):
-            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+            observed = work.observed[k]
+            measure(observed, sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
             pair = differences.pair_of[k]
             if pair >= 0:
                 for i in range(3):
-                    work.observed[k, i] = differences.nominal[pair, epoch, i]
+                    observed[i] = differences.nominal[pair, epoch, i]
 
 
 @jit
@@ -248,8 +179,9 @@ def _solve(work, chain, late, epoch):
     """Set the solution of a receiver that reports a covariance, not-a-number without a solution, and complete its
     Jacobian rows by the receiver-error states.
     """
+    is_solved = chain.solved[epoch]
     for i in range(6):
-        work.solution[i] = chain.point[epoch, i] if chain.solved[epoch] else np.nan
+        work.solution[i] = chain.point[epoch, i] if is_solved else np.nan
     complete_rows(work.H, late, epoch)
 
 
@@ -259,10 +191,12 @@ def _report(receiver, chain, signals, epoch):
     of the filter's tuning.
     """
     if receiver is not None:
+        scale = signals.scale[epoch]
+        reported = chain.reported[epoch]
         for i in range(6):
             for j in range(6):
-                factor = signals.scale[epoch, i] * signals.scale[epoch, j]
-                receiver.covariance[i, j] = chain.reported[epoch, i, j] / factor
+                factor = scale[i] * scale[j]
+                receiver.covariance[i, j] = reported[i, j] / factor
 
 
 @jit
@@ -279,14 +213,18 @@ def _measure(work, receiver, case, joint, chain, epoch):
 
     chain : SolutionErrorModel of a receiver that reports a covariance with its solution, or None
     """
-    options, signals, model = case.options, case.signals, case.model
+    options = case.options
+    signals = case.signals
+    model = case.model
+    state = joint.state
+    true = joint.true
     # receiver errors advance first, because the measurements of this epoch contain them
-    _jump(joint.state.mean, model.clock, signals.clock_jump[epoch])
+    _jump(state.mean, model.clock, signals.clock_jump[epoch])
     if chain is not None:
-        advance_solution(joint.state, joint.scratch, chain, joint.true, epoch)
-    begin_successive(joint, joint.true.successive, model, epoch)
+        advance_solution(state, joint.scratch, chain, true, epoch)
+    begin_successive(joint, true.successive, model, epoch)
     _measure_receiver(work, options.further, signals, model.tight, epoch)
-    _measure_sensors(work, case.sensors, joint.true.differences, epoch)
+    _measure_sensors(work, case.sensors, true.differences, epoch)
     if chain is not None:
         _solve(work, chain, options.late, epoch)
         _report(receiver, chain, signals, epoch)
@@ -303,17 +241,23 @@ def _propagate(work, parts, case, joint, flight, vehicle, late, w):
     late : DelayProcessing, for which the navigation error is cloned at times of validity, or None
     w : window
     """
-    schedule, model, options, unit = case.schedule, case.model, case.options, flight.unit
-    first, n_tick, length = schedule.first_tick[w], schedule.n_tick[w], schedule.length[w]
-    algorithm, sensed = model.strapdown, not joint.true.by_samples
+    schedule = case.schedule
+    model = case.model
+    options = case.options
+    first = schedule.first_tick[w]
+    n_tick = schedule.n_tick[w]
+    length = schedule.length[w]
+    seconds = model.seconds[length]
+    injected = schedule.injection[w]
+    algorithm = model.strapdown
+    sensed = not joint.true.by_samples
     if vehicle is not None:
         sample_window(work, parts, case, joint, flight, w)
-    nominal_window(work, flight.reference, unit, first, n_tick, algorithm, sensed, schedule.linearised[w])
+    nominal_window(work, flight.reference, flight.unit, first, n_tick, algorithm, sensed, schedule.linearised[w])
     propagate(work, case, joint, flight, options.units, w)
-    inform_nominal(work.P, options.units, model, first, n_tick, model.seconds[length])
-    accumulate_transition(
-        parts.previous_epoch, options.delayed, joint.scratch.D, work.held, model, length, schedule.injection[w]
-    )
+    inform_nominal(work.P, options.units, model, first, n_tick, seconds)
+    D = joint.scratch.D
+    accumulate_transition(parts.previous_epoch, options.delayed, D, work.held, model, length, injected)
     _record_window(joint.tape, w, work)
     if late is not None:
         place(work.nav, flight.reference, first + n_tick)
@@ -325,10 +269,11 @@ def _propagate(work, parts, case, joint, flight, vehicle, late, w):
 def _update(work, parts, case, joint, flight, vehicle, report, epoch):
     """Process the measurements of an epoch; vehicle and report as in `_propagate` and `_write`."""
     options = case.options
+    out = joint.out
     if vehicle is not None:
         # the samples of the last tick count as measurements of the epoch
-        joint.out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
-        joint.out.n_row[epoch] += N_SAMPLE
+        out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
+        out.n_row[epoch] += N_SAMPLE
     _measure(work, parts.receiver, case, joint, flight.chain, epoch)
     if report is not None:
         hold_solution(work, parts, joint, flight.chain.solved, None, report, epoch)
@@ -344,8 +289,13 @@ def _write(work, case, joint, record, samples, report, hist, tick):
     samples : ReportedSamples, if errors of IMU samples are reported, or None
     report : ReportedSolution, if errors of the receiver's solution are reported, or None
     """
-    out, state, true, units = joint.out, joint.state, joint.true, case.options.units
-    write(out, hist, work.P, state, joint.scratch, true, record.attitude[hist], record.axes[hist])
+    out = joint.out
+    state = joint.state
+    true = joint.true
+    units = case.options.units
+    body_axes = record.attitude[hist]
+    reporting_axes = record.axes[hist]
+    write(out, hist, work.P, state, joint.scratch, true, body_axes, reporting_axes)
     add_sums(out, hist, state, true, units, tick)
     if samples is not None:
         write_samples(out, hist, state, true, units, samples, tick, case.tick)
@@ -366,20 +316,25 @@ def forward(work, parts, case, joint, flight, record):
     flight : NominalFlight
     record : HistoryRotations, axes of the results
     """
-    schedule, options = case.schedule, case.options
+    schedule = case.schedule
+    options = case.options
+    tape = joint.tape
     begin_mode_logic(parts.mode_state)
     begin_monitor(parts.monitor)
     begin_transition(parts.previous_epoch, options.delayed)
     for w in range(schedule.n_tick.shape[0]):
-        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        first = schedule.first_tick[w]
+        n_tick = schedule.n_tick[w]
+        epoch = schedule.epoch[w]
+        hist = schedule.hist[w]
         if n_tick > 0:
             _propagate(work, parts, case, joint, flight, options.vehicle, options.late, w)
-        if schedule.epoch[w] >= 0 and case.model.aided:
+        if epoch >= 0 and case.model.aided:
             # measurements are linearised at the true state, not at the end of the strapdown's integration
             place(work.nav, flight.reference, first + n_tick)
-            _update(work, parts, case, joint, flight, options.vehicle, options.report, schedule.epoch[w])
-        if joint.tape.channel.shape[0] > 0:
-            joint.tape.first[w + 1] = joint.tape.used[0]
-        if schedule.hist[w] >= 0:
+            _update(work, parts, case, joint, flight, options.vehicle, options.report, epoch)
+        if tape.channel.shape[0] > 0:
+            tape.first[w + 1] = tape.used[0]
+        if hist >= 0:
             tick = max(0, first + n_tick - 1)
-            _write(work, case, joint, record, options.samples, options.report, schedule.hist[w], tick)
+            _write(work, case, joint, record, options.samples, options.report, hist, tick)

@@ -54,10 +54,12 @@ def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool
     """
     work = new_nominal(prepared)
     parts = _new_parts(prepared)
+    case = linear_case(prepared, aided)
     joint = new_joint(prepared, true, tape)
+    flight = new_flight(prepared, true)
     C_i_b = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     rotations = HistoryRotations(attitude=C_i_b, axes=prepared.record.axes)
-    forward(work, parts, linear_case(prepared, aided), joint, new_flight(prepared, true), rotations)
+    forward(work, parts, case, joint, flight, rotations)
     return PassOutcome(joint.out, parts.monitor, parts.mode_state)
 
 
@@ -68,7 +70,8 @@ def linear_case(prepared: Prepared, aided: bool = True) -> FilterCase:
     closed loop (`OptionalState` without its arrays). No measurement is rejected by the gate.
     """
     options = prepared.options._replace(direct=None, iterated=None, unscented=None, solver=None)
-    model = prepared.model._replace(aided=prepared.model.aided and aided, gate_squared=np.inf)
+    is_aided = prepared.model.aided and aided
+    model = prepared.model._replace(aided=is_aided, gate_squared=np.inf)
     return case_of(prepared, options=options, model=model)
 
 
@@ -76,15 +79,19 @@ def _new_parts(prepared: Prepared) -> OptionalState:
     """Return the arrays of the optional features that a case has, for its nominal flight."""
     options = prepared.options
     parts = dict[str, Any]()
-    sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
+    n_epoch = prepared.t_epoch.size
+    sizes = (n_epoch, prepared.channels.n_receiver, prepared.n_row)
     if options.rules is not None:
         parts["mode_state"] = new_mode_state(*sizes)
     if options.integrity is not None:
         parts["monitor"] = new_monitor(*sizes, options.integrity.window)
     if options.late is not None:
-        parts["state_history"] = np.zeros((1 + options.late.buffered.size, N_PAST))
+        n_stored = 1 + options.late.buffered.size
+        parts["state_history"] = np.zeros((n_stored, N_PAST))
     if options.vehicle is not None:
-        parts["motion"] = new_sample_work(prepared.layout.n_state, options.vehicle.columns.shape[1])
+        n_entry = options.vehicle.columns.shape[1]
+        parts["motion"] = new_sample_work(prepared.layout.n_state, n_entry)
     if options.solver is not None:
         parts["receiver"] = NominalReport(np.zeros((6, 6)))
-    return OptionalState(previous_epoch=new_nominal_previous_epoch(prepared), **parts)
+    previous_epoch = new_nominal_previous_epoch(prepared)
+    return OptionalState(previous_epoch=previous_epoch, **parts)

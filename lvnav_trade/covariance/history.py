@@ -65,13 +65,15 @@ def covariance(prepared: Prepared) -> CovHistory:
     history = sample_outputs(prepared, true, history, out)
     history = solution_outputs_of(prepared, history, out)
     if prepared.plan is not None:
-        history = history._replace(injection=_injection(prepared, prepared.plan, tape, out))
+        injection = _injection(prepared, prepared.plan, tape, out)
+        history = history._replace(injection=injection)
     if monitor is not None:
         decisions = decisions_of(monitor.isolated[None], monitor.excluded[None], prepared.t_epoch, 0)
         history = history._replace(decisions=decisions)
     if prepared.options.backup is None:
         return history
-    return _append_backup(prepared, history, run_pass(prepared, true, no_tape, aided=False).out)
+    unaided = run_pass(prepared, true, no_tape, aided=False)
+    return _append_backup(prepared, history, unaided.out)
 
 
 def _append_backup(prepared: Prepared, history: CovHistory, unaided: PassResults) -> CovHistory:
@@ -91,17 +93,19 @@ def _append_backup(prepared: Prepared, history: CovHistory, unaided: PassResults
     motion = slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     turn_back = np.swapaxes(turn, 1, 2)
+    budget = unaided.budget[:, :, motion]
     formal = turn @ unaided.formal[:, motion, motion] @ turn_back
     total = turn @ unaided.true[:, motion, motion] @ turn_back
     mean = np.einsum("hij,hj->hi", turn, unaided.mean[:, motion])
-    return append_outputs(history, unaided.budget[:, :, motion], mean, formal, total)
+    return append_outputs(history, budget, mean, formal, total)
 
 
 def _refuse_unbounded(prepared: Prepared, formal: Floats) -> None:
     """Raise InputError if no H-infinity filter bounds the required errors; formal (n_hist, n, n)."""
     is_unbounded = ~np.isfinite(formal).all(axis=(1, 2))
     if prepared.scenario.filter.h_infinity is not None and is_unbounded.any():
-        when = f"{prepared.t_hist[np.argmax(is_unbounded)]:g} s"
+        first_unbounded = np.argmax(is_unbounded)
+        when = f"{prepared.t_hist[first_unbounded]:g} s"
         message = f"no filter bounds errors of these sizes within this time: from {when} on the covariance has no end"
         raise InputError(records=[Mistake(message, "filter.h_infinity.time")])
 
@@ -117,19 +121,24 @@ def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
         Whether measurements are processed.
     """
     tape = _whole_tape(prepared)
-    run_pass(prepared, components(prepared), tape, aided)
+    true = components(prepared)
+    run_pass(prepared, true, tape, aided)
     return tape
 
 
 def _whole_tape(prepared: Prepared) -> UpdateTape:
     """Return an empty tape for a whole flight."""
-    per_satellite = prepared.model.n_kind if prepared.model.tight else 0
+    model = prepared.model
+    per_satellite = model.n_kind if model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     # upper bound by epoch: a solution has six scalars, and further sensors may add six
     n_receiver = np.maximum(6, per_satellite * prepared.signals.n_used)
     n_update = int(np.sum(n_receiver + n_sensor + 6)) + 1
-    n_tick = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
-    return new_tape(prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), n_tick)
+    n_window = prepared.schedule.n_tick.size
+    n_tick = 0
+    if prepared.options.vehicle is not None:
+        n_tick = prepared.reference.dtheta.shape[0]
+    return new_tape(n_window, n_update, n_joint(prepared), row_width(prepared), n_tick)
 
 
 def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
@@ -142,9 +151,11 @@ def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: Pa
         return InjectionLaw(derivatives.why)
     rows = injection_rows(derivatives)
     times = np.flatnonzero(rows.any(axis=(1, 2)))  # without a sensitivity a time adds nothing
-    _, contribution = _go_back(prepared, times, rows[times], _whole_flight(prepared), tape)
+    bin_seconds = _whole_flight(prepared)
+    _, contribution = _go_back(prepared, times, rows[times], bin_seconds, tape)
     variance = contribution.sum(axis=2)
-    return injection_law(derivatives, source_labels(prepared), variance, out.mean[steered, :N_MOTION])
+    mean = out.mean[steered, :N_MOTION]
+    return injection_law(derivatives, source_labels(prepared), variance, mean)
 
 
 def _whole_flight(prepared: Prepared) -> float:
@@ -154,12 +165,14 @@ def _whole_flight(prepared: Prepared) -> float:
 
 def empty_tape(prepared: Prepared) -> UpdateTape:
     """Return the tape of a flight without updates."""
-    return new_tape(prepared.schedule.n_tick.size, 1, n_joint(prepared), row_width(prepared))
+    n_window = prepared.schedule.n_tick.size
+    return new_tape(n_window, 1, n_joint(prepared), row_width(prepared))
 
 
 def compile_backward(prepared: Prepared) -> None:
     """Compile the backward pass, or load it from the cache, by a pass over the first window of an empty tape."""
-    adjoint(prepared, float(prepared.t_hist[0]), tape=empty_tape(prepared))
+    first_time = float(prepared.t_hist[0])
+    adjoint(prepared, first_time, tape=empty_tape(prepared))
 
 
 def turns(prepared: Prepared) -> Floats:
@@ -169,11 +182,15 @@ def turns(prepared: Prepared) -> Floats:
     """
     n = len(prepared.layout.reported)
     record = prepared.record
+    attitude = slice(ATT, ATT + 3)
+    velocity = slice(VEL, VEL + 3)
+    position = slice(POS, POS + 3)
+    further = range(N_MOTION, n)
     turn = np.zeros((prepared.t_hist.size, n, n))
-    turn[:, ATT : ATT + 3, ATT : ATT + 3] = np.swapaxes(matrices(record.q), 1, 2)
-    turn[:, VEL : VEL + 3, VEL : VEL + 3] = record.axes
-    turn[:, POS : POS + 3, POS : POS + 3] = record.axes
-    turn[:, range(9, n), range(9, n)] = 1.0
+    turn[:, attitude, attitude] = np.swapaxes(matrices(record.q), 1, 2)
+    turn[:, velocity, velocity] = record.axes
+    turn[:, position, position] = record.axes
+    turn[:, further, further] = 1.0
     return turn
 
 
@@ -208,8 +225,10 @@ def adjoint(
         unaided_tape = forward_tape(prepared, aided=False)
         _, unaided = _go_back(prepared, times, rows, bin_seconds, unaided_tape)
         contribution = np.concatenate([contribution, unaided])
-        outputs = (*outputs, *prepared.outputs[backup : backup + N_MOTION])
-    return AdjointBudget(float(prepared.t_hist[hist]), edges, source_labels(prepared), outputs, contribution)
+        backup_outputs = prepared.outputs[backup : backup + N_MOTION]
+        outputs = (*outputs, *backup_outputs)
+    event_time = float(prepared.t_hist[hist])
+    return AdjointBudget(event_time, edges, source_labels(prepared), outputs, contribution)
 
 
 def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None = None) -> Floats:
@@ -233,7 +252,8 @@ def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None 
     covariances = _motion_covariances(prepared, time, tape)
     if prepared.options.backup is None:
         return covariances
-    unaided = _motion_covariances(prepared, time, forward_tape(prepared, aided=False))
+    unaided_tape = forward_tape(prepared, aided=False)
+    unaided = _motion_covariances(prepared, time, unaided_tape)
     return np.concatenate([covariances, unaided], axis=1)
 
 
@@ -252,17 +272,27 @@ def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     errors = turns(prepared)[hist, :N_MOTION]
     pairs = []
-    for first in (ATT, VEL, POS):
-        pairs += [(first, first + 1), (first, first + 2), (first + 1, first + 2)]
+    for x in (ATT, VEL, POS):
+        y = x + 1
+        z = x + 2
+        pairs += [(x, y), (x, z), (y, z)]
     sums = [errors[i] + errors[j] for i, j in pairs]
     rows = np.vstack([errors, sums])
-    _, contribution = _go_back(prepared, np.array([hist]), rows[None], _whole_flight(prepared), tape)
+    bin_seconds = _whole_flight(prepared)
+    _, contribution = _go_back(prepared, np.array([hist]), rows[None], bin_seconds, tape)
     variance = contribution.sum(axis=2)
-    P = np.zeros((variance.shape[1], N_MOTION, N_MOTION))
-    P[:, range(N_MOTION), range(N_MOTION)] = variance[:N_MOTION].T
+    n_source = variance.shape[1]
+    diagonal = range(N_MOTION)
+    P = np.zeros((n_source, N_MOTION, N_MOTION))
+    P[:, diagonal, diagonal] = variance[:N_MOTION].T
     for row, (i, j) in enumerate(pairs, start=N_MOTION):
-        P[:, i, j] = P[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
-    blocks = [P[:, first : first + 3, first : first + 3] for first in (ATT, VEL, POS)]
+        covariance_of_pair = 0.5 * (variance[row] - variance[i] - variance[j])
+        P[:, i, j] = covariance_of_pair
+        P[:, j, i] = covariance_of_pair
+    blocks = []
+    for first in (ATT, VEL, POS):
+        axes = slice(first, first + 3)
+        blocks.append(P[:, axes, axes])
     return np.stack(blocks, axis=1)
 
 
@@ -299,16 +329,18 @@ def _go_back(
     tape = tape or forward_tape(prepared)
     last_window = int(np.flatnonzero(schedule.hist == hist[-1])[0])
     # a window belongs to the bin of its end; a nanosecond allows for rounding of times on an edge
-    ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
+    end_ticks = schedule.first_tick + schedule.n_tick
+    ends = prepared.reference.t[end_ticks]
     edges = np.arange(prepared.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
+    n_bin = edges.size - 1
     time_bins = np.searchsorted(edges, ends - 1e-9, side="right") - 1
-    time_bins = np.clip(time_bins, 0, edges.size - 2)
+    time_bins = np.clip(time_bins, 0, n_bin - 1)
     n_row = rows.shape[1]
     n = n_joint(prepared)
     back = BackwardPass(
         e=np.zeros((n_row, n)),
         c=np.zeros((n_row, true.source.size)),
-        contribution=np.zeros((n_row, true.group.size, edges.size - 1)),
+        contribution=np.zeros((n_row, true.group.size, n_bin)),
     )
     place = np.full(prepared.t_hist.size, -1)
     place[hist] = np.arange(len(hist))
@@ -317,7 +349,8 @@ def _go_back(
     entering = BackwardMetrics(place, weights)
     flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
     scratch = new_backward_scratch(prepared, true)
-    go_back(back, scratch, tape, true, linear_case(prepared), flight, entering, time_bins)
+    case = linear_case(prepared)
+    go_back(back, scratch, tape, true, case, flight, entering, time_bins)
     return edges, back.contribution
 
 
@@ -325,22 +358,29 @@ def _history(prepared: Prepared, out: PassResults) -> CovHistory:
     """Return the history of a forward pass, rotated to the reporting axes."""
     reported = np.array(prepared.layout.reported)
     m = prepared.layout.n_estimated
-    formal, true, mean, budget = out.formal, out.true, out.mean, out.budget
+    formal = out.formal
+    true = out.true
+    mean = out.mean
+    budget = out.budget
     if reported.size < prepared.layout.n_state:
-        formal = np.ascontiguousarray(formal[:, reported[:, None], reported])
-        true = np.ascontiguousarray(true[:, reported[:, None], reported])
+        rows = reported[:, None]
+        formal = np.ascontiguousarray(formal[:, rows, reported])
+        true = np.ascontiguousarray(true[:, rows, reported])
         mean = mean[:, reported]
         budget = budget[:, :, reported]
     total = true + mean[:, :, None] * mean[:, None, :]  # second moment of the true error
     nees = expected_nees(formal[:, :m, :m], total[:, :m, :m])
     turn = turns(prepared)
-    formal = turn @ formal @ np.swapaxes(turn, 1, 2)
-    true = turn @ true @ np.swapaxes(turn, 1, 2)
+    turn_back = np.swapaxes(turn, 1, 2)
+    formal = turn @ formal @ turn_back
+    true = turn @ true @ turn_back
     diagonal = range(reported.size)
+    formal_variance = formal[:, diagonal, diagonal]
+    true_variance = true[:, diagonal, diagonal]
     return CovHistory(
         t=prepared.t_hist,
-        formal=np.sqrt(formal[:, diagonal, diagonal]),
-        true_sigma=np.sqrt(np.maximum(0.0, true[:, diagonal, diagonal])),
+        formal=np.sqrt(formal_variance),
+        true_sigma=np.sqrt(np.maximum(0.0, true_variance)),
         mean=np.einsum("hij,hj->hi", turn, mean),
         sources=source_labels(prepared),
         budget=budget,

@@ -28,7 +28,8 @@ REMAINDER, WHITE = -1, -3
 def _means(mean, units, triad, sensor, first, n_tick, seconds):
     """Set the mean inputs of a triad over a window, (2, 3) body axes: of the sensor itself, of the other sensor."""
     for i in range(3):
-        angle, velocity = 0.0, 0.0
+        angle = 0.0
+        velocity = 0.0
         for tick in range(first, first + n_tick):
             angle += units.dtheta[triad, tick, i]
             velocity += units.dvel[triad, tick, i]
@@ -40,21 +41,26 @@ def _means(mean, units, triad, sensor, first, n_tick, seconds):
 def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
     """Set `scratch.input` (9, 3), the sensitivity of attitude, velocity and position to block j of an IMU array.
 
-    The parameters are those of `propagate.input_matrix`; first, n_tick : ticks of the window.
+    The parameters are those of `component_inputs.input_matrix`; first, n_tick : ticks of the window.
     """
-    b, mean = scratch.input, scratch.mean_input
+    b = scratch.input
+    mean = scratch.mean_input
     for i in range(9):
         for axis in range(3):
             b[i, axis] = 0.0
     if seconds <= 0.0:
         return
-    sensor, driver, triad = true.sensor[j], true.driver[j], true.triad[j]
+    sensor = true.sensor[j]
+    driver = true.driver[j]
+    triad = true.triad[j]
     _means(mean, units, triad, sensor, first, n_tick, seconds)
     stage = units.stage[first]
     kx, ky, kz = 1.0, 1.0, 1.0  # factors by which the selection of IMUs changes random errors; 1 for profiles
     if true.profile[j] < 0:
         noisy = units.noisy[stage, sensor, 1 if driver == WHITE else 0]
-        kx, ky, kz = noisy[0], noisy[1], noisy[2]
+        kx = noisy[0]
+        ky = noisy[1]
+        kz = noisy[2]
     size = 1.0
     if driver == WHITE:  # PSD: acts like a bias of variance PSD / seconds over the window
         size = 1.0 / np.sqrt(seconds)
@@ -62,7 +68,9 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
         size = -1.0 / seconds
     first_state = ATT if sensor == GYRO else VEL
     solved = units.solved[stage, triad, sensor]
-    gained_x, gained_y, gained_z = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    gained_x = sums[SUM_V]
+    gained_y = sums[SUM_V + 1]
+    gained_z = sums[SUM_V + 2]
     for c in range(3):
         # error of the combined triad per unit of the component, body axes
         u = size * unit_input(units.frames[triad], c, driver, mean[0], mean[1])
@@ -76,7 +84,10 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
             continue
         if sensor == GYRO:
             # the attitude error grows linearly over the window, as in `transition.parameter_block`
-            vx, vy, vz = cross(gained_x, gained_y, gained_z, -b[ATT, c], -b[ATT + 1, c], -b[ATT + 2, c])
+            tilt_x = -b[ATT, c]
+            tilt_y = -b[ATT + 1, c]
+            tilt_z = -b[ATT + 2, c]
+            vx, vy, vz = cross(gained_x, gained_y, gained_z, tilt_x, tilt_y, tilt_z)
             b[VEL, c] = 0.5 * vx
             b[VEL + 1, c] = 0.5 * vy
             b[VEL + 2, c] = 0.5 * vz
@@ -110,7 +121,9 @@ def _inflate_exclusions(formal, units, redundant, model, first, n_tick, seconds)
             if tick <= first + n_tick:
                 after += 1
         if after > 0:
-            grow(formal, redundant.mean[after], redundant.mean[before], 1.0, units.n_axis, redundant, model, seconds)
+            mean_after = redundant.mean[after]
+            mean_before = redundant.mean[before]
+            grow(formal, mean_after, mean_before, 1.0, units.n_axis, redundant, model, seconds)
 
 
 @jit
@@ -127,23 +140,29 @@ def samples_of_units(out, hist, state, true, units, samples, tick, dt):
     tick, dt : last tick; s, of a tick
     """
     for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0 or true.driver[j] < 0:
+        driver = true.driver[j]
+        if true.profile[j] >= 0 or driver < 0:
             continue
-        sensor, triad = true.sensor[j], true.triad[j]
+        sensor = true.sensor[j]
+        triad = true.triad[j]
         for c in range(3):
             component = true.first[j] + c
-            source, k = true.source[component], true.slot[component]
-            g, lane = true.group[source], true.lane[source]
-            u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
+            source = true.source[component]
+            k = true.slot[component]
+            g = true.group[source]
+            lane = true.lane[source]
+            u = tick_input(units, triad, sensor, c, driver, tick, dt)
             variance = state.variance[g, k, 0, lane]
             for i in range(3):
                 r = 3 * sensor + i
                 bias = samples.bias[r]
                 entering = lasting_share(units, tick, triad, sensor, i, c) * u
-                out.samples[hist, source, r] += entering * entering * variance
-                out.samples[hist, source, 6 + r] += entering * entering * variance
+                added = entering * entering * variance
+                out.samples[hist, source, r] += added
+                out.samples[hist, source, 6 + r] += added
                 if bias >= 0:
-                    out.samples[hist, source, 6 + r] += 2.0 * entering * state.cross[g, k, bias, lane]
+                    covariance = state.cross[g, k, bias, lane]
+                    out.samples[hist, source, 6 + r] += 2.0 * entering * covariance
 
 
 @jit
@@ -160,19 +179,23 @@ def _add_component(out, hist, state, true, weights, component):
     weights : (n_state,) weights w of the component in the states
     component : index of the component
     """
-    source, k = true.source[component], true.slot[component]
-    g, lane = true.group[source], true.lane[source]
+    source = true.source[component]
+    k = true.slot[component]
+    g = true.group[source]
+    lane = true.lane[source]
     variance = state.variance[g, k, 0, lane]
     n = weights.shape[0]
     for i in range(n):
         weight = weights[i]
         if weight != 0.0:
-            out.budget[hist, source, i] += weight * (2.0 * state.cross[g, k, i, lane] + weight * variance)
+            covariance = state.cross[g, k, i, lane]
+            out.budget[hist, source, i] += weight * (2.0 * covariance + weight * variance)
             for j in range(n):
                 shared = weight * state.cross[g, k, j, lane]
+                product = weight * weights[j] * variance
                 out.true[hist, i, j] += shared
                 out.true[hist, j, i] += shared
-                out.true[hist, i, j] += weight * weights[j] * variance
+                out.true[hist, i, j] += product
 
 
 @jit
@@ -188,14 +211,17 @@ def add_sums(out, hist, state, true, units, tick):
     tick : last tick, which determines the combination of the IMUs
     """
     if units is not None:
+        stage = units.stage[tick]
         for j in range(true.sensor.shape[0]):
+            profile = true.profile[j]
             for c in range(3):
-                weights = true.stands[units.stage[tick], j, c]
-                if true.profile[j] >= 0:
+                weights = true.stands[stage, j, c]
+                if profile >= 0:
                     for i in range(weights.shape[0]):
-                        out.mean[hist, i] += weights[i] * state.profile[true.profile[j], c]
+                        out.mean[hist, i] += weights[i] * state.profile[profile, c]
                 else:
-                    _add_component(out, hist, state, true, weights, true.first[j] + c)
+                    component = true.first[j] + c
+                    _add_component(out, hist, state, true, weights, component)
 
 
 def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
@@ -217,6 +243,7 @@ def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: In
     for stage, j in np.ndindex(weights.shape[:2]):
         if driver[j] < CONSTANT or driver[j] == SQUARE:
             continue
+        block_weights = weights[stage, j]
         frames = units.frames[triad[j]]
         solved = units.solved[stage, triad[j], sensor[j]]
         for block in layout.parameters:
@@ -225,10 +252,13 @@ def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: In
             states = slice(block.offset, block.offset + 3)
             for c in range(3):
                 share = _modelled_share(frames[c], c, int(driver[j]), block.driver)
-                weights[stage, j, c, states] += solved[:, c] * share
+                block_weights[c, states] += solved[:, c] * share
+        if driver[j] != CONSTANT:
+            continue
         for pair, state in enumerate(units.pair_state.tolist()):
-            if state >= 0 and units.pair_sensor[pair] == sensor[j] and driver[j] == CONSTANT:
-                weights[stage, j, :, state : state + 3] += units.pair_solved[pair, triad[j]].T
+            if state >= 0 and units.pair_sensor[pair] == sensor[j]:
+                pair_weights = units.pair_solved[pair, triad[j]].T
+                block_weights[:, state : state + 3] += pair_weights
     return weights
 
 
@@ -253,7 +283,8 @@ def _modelled_share(frame: Floats, c: int, driver: int, block_driver: int) -> Fl
         shift = block_driver - OWN_0
         return np.array([direction[(i + shift) % 3] for i in range(3)])
     if driver in other_inputs and block_driver in other_inputs:
-        return np.full(3, frame[(driver - OTHER_0 - c) % 3][block_driver - OTHER_0])
+        direction = frame[(driver - OTHER_0 - c) % 3]
+        return np.full(3, direction[block_driver - OTHER_0])
     return np.zeros(3)
 
 
@@ -299,7 +330,9 @@ def differences(
     n_component
         Number of IMU error components.
     """
-    units, channels, dt = prepared.options.units, prepared.channels, prepared.unit.dt
+    units = prepared.options.units
+    channels = prepared.channels
+    dt = prepared.unit.dt
     empty = no_differences(channels.n_channel, len(prepared.devices))
     if units is None or not units.pair_sensor.size:
         return empty
@@ -318,21 +351,27 @@ def differences(
         # ticks between which the increments of an epoch are summed
         spans = np.stack([prepared.t_epoch - device.since, prepared.t_epoch])
         ticks = np.rint((spans - prepared.unit.start) / dt)
-        nominal[pair] = _epoch_sums(np.einsum("tic,tnc->ni", solved, increments[pair_sensor]), ticks)
-        for j in np.flatnonzero((sensor == pair_sensor) & (driver >= CONSTANT)).tolist():
+        difference = np.einsum("tic,tnc->ni", solved, increments[pair_sensor])
+        nominal[pair] = _epoch_sums(difference, ticks)
+        is_measured = (sensor == pair_sensor) & (driver >= CONSTANT)
+        for j in np.flatnonzero(is_measured).tolist():
+            triad_solved = solved[triad[j]]
             inputs = inputs_of(units, dt, int(driver[j]), int(triad[j]), pair_sensor)
             if profile[j] >= 0:
                 errors = _profile_errors(prepared, int(profile[j])) * (inputs / dt)
-                nominal[pair] += _epoch_sums(errors, ticks) @ solved[triad[j]].T
+                nominal[pair] += _epoch_sums(errors, ticks) @ triad_solved.T
             else:
-                axes = slice(int(first[j]), int(first[j]) + 3)
-                reach[rows, :, axes] = np.einsum("ic,ec->iec", solved[triad[j]], _epoch_sums(inputs, ticks))
+                first_component = int(first[j])
+                axes = slice(first_component, first_component + 3)
+                sums = _epoch_sums(inputs, ticks)
+                reach[rows, :, axes] = np.einsum("ic,ec->iec", triad_solved, sums)
     return Differences(of=empty.of, reach=reach, pair_of=units.pair_of, nominal=nominal)
 
 
 def _epoch_sums(increments: Floats, ticks: Floats) -> Floats:
     """Return sums (n_epoch, k) of increments (n_tick, k) between two ticks (2, n_epoch) for each epoch."""
-    total = np.vstack([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
+    start = np.zeros((1, increments.shape[1]))
+    total = np.vstack([start, np.cumsum(increments, axis=0)])
     first, last = ticks.astype(np.int64)
     return np.asarray(total[last] - total[first])
 
@@ -340,7 +379,9 @@ def _epoch_sums(increments: Floats, ticks: Floats) -> Floats:
 def _profile_errors(prepared: Prepared, profile: int) -> Floats:
     """Return the error of a deterministic profile times the tick, (n_tick, 3)."""
     unit = prepared.unit
-    middle = unit.start + unit.dt * (np.arange(unit.dtheta.shape[0]) + 0.5)
-    first, last = unit.profile_start[profile], unit.profile_end[profile]
+    n_tick = unit.dtheta.shape[0]
+    middle = unit.start + unit.dt * (np.arange(n_tick) + 0.5)
+    first = unit.profile_start[profile]
+    last = unit.profile_end[profile]
     share = np.clip((middle - first) / (last - first), 0.0, 1.0)
     return np.asarray(unit.dt * share[:, None] * unit.profile[profile])

@@ -26,10 +26,14 @@ def injection_rows(derivatives: InjectionSensitivity) -> Floats:
     execution. The parameters of `_BASE` are scaled to similar magnitudes first, because covariances follow from
     differences of variances.
     """
-    scaled = derivatives.navigation[:, _BASE] / _sizes(derivatives.target)[:, None]
-    sums = np.stack([scaled[:, i] + scaled[:, j] for i, j in _PAIRS], axis=1)
-    execution = derivatives.navigation[:, : len(ORBIT)] - derivatives.knowledge
-    return np.concatenate([scaled, sums, derivatives.knowledge, execution], axis=1)
+    sizes = _sizes(derivatives.target)
+    scaled = derivatives.navigation[:, _BASE] / sizes[:, None]
+    pair_sums = [scaled[:, i] + scaled[:, j] for i, j in _PAIRS]
+    sums = np.stack(pair_sums, axis=1)
+    orbit = derivatives.navigation[:, : len(ORBIT)]
+    knowledge = derivatives.knowledge
+    execution = orbit - knowledge
+    return np.concatenate([scaled, sums, knowledge, execution], axis=1)
 
 
 def injection_law(
@@ -54,27 +58,33 @@ def injection_law(
         Mean, covariance by source, and second-order terms of the injection.
     """
     n_orbit = len(ORBIT)
-    navigation = _navigation_covariance(derivatives.target, variance)
+    reference = derivatives.reference
+    target = derivatives.target
+    curvature = derivatives.curvature
+    navigation = _navigation_covariance(target, variance)
     # slopes are per sigma of each independent draw, so their products are covariances
     vehicle = np.array([slopes.T @ slopes for _, slopes in derivatives.vehicle])
     vehicle = vehicle.reshape(-1, *navigation.shape[1:])
     vehicle_variance = np.diagonal(vehicle, axis1=1, axis2=2)[:, :n_orbit]
-    knowledge, execution = np.split(variance[len(_BASE) + len(_PAIRS) :], 2)
-    offset = derivatives.reference.copy()
-    offset[:n_orbit] = orbit_difference(derivatives.reference[None, :n_orbit], derivatives.target[None])[0]
+    no_knowledge = np.zeros_like(vehicle_variance)
+    n_sum = len(_BASE) + len(_PAIRS)
+    knowledge, execution = np.split(variance[n_sum:], 2)
+    offset = reference.copy()
+    offset[:n_orbit] = orbit_difference(reference[None, :n_orbit], target[None])[0]
     # the second-order change c z^2 of a normal draw z has the mean c and the variance 2 c^2
     first_order = np.einsum("kne,ke->n", derivatives.navigation, mean)
-    second_order = derivatives.curvature.sum(axis=0)
+    second_order = curvature.sum(axis=0)
+    second_order_variance = 2.0 * np.sum(curvature**2, axis=0)
     vehicle_names = [name.replace("_", " ") for name, _ in derivatives.vehicle]
     return InjectionLaw(
-        reference=derivatives.reference,
-        target=derivatives.target,
+        reference=reference,
+        target=target,
         mean=offset + first_order + second_order,
-        second_order=np.sqrt(2.0 * np.sum(derivatives.curvature**2, axis=0)),
+        second_order=np.sqrt(second_order_variance),
         sources=(*sources, *vehicle_names),
         n_navigation=len(sources),
         covariance=np.concatenate([navigation, vehicle]),
-        knowledge=np.concatenate([knowledge.T, np.zeros_like(vehicle_variance)]),
+        knowledge=np.concatenate([knowledge.T, no_knowledge]),
         execution=np.concatenate([execution.T, vehicle_variance]),
     )
 
@@ -85,13 +95,19 @@ def _navigation_covariance(target: Floats, variance: Floats) -> Floats:
     Cov(x, y) = (Var(x + y) - Var x - Var y) / 2 of the parameters of `_BASE`, from which the others follow linearly.
     """
     n = len(_BASE)
-    base = np.zeros((variance.shape[1], n, n))
-    base[:, range(n), range(n)] = variance[:n].T
+    n_source = variance.shape[1]
+    diagonal = range(n)
+    base = np.zeros((n_source, n, n))
+    base[:, diagonal, diagonal] = variance[:n].T
     for row, (i, j) in enumerate(_PAIRS, start=n):
-        base[:, i, j] = base[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
+        covariance = 0.5 * (variance[row] - variance[i] - variance[j])
+        base[:, i, j] = covariance
+        base[:, j, i] = covariance
     sizes = _sizes(target)
-    from_base = with_apsides(np.eye(len(INJECTION))[_BASE], target).T  # (n_parameter, n)
-    return np.asarray(from_base @ (base * np.outer(sizes, sizes)) @ from_base.T)
+    covariances = base * np.outer(sizes, sizes)
+    base_axes = np.eye(len(INJECTION))[_BASE]
+    from_base = with_apsides(base_axes, target).T  # (n_parameter, n)
+    return np.asarray(from_base @ covariances @ from_base.T)
 
 
 def by_part(law: InjectionLaw | None) -> InjectionLaw | None:

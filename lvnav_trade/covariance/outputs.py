@@ -35,21 +35,28 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
     variance = out.samples + np.tile(true.sample_noise, 2)  # the noise is in the raw and in the corrected sample
     n_hist = len(history.t)
     # errors are truth minus sample, so the mean error of a sample is minus its profile
+    mean_error = -_profiles(prepared)
     mean = np.zeros((n_hist, 2 * N_SAMPLE))
-    mean[:, :N_SAMPLE] = mean[:, N_SAMPLE:] = -_profiles(prepared)
+    mean[:, :N_SAMPLE] = mean_error
+    mean[:, N_SAMPLE:] = mean_error
     formal = np.tile(samples.raw, (n_hist, 2))
     for i, state in enumerate(samples.bias.tolist()):
         if state >= 0:
-            mean[:, N_SAMPLE + i] = -out.mean[:, state]
-            formal[:, N_SAMPLE + i] = out.formal[:, state, state] + samples.variance[i]
-    return append_outputs(history, variance, mean, _diagonal(formal), _diagonal(variance.sum(axis=1)))
+            corrected = N_SAMPLE + i
+            mean[:, corrected] = -out.mean[:, state]
+            formal[:, corrected] = out.formal[:, state, state] + samples.variance[i]
+    total = variance.sum(axis=1)
+    return append_outputs(history, variance, mean, _diagonal(formal), _diagonal(total))
 
 
 def _profiles(prepared: Prepared) -> Floats:
     """Return the deterministic errors (n_hist, 6) of IMU samples at the history times, rad/s and m/s^2."""
-    unit, units, reference = prepared.unit, prepared.options.units, prepared.reference
+    unit = prepared.unit
+    units = prepared.options.units
+    reference = prepared.reference
     errors = np.zeros((prepared.t_hist.size, N_SAMPLE))
-    ticks = np.clip(prepared.hist_tick - 1, 0, len(unit.dtheta) - 1)
+    last_tick = len(unit.dtheta) - 1
+    ticks = np.clip(prepared.hist_tick - 1, 0, last_tick)
     for profile, code in enumerate(unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
         value = _profile_values(prepared, profile)
@@ -58,22 +65,26 @@ def _profiles(prepared: Prepared) -> Floats:
             axes = np.eye(3)
             increments = (reference.dtheta, reference.dvel)[sensor]
         else:
-            solved = units.solved[units.stage[ticks], triad, sensor]
+            stages = units.stage[ticks]
+            solved = units.solved[stages, triad, sensor]
             axes = units.frames[triad, :, 0]
             increments = (units.dtheta, units.dvel)[sensor][triad]
         if unit.profile_driver[profile] != CONSTANT:  # a scale factor multiplies the input along the sensing axis
             value *= increments[ticks] @ axes.T / unit.dt
-        errors[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
+        first = 3 * sensor
+        errors[:, first : first + 3] += np.einsum("...ij,...j->...i", solved, value)
     # error of the bandwidth: sensed minus true increments
     angle_error = (unit.dtheta - reference.dtheta)[ticks]
     velocity_error = (unit.dvel - reference.dvel)[ticks]
-    return errors + np.hstack([angle_error, velocity_error]) / unit.dt
+    bandwidth_error = np.hstack([angle_error, velocity_error]) / unit.dt
+    return errors + bandwidth_error
 
 
 def _profile_values(prepared: Prepared, profile: int) -> Floats:
     """Return a profile at the history times, (n_hist, 3) SI."""
-    values = np.empty((len(prepared.record.t), 3))
-    for hist, t in enumerate(prepared.record.t):
+    times = prepared.record.t
+    values = np.empty((len(times), 3))
+    for hist, t in enumerate(times):
         for axis in range(3):
             values[hist, axis] = profile_value(prepared.unit, profile, axis, t)
     return values
@@ -94,19 +105,24 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
     out
         Results of the forward pass.
     """
-    report, chain = prepared.options.report, prepared.chain
+    report = prepared.options.report
+    chain = prepared.chain
     if report is None or chain is None:
         return history
     turn = _output_matrices(prepared)
+    turn_back = np.swapaxes(turn, 1, 2)
     # an epoch without a solution repeats the last one
-    last_solved = np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))
+    epochs = np.arange(len(chain.solved))
+    last_solved = np.maximum.accumulate(np.where(chain.solved, epochs, 0))
     before_first = np.zeros((1, receiver.N_STATE, receiver.N_STATE))  # index -1: no epoch yet
     covariance = np.concatenate([chain.own[last_solved], before_first])
-    formal = turn @ covariance[last_epoch(prepared)] @ np.swapaxes(turn, 1, 2)
+    formal = turn @ covariance[last_epoch(prepared)] @ turn_back
     by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
     diagonal = range(N_SOLUTION)
+    budget = by_source[:, :, diagonal, diagonal]
     mean = np.einsum("hij,hj->hi", turn, out.receiver_mean)
-    return append_outputs(history, by_source[:, :, diagonal, diagonal], mean, formal, by_source.sum(axis=1))
+    true = by_source.sum(axis=1)
+    return append_outputs(history, budget, mean, formal, true)
 
 
 def last_epoch(prepared: Prepared) -> np.ndarray:
@@ -114,17 +130,22 @@ def last_epoch(prepared: Prepared) -> np.ndarray:
     schedule = prepared.schedule
     epochs = np.full(prepared.t_hist.size, -1, dtype=np.int64)
     has_history = schedule.hist >= 0
-    epochs[schedule.hist[has_history]] = np.maximum.accumulate(schedule.epoch)[has_history]
+    latest = np.maximum.accumulate(schedule.epoch)
+    times = schedule.hist[has_history]
+    epochs[times] = latest[has_history]
     return epochs
 
 
 def _output_matrices(prepared: Prepared) -> Floats:
     """Return the matrices (n_hist, 8, 11) from the receiver-error states, frame i, to the reported outputs."""
     axes = prepared.record.axes
+    velocity = slice(receiver.VEL, receiver.VEL + 3)
+    position = slice(receiver.POS, receiver.POS + 3)
     turn = np.zeros((len(axes), N_SOLUTION, receiver.N_STATE))
-    turn[:, 0:3, receiver.VEL : receiver.VEL + 3] = axes
-    turn[:, 3:6, receiver.POS : receiver.POS + 3] = axes
-    turn[:, 6, receiver.BIAS] = turn[:, 7, receiver.DRIFT] = 1.0
+    turn[:, 0:3, velocity] = axes
+    turn[:, 3:6, position] = axes
+    turn[:, 6, receiver.BIAS] = 1.0
+    turn[:, 7, receiver.DRIFT] = 1.0
     return turn
 
 
@@ -147,9 +168,13 @@ def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Fl
         (n_hist, k, k) SI squared. Covariance in the filter model, and true covariance.
     """
     k = range(mean.shape[1])
+    formal_variance = formal[:, k, k]
+    true_variance = np.maximum(0.0, true[:, k, k])
+    formal_sigma = np.sqrt(formal_variance)
+    true_sigma = np.sqrt(true_variance)
     return history._replace(
-        formal=np.hstack([history.formal, np.sqrt(formal[:, k, k])]),
-        true_sigma=np.hstack([history.true_sigma, np.sqrt(np.maximum(0.0, true[:, k, k]))]),
+        formal=np.hstack([history.formal, formal_sigma]),
+        true_sigma=np.hstack([history.true_sigma, true_sigma]),
         mean=np.hstack([history.mean, mean]),
         budget=np.concatenate([history.budget, budget], axis=2),
         formal_cov=_block_diagonal(history.formal_cov, formal),
@@ -159,9 +184,10 @@ def append_outputs(history: CovHistory, budget: Floats, mean: Floats, formal: Fl
 
 def _block_diagonal(first: Floats, second: Floats) -> Floats:
     """Return block-diagonal matrices (n_hist, n + k, n + k)."""
+    n_hist = len(first)
     n = first.shape[1]
     k = second.shape[1]
-    matrices = np.zeros((len(first), n + k, n + k))
+    matrices = np.zeros((n_hist, n + k, n + k))
     matrices[:, :n, :n] = first
     matrices[:, n:, n:] = second
     return matrices

@@ -82,26 +82,36 @@ def advance_solution(joint, scratch, chain, true, epoch):
     m = chain.move.shape[1]
     for g in range(true.n_slot.shape[0]):
         work = whole(scratch.y)
-        _multiply_covariance(group(joint.sources, g), work, A, first)
+        group_covariance = group(joint.sources, g)
+        _multiply_covariance(group_covariance, work, A, first)
+        cross_covariances = group(joint.cross, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                _multiply_states(group(joint.cross, g)[k], work, A, first)
+                _multiply_states(cross_covariances[k], work, A, first)
     _multiply_states(joint.mean, scratch.receiver, A, first)
     for i in range(m):
         joint.mean[first + i] += chain.push[epoch, i]
     for q in range(chain.kind.shape[0]):
         source = true.solution_source[q]
+        g = true.group[source]
+        lane = true.lane[source]
         variance = chain.variance[epoch, q]
-        P = joint.sources[true.group[source], ..., true.lane[source]]
+        P = joint.sources[g, ..., lane]
         for i in range(m):
             for j in range(m):
-                P[first + i, first + j] += W[i, q] * variance * W[j, q]
+                covariance = W[i, q] * variance * W[j, q]
+                P[first + i, first + j] += covariance
     for c in range(true.first_shared, true.source.shape[0]):
-        source, k = true.source[c], true.slot[c]
-        g, lane = true.group[source], true.lane[source]
-        P, y = joint.sources[g, ..., lane], joint.cross[g, ..., lane]
+        source = true.source[c]
+        k = true.slot[c]
+        g = true.group[source]
+        lane = true.lane[source]
+        P = joint.sources[g, ..., lane]
+        y = joint.cross[g, ..., lane]
         variance = joint.variance[g, k, 0, lane]
-        enter(P, y[k], variance, chain.shared[epoch, :, c - true.first_shared], first)
+        number = c - true.first_shared
+        partials = chain.shared[epoch, :, number]
+        enter(P, y[k], variance, partials, first)
 
 
 @jit
@@ -118,19 +128,22 @@ def solution_back(back, work, chain, true, epoch, time_bin):
     time_bin : bin of the contribution
     """
     A = chain.move[epoch]
+    white = chain.white[epoch]
     first = true.solution
     m = chain.move.shape[1]
     for metric in range(back.e.shape[0]):
         y = back.e[metric]
         for q in range(chain.kind.shape[0]):
+            source = true.solution_source[q]
+            variance = chain.variance[epoch, q]
             through = 0.0  # lambda' w of the noise, its effect on the metric
             for i in range(m):
-                through += y[first + i] * chain.white[epoch, i, q]
-            source = true.solution_source[q]
-            back.contribution[metric, source, time_bin] += through * through * chain.variance[epoch, q]
+                through += y[first + i] * white[i, q]
+            back.contribution[metric, source, time_bin] += through * through * variance
         for c in range(chain.shared.shape[2]):
+            component = true.first_shared + c
             for i in range(m):
-                back.c[metric, true.first_shared + c] += y[first + i] * chain.shared[epoch, i, c]
+                back.c[metric, component] += y[first + i] * chain.shared[epoch, i, c]
         _multiply_states(y, work, A.T, first)
 
 
@@ -162,9 +175,10 @@ def clone_states(joint, true, clone, first, n):
     """
     for g in range(true.n_slot.shape[0]):
         _copy_covariance(group(joint.sources, g), clone, first, n)
+        cross_covariances = group(joint.cross, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                _copy_vector(group(joint.cross, g)[k], clone, first, n)
+                _copy_vector(cross_covariances[k], clone, first, n)
     _copy_vector(joint.mean, clone, first, n)
 
 
@@ -183,10 +197,12 @@ def clone_error(joint, true, late, window):
     """
     if late is not None:
         for line in range(late.n_ring.shape[0]):
-            for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
+            early = late.early[line, window]
+            valid = late.valid[line, window]
+            for epoch in range(early[0], early[1]):
                 clone = true.clone + N_CLONE * place_of(late, line, epoch)
                 clone_states(joint, true, clone + N_NAV, VEL, 3)
-            for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
+            for epoch in range(valid[0], valid[1]):
                 clone = true.clone + N_CLONE * place_of(late, line, epoch)
                 clone_states(joint, true, clone, 0, N_NAV)
 
@@ -202,16 +218,19 @@ def _line_back(y, true, late, line, window):
     line : delay line, of the receiver or of a sensor
     window : index
     """
-    for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
+    early = late.early[line, window]
+    valid = late.valid[line, window]
+    for epoch in range(valid[0], valid[1]):
         clone = true.clone + N_CLONE * place_of(late, line, epoch)
         for i in range(N_NAV):
             y[i] += y[clone + i]
             y[clone + i] = 0.0
-    for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
-        clone = true.clone + N_CLONE * place_of(late, line, epoch) + N_NAV
+    for epoch in range(early[0], early[1]):
+        clone = true.clone + N_CLONE * place_of(late, line, epoch)
+        velocity_clone = clone + N_NAV
         for i in range(3):
-            y[VEL + i] += y[clone + i]
-            y[clone + i] = 0.0
+            y[VEL + i] += y[velocity_clone + i]
+            y[velocity_clone + i] = 0.0
 
 
 @jit
@@ -243,8 +262,9 @@ def complete_rows(H, late, epoch):
             H[i, solution + j] = -1.0 if i == j else 0.0
             H[i, velocity + j] = 0.0
     if late is not None and late.extrapolated:
-        slope = late.delay[epoch] / late.base[epoch]
+        delay = late.delay[epoch]
+        slope = delay / late.base[epoch]
         for i in range(3):
-            H[i, velocity + i] = -late.delay[epoch]
+            H[i, velocity + i] = -delay
             H[3 + i, velocity + i] = -slope
             H[3 + i, velocity + 3 + i] = slope

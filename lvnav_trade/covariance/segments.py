@@ -85,7 +85,9 @@ def _updates(prepared: Prepared) -> Ints:
 def _last_update(prepared: Prepared) -> Ints:
     """Return the last step of the mode logic up to each history time, (n_hist,); negative before the first."""
     interval = prepared.model.every
-    return (last_epoch(prepared) + 1) // interval * interval - 1
+    n_epoch = last_epoch(prepared) + 1  # epochs up to each history time
+    n_step = n_epoch // interval
+    return n_step * interval - 1
 
 
 def _starts(prepared: Prepared, mode: Floats) -> Ints:
@@ -93,26 +95,31 @@ def _starts(prepared: Prepared, mode: Floats) -> Ints:
     epochs = _updates(prepared)
     is_running = np.isin(mode[epochs], _RUNNING)
     was_running = np.concatenate([[False], is_running[:-1]])
-    return epochs[is_running & ~was_running]
+    is_start = is_running & ~was_running
+    return epochs[is_start]
 
 
 def _started_at(prepared: Prepared, epoch: int) -> Prepared:
     """Return the case whose filter gets no sample before those that start it at an epoch."""
     # the filter starts with the last of the required number of good samples
-    first = epoch - round(prepared.options.rules.start_after - 1) * prepared.model.every
-    return _with_samples(prepared, np.arange(prepared.t_epoch.size) >= first)
+    n_before = round(prepared.options.rules.start_after - 1)
+    first = epoch - n_before * prepared.model.every
+    epochs = np.arange(prepared.t_epoch.size)
+    return _with_samples(prepared, epochs >= first)
 
 
 def _unaided_after(prepared: Prepared, epoch: int) -> Prepared:
     """Return the case whose filter gets no sample from an epoch on, so that it only predicts."""
-    return _with_samples(prepared, np.arange(prepared.t_epoch.size) < epoch)
+    epochs = np.arange(prepared.t_epoch.size)
+    return _with_samples(prepared, epochs < epoch)
 
 
 def _with_samples(prepared: Prepared, permitted: Bools) -> Prepared:
     """Return the case whose filter gets samples of the receiver at the permitted epochs (n_epoch,) only."""
     rules = prepared.options.rules
     rules = rules._replace(good=rules.good & permitted)
-    return prepared._replace(options=prepared.options._replace(rules=rules))
+    options = prepared.options._replace(rules=rules)
+    return prepared._replace(options=options)
 
 
 def uncorrected(prepared: Prepared) -> Prepared:
@@ -153,9 +160,11 @@ def _predicted_stop(prepared: Prepared, segment: Segment) -> int | None:
     if prepared.options.rules.after_stop != PREDICTED:
         return None
     updates = _updates(prepared)
-    was_correcting = np.isin(segment.mode[updates[:-1]], _CORRECTING)
-    is_stopped = segment.mode[updates[1:]] == STOPPED
-    stops = updates[1:][was_correcting & is_stopped]
+    earlier = updates[:-1]
+    later = updates[1:]
+    was_correcting = np.isin(segment.mode[earlier], _CORRECTING)
+    is_stopped = segment.mode[later] == STOPPED
+    stops = later[was_correcting & is_stopped]
     stops = stops[stops >= segment.first]
     return int(stops[0]) if stops.size else None
 
@@ -181,27 +190,32 @@ def with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed:
         return passed
     out = passed.out
     segments = segments_of(prepared, true, passed)
-    for segment, times in zip(segments[1:], times_of(prepared, segments)[1:], strict=True):
+    restarts = zip(segments[1:], times_of(prepared, segments)[1:], strict=True)
+    for segment, times in restarts:
         restarted = segment.passed
         epochs = slice(segment.first, None)
         _copy_times(out, restarted.out, times)
         out.formal[times] = restarted.out.formal[times]
         for name in ("n_row", "expected_nis", "row_ratio"):
-            getattr(out, name)[epochs] = getattr(restarted.out, name)[epochs]
+            values = getattr(out, name)
+            values[epochs] = getattr(restarted.out, name)[epochs]
         if passed.monitor is not None and restarted.monitor is not None:
             for name in ("isolated", "excluded"):
-                getattr(passed.monitor, name)[epochs] = getattr(restarted.monitor, name)[epochs]
+                values = getattr(passed.monitor, name)
+                values[epochs] = getattr(restarted.monitor, name)[epochs]
     for case, times in uncorrected_outputs(prepared, segments):
         if times.any():
-            _copy_times(out, run_pass(case, true, tape).out, times)
+            uncorrected_pass = run_pass(case, true, tape)
+            _copy_times(out, uncorrected_pass.out, times)
     return passed
 
 
 def _copy_times(out: PassResults, source: PassResults, times: Bools) -> None:
     """Copy the true covariance, the mean, the budget and the errors of samples at some history times (n_hist,)."""
     for name in ("true", "mean", "budget", "samples"):
-        if len(getattr(out, name)):
-            getattr(out, name)[times] = getattr(source, name)[times]
+        values = getattr(out, name)
+        if len(values):
+            values[times] = getattr(source, name)[times]
 
 
 def case_at(prepared: Prepared, true: Components, hist: int) -> Prepared:
@@ -217,11 +231,13 @@ def case_at(prepared: Prepared, true: Components, hist: int) -> Prepared:
         Index of the history time.
     """
     no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    segments = segments_of(prepared, true, run_pass(prepared, true, no_tape))
+    passed = run_pass(prepared, true, no_tape)
+    segments = segments_of(prepared, true, passed)
     for case, times in uncorrected_outputs(prepared, segments):
         if times[hist]:
             return case
-    for segment, times in zip(segments[1:], times_of(prepared, segments)[1:], strict=True):
+    restarts = zip(segments[1:], times_of(prepared, segments)[1:], strict=True)
+    for segment, times in restarts:
         if times[hist]:
             return segment.case
     return prepared

@@ -100,25 +100,28 @@ def is_same_filter(first: CovHistory, other: CovHistory) -> bool:
 def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
     """Return the linear covariance of the case with given sigmas (n_axis,), in the units of `SharedPass.least`."""
     sigma = np.asarray(sigmas, dtype=float)
+    base = shared.base
     # variances are linear in the squares of the sigmas
-    fractions = (sigma**2 - shared.least**2) / (shared.largest**2 - shared.least**2)
+    increase_of_square = sigma**2 - shared.least**2
+    largest_increase = shared.largest**2 - shared.least**2
+    fractions = increase_of_square / largest_increase
     fields = {}
     for index, name in enumerate(_LINEAR):
-        total = getattr(shared.base, name).copy()
+        total = getattr(base, name).copy()
         for fraction, added in zip(fractions, shared.added, strict=True):
             total += fraction * added[index]
         fields[name] = total
-    law = shared.base.injection
+    law = base.injection
     if law is not None:
         sums = {}
         for index, name in enumerate(_OF_INJECTION):
             increase = sum(fraction * added[index] for fraction, added in zip(fractions, shared.injected, strict=True))
             sums[name] = getattr(law, name) + increase
         law = law._replace(**sums)
-    diagonal = np.diagonal(fields["true_cov"], axis1=1, axis2=2)
-    return shared.base._replace(
+    variance = np.diagonal(fields["true_cov"], axis1=1, axis2=2)
+    return base._replace(
         **fields,
-        true_sigma=np.sqrt(np.maximum(0.0, diagonal)),
+        true_sigma=np.sqrt(np.maximum(0.0, variance)),
         false_rejection=false_rejection(shared.gate_squared, fields["row_ratio"]),
         injection=law,
     )
@@ -130,19 +133,27 @@ def largest_difference(predicted: CovHistory, computed: CovHistory) -> float:
     The true covariance is compared relative to the sigmas of its row and column, the other sums relative to themselves.
     """
     sigma = computed.true_sigma
-    scale = np.maximum(sigma[:, :, None] * sigma[:, None, :], 1e-300)
-    differences = [float(np.max(np.abs(predicted.true_cov - computed.true_cov) / scale, initial=0.0))]
+    product = sigma[:, :, None] * sigma[:, None, :]
+    scale = np.maximum(product, 1e-300)
+    difference = np.abs(predicted.true_cov - computed.true_cov)
+    relative = difference / scale
+    differences = [float(np.max(relative, initial=0.0))]
     for name in ("expected_nees", "expected_nis", "row_ratio"):
-        a, b = getattr(predicted, name), getattr(computed, name)
+        a = getattr(predicted, name)
+        b = getattr(computed, name)
         if not np.array_equal(np.isnan(a), np.isnan(b)):
             return float("inf")
-        differences.append(_relative_difference(a, b, np.isfinite(a) & np.isfinite(b) & (b != 0.0)))
-    if predicted.injection is not None and computed.injection is not None and not computed.injection.why:
-        a = np.diagonal(predicted.injection.covariance.sum(axis=0))
-        b = np.diagonal(computed.injection.covariance.sum(axis=0))
-        differences.append(_relative_difference(a, b, np.isfinite(b) & (b > 0.0)))
+        is_comparable = np.isfinite(a) & np.isfinite(b) & (b != 0.0)
+        differences.append(_relative_difference(a, b, is_comparable))
+    first, second = predicted.injection, computed.injection
+    if first is not None and second is not None and not second.why:
+        a = np.diagonal(first.covariance.sum(axis=0))
+        b = np.diagonal(second.covariance.sum(axis=0))
+        is_comparable = np.isfinite(b) & (b > 0.0)
+        differences.append(_relative_difference(a, b, is_comparable))
     return max(differences)
 
 
 def _relative_difference(a: Floats, b: Floats, valid: Bools) -> float:
-    return float(np.max(np.abs(a[valid] / b[valid] - 1.0), initial=0.0))
+    ratio = a[valid] / b[valid]
+    return float(np.max(np.abs(ratio - 1.0), initial=0.0))

@@ -39,13 +39,16 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
     count : number of components of each source. Sources with many components share groups, so few slots are unused.
     """
     n_source = len(count)
+    n_component = np.array(count)
     # sources with the most components first: a group has as many slots as its largest source
+    order = np.argsort(-n_component, kind="stable")
     place = np.empty(n_source, dtype=np.int64)
-    place[np.argsort(-np.array(count), kind="stable")] = np.arange(n_source)
-    group, lane = place // GROUP, place % GROUP
+    place[order] = np.arange(n_source)
+    group = place // GROUP
+    lane = place % GROUP
     n_group = -(-n_source // GROUP)  # rounded up
     n_slot = np.zeros(n_group, dtype=np.int64)
-    np.maximum.at(n_slot, group, np.array(count))
+    np.maximum.at(n_slot, group, n_component)
     return group, lane, n_slot
 
 
@@ -59,7 +62,8 @@ def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
     group, lane
         (n_source,). As from `places_of`.
     """
-    grouped = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
+    n_group = int(group.max()) + 1
+    grouped = grouped_zeros((n_group, *values.shape[1:]))
     grouped[group, ..., lane] = values
     return grouped
 
@@ -94,22 +98,25 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
     states: list[int] = []
     state_from = [0]
     for component in components:
-        slots.append(count[component.source])
-        count[component.source] += 1
+        source = component.source
+        slots.append(count[source])
+        count[source] += 1
         states += component.states
         state_from.append(len(states))
     group, lane, n_slot = places_of(count)
+    n_group = n_slot.size
     most = max(1, int(n_slot.max(initial=0)))
-    followed, moves, samples = np.zeros((3, n_slot.size, most), dtype=np.bool_)
+    followed, moves, samples = np.zeros((3, n_group, most), dtype=np.bool_)
     factor, noise, echo = np.zeros((3, n_source, n_length, most, 1))
     for component, slot in zip(components, slots, strict=True):
         source = component.source
+        g = group[source]
         factor[source, :, slot, 0] = component.factor
         noise[source, :, slot, 0] = component.noise
         echo[source, :, slot, 0] = component.noise * component.echoes
-        followed[group[source], slot] |= component.followed
-        moves[group[source], slot] |= component.moves
-        samples[group[source], slot] |= component.samples
+        followed[g, slot] |= component.followed
+        moves[g, slot] |= component.moves
+        samples[g, slot] |= component.samples
     return {
         "group": group,
         "lane": lane,

@@ -94,7 +94,8 @@ _WHITE = (
 
 def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
     """Return Jacobian structure and offsets of the joint vector, by name of the field of `Components`."""
-    late, n = prepared.options.late, prepared.layout.n_state
+    late = prepared.options.late
+    n = prepared.layout.n_state
     n_error = n_receiver_error(prepared)
     n_channel = len(prepared.model.n_entry)
     n_place = 1 if late is None else late.buffered.size
@@ -113,12 +114,14 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
                 entry[place, channel, i] = jacobian_entry
                 column[place, channel, i] = state
     noises = _error_noises(prepared)
+    n_entry = [len(pairs) for pairs in table[0]]
+    solution_source = [names.index(name) for name in noises]
     return {
-        "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
+        "n_entry": np.array(n_entry, dtype=np.int64),
         "entry": entry,
         "column": column,
         "solution": solution,
-        "solution_source": np.array([names.index(name) for name in noises], dtype=np.int64),
+        "solution_source": np.array(solution_source, dtype=np.int64),
         "clone": clone,
     }
 
@@ -133,26 +136,32 @@ def _error_noises(prepared: Prepared) -> list[str]:
 
 def _entry_states(prepared: Prepared, channel: int, solution: int, clone: int) -> list[tuple[int, int]]:
     """Return the pairs (Jacobian entry, joint state) of a channel; a buffered measurement depends on its clone."""
-    model, chain, late = prepared.model, prepared.chain, prepared.options.late
+    model = prepared.model
+    chain = prepared.chain
+    late = prepared.options.late
     is_receiver = channel < prepared.channels.n_receiver
     is_extrapolated = late is not None and late.extrapolated and is_receiver
     is_buffered = late is not None and late.line[channel] >= 0 and not is_extrapolated
     pairs = []
     for k in range(model.n_entry[channel]):
+        entry = int(model.entry[channel, k])
         state = int(model.column[channel, k])
         if is_buffered and state < N_NAV:
             state += clone
-        pairs.append((int(model.entry[channel, k]), state))
+        pairs.append((entry, state))
     first = model.entry.shape[1]  # entries of receiver-error states follow those of the filter
     differences = difference_channels(prepared)
     if channel in differences:
         state = solution + differences.index(channel)
-        pairs += [(first, state), (first + 1, state + len(differences))]
+        previous_state = state + len(differences)
+        pairs += [(first, state), (first + 1, previous_state)]
     if chain is not None and is_receiver:
         pairs += [(first + i, solution + int(chain.pick[i])) for i in range(6)]
         if is_extrapolated:
-            pairs += [(first + 6 + i, clone + VEL + i) for i in range(3)]
-            pairs += [(first + 9 + i, clone + N_NAV + i) for i in range(3)]
+            velocity = first + 6
+            earlier_velocity = first + 9
+            pairs += [(velocity + i, clone + VEL + i) for i in range(3)]
+            pairs += [(earlier_velocity + i, clone + N_NAV + i) for i in range(3)]
     return pairs
 
 

@@ -195,7 +195,8 @@ def _source_covariances(
     for name in dict.fromkeys(requested):
         if name in events:
             time = events[name]
-            results.append(SourceCovariance(name, time, sources, source_covariances(prepared, time, tape)))
+            covariance_by_source = source_covariances(prepared, time, tape)
+            results.append(SourceCovariance(name, time, sources, covariance_by_source))
     return tuple(results)
 
 

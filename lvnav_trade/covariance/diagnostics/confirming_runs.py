@@ -44,17 +44,22 @@ def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float]
     seed, runs
         Seed of the campaign, and number of runs.
     """
-    times = {name: t for name, t in events.items() if prepared.t_hist[0] <= t <= prepared.t_hist[-1]}
+    first_time = prepared.t_hist[0]
+    last_time = prepared.t_hist[-1]
+    times = {name: t for name, t in events.items() if first_time <= t <= last_time}
     times |= {gap.name: gap.end for gap in gaps(history)}
 
     def summary(first: int, count: int) -> BlockSummary:
-        return summarise(run_block(prepared, seed, first, count), times, history.true_sigma, prepared.outputs)
+        block = run_block(prepared, seed, first, count)
+        return summarise(block, times, history.true_sigma, prepared.outputs)
 
-    half = WIDTH * -(-runs // (2 * WIDTH))  # rounded up to whole groups of lanes
+    n_pair = -(-runs // (2 * WIDTH))  # rounded up
+    half = WIDTH * n_pair  # whole groups of lanes
     first_half = summary(0, min(half, runs))
     if half >= runs or not _suspect(first_half, history):
         return first_half
-    return merge([first_half, summary(half, runs - half)])
+    second_half = summary(half, runs - half)
+    return merge([first_half, second_half])
 
 
 def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
@@ -65,8 +70,9 @@ def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
     hist = np.searchsorted(history.t, summary.t_event - 1e-9)
     sigma = history.true_sigma[hist, :N_NAV_ERROR]
     mean = history.mean[hist, :N_NAV_ERROR]
+    error = summary.event_error[:, :, :N_NAV_ERROR]
     with np.errstate(divide="ignore", invalid="ignore"):
-        z: Floats = (summary.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
+        z: Floats = (error - mean) / sigma
     z = z[:, sigma > 0.0]
     if not z.size:
         return False
@@ -75,9 +81,13 @@ def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
     n, n_row = z.shape
     half_square = 0.5 * np.sum(z**2, axis=0)
     # two-sided levels of the chi-square test, and of the largest of n errors (Bonferroni over the n_row errors)
-    square_level = 2.0 * np.minimum(gammainc(0.5 * n, half_square), gammaincc(0.5 * n, half_square))
-    largest_level = n * erfc(np.abs(z).max() / np.sqrt(2.0))
-    return bool(min(square_level.min(), largest_level) < SUSPECT / n_row)
+    lower_tail = gammainc(0.5 * n, half_square)
+    upper_tail = gammaincc(0.5 * n, half_square)
+    square_level = 2.0 * np.minimum(lower_tail, upper_tail)
+    largest_error = np.abs(z).max()
+    largest_level = n * erfc(largest_error / np.sqrt(2.0))
+    smallest_level = min(square_level.min(), largest_level)
+    return bool(smallest_level < SUSPECT / n_row)
 
 
 class Gap(NamedTuple):
@@ -104,11 +114,19 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
     t = history.t_epoch[measured]
     usual = float(np.median(np.diff(t))) if t.size > 1 else 0.0
     before = np.concatenate([history.t[:1], t[:-1]])
-    is_gap = t - before > max(GAP, 3.0 * usual)
-    hist = np.minimum(np.searchsorted(history.t, t[is_gap] - 1e-9), history.t.size - 1)
+    interval = t - before
+    is_gap = interval > max(GAP, 3.0 * usual)
+    last_hist = history.t.size - 1
+    measured_again = t[is_gap]
+    hist = np.searchsorted(history.t, measured_again - 1e-9)
+    hist = np.minimum(hist, last_hist)
     begins = before[is_gap].tolist()
     ends = history.t[hist].tolist()
-    return tuple(Gap(f"{AFTER_GAP}{end:g} s", begin, end) for begin, end in zip(begins, ends, strict=True))
+    intervals = []
+    for begin, end in zip(begins, ends, strict=True):
+        name = f"{AFTER_GAP}{end:g} s"
+        intervals.append(Gap(name, begin, end))
+    return tuple(intervals)
 
 
 _ROUNDING = 1e-6  # of a sigma: filters that have used the same measurements so far differ by less
@@ -129,8 +147,11 @@ def furthest(apart: Floats, protection: Protection) -> Floats:
     ndarray
         (..., n_satellite, n_hist).
     """
-    ratio = np.abs(apart) / (protection.limits + _ROUNDING * protection.sigma + np.finfo(float).tiny)
-    return np.asarray(np.where(np.isfinite(ratio), ratio, 0.0).max(axis=(-2, -1)))
+    tolerance = _ROUNDING * protection.sigma
+    limit = protection.limits + tolerance + np.finfo(float).tiny
+    ratio = np.abs(apart) / limit
+    ratio = np.where(np.isfinite(ratio), ratio, 0.0)
+    return np.asarray(ratio.max(axis=(-2, -1)))
 
 
 def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats:
@@ -151,16 +172,23 @@ def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats
     """
     if not ratio.shape[1]:
         return np.zeros((0, 4))
-    named = np.where(ratio.max(axis=1) > 1.0, np.argmax(ratio, axis=1), -1)
-    before = np.concatenate([np.full((len(named), 1), -1), named[:, :-1]], axis=1)
-    run, hist = np.nonzero((named >= 0) & (named != before))
+    is_alarm = ratio.max(axis=1) > 1.0
+    worst = np.argmax(ratio, axis=1)
+    named = np.where(is_alarm, worst, -1)
+    none_before = np.full((len(named), 1), -1)
+    before = np.concatenate([none_before, named[:, :-1]], axis=1)
+    begins = (named >= 0) & (named != before)
+    run, hist = np.nonzero(begins)
+    satellite = named[run, hist]
     test = np.full(run.size, float(OF_SEPARATION))
-    return np.column_stack([first_run + run, t[hist], test, channels[named[run, hist]]]).astype(float)
+    table = np.column_stack([first_run + run, t[hist], test, channels[satellite]])
+    return table.astype(float)
 
 
 def _channels(prepared: Prepared, protection: Protection) -> Floats:
     """Return the first channel of each satellite that has a sub-filter without it."""
-    satellites = [prepared.sky.names.index(name) for name in protection.satellites]
+    names = prepared.sky.names
+    satellites = [names.index(name) for name in protection.satellites]
     return prepared.model.n_kind * np.array(satellites, dtype=float)
 
 
@@ -184,13 +212,18 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
         return runs
     columns = columns_of(prepared)
     n_run = len(runs.failed)
-    ratio = np.zeros((n_run, len(protection.satellites), runs.t.size))
+    n_satellite = len(protection.satellites)
+    ratio = np.zeros((n_run, n_satellite, runs.t.size))
     for number, name in enumerate(protection.satellites):
-        sub_filter = without_satellite(prepared, prepared.sky.names.index(name))
+        satellite = prepared.sky.names.index(name)
+        sub_filter = without_satellite(prepared, satellite)
         sub_runs = run_block(sub_filter, seed, runs.first_run, n_run)
-        separation = runs.err[:, :, columns] - sub_runs.err[:, :, columns]
-        ratio[:, number] = furthest(separation, protection._replace(limits=protection.limits[number]))
-    of_runs = alarms(ratio, runs.t, _channels(prepared, protection), runs.first_run)
+        error = runs.err[:, :, columns]
+        sub_error = sub_runs.err[:, :, columns]
+        limits = protection.limits[number]
+        ratio[:, number] = furthest(error - sub_error, protection._replace(limits=limits))
+    channels = _channels(prepared, protection)
+    of_runs = alarms(ratio, runs.t, channels, runs.first_run)
     return runs._replace(decisions=_sorted_decisions(runs.decisions, of_runs))
 
 
@@ -209,11 +242,15 @@ def with_nominal_alarms(history: CovHistory, prepared: Prepared, protection: Pro
     if protection is None or not protection.alarms:
         return history
     ratio = furthest(protection.apart, protection)[None]
-    nominal = alarms(ratio, protection.t, _channels(prepared, protection), 0)
+    channels = _channels(prepared, protection)
+    nominal = alarms(ratio, protection.t, channels, 0)
     return history._replace(decisions=_sorted_decisions(history.decisions, nominal))
 
 
 def _sorted_decisions(decisions: Floats, more: Floats) -> Floats:
     """Return two tables of decisions as one, sorted by run, then by time."""
     table = np.concatenate([decisions, more])
-    return table[np.lexsort((table[:, 1], table[:, 0]))]
+    run = table[:, 0]
+    time = table[:, 1]
+    order = np.lexsort((time, run))
+    return table[order]

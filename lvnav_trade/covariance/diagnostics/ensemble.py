@@ -61,29 +61,34 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     seed, n_run
         Seed of the campaign, and number of runs.
     """
-    open_loop = prepared.scenario.filter.model_copy(update={"feedback": "open"})
+    scenario = prepared.scenario
+    open_loop = scenario.filter.model_copy(update={"feedback": "open"})
     unaided = prepared._replace(
         model=prepared.model._replace(aided=False),
         options=Options(misses=True),
-        scenario=prepared.scenario.model_copy(update={"filter": open_loop}),
+        scenario=scenario.model_copy(update={"filter": open_loop}),
     )
-    n_hist, n = prepared.t_hist.size, prepared.layout.n_state
+    n_hist = prepared.t_hist.size
+    n = prepared.layout.n_state
     total = np.zeros((n_hist, n))
     products = np.zeros((n_hist, n, n))
     squares = np.zeros((n_hist, n))
     for misses in simulated(unaided, seed, n_run):
-        total += misses.missed.sum(axis=0)
-        products += np.einsum("rhi,rhj->hij", misses.missed, misses.missed)
+        missed = misses.missed
+        total += missed.sum(axis=0)
+        products += np.einsum("rhi,rhj->hij", missed, missed)
         squares += np.sum(misses.error**2, axis=0)
     mean = total / n_run
-    covariance = (products - n_run * mean[:, :, None] * mean[:, None, :]) / max(1, n_run - 1)
+    scatter = products - n_run * mean[:, :, None] * mean[:, None, :]
+    covariance = scatter / max(1, n_run - 1)
+    error = np.sqrt(squares / n_run)
     # the first history time has no step before it
     return StepErrors(
         t=prepared.t_hist[1:],
         seconds=np.diff(prepared.t_hist),
         mean=mean[1:],
         covariance=covariance[1:],
-        error=np.sqrt(squares / n_run)[1:],
+        error=error[1:],
         n_run=n_run,
     )
 
@@ -103,7 +108,9 @@ def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until:
     in_interval = (errors.t > since) & (errors.t <= until) & (errors.seconds > 0.0)
     variance = np.diagonal(errors.covariance, axis1=1, axis2=2) + errors.mean**2
     # white noise of density q adds q T per step, so q is the sum of the variances over the sum of the times
-    density = variance[in_interval].sum(axis=0) / errors.seconds[in_interval].sum()
+    total_variance = variance[in_interval].sum(axis=0)
+    total_time = errors.seconds[in_interval].sum()
+    density = total_variance / total_time
 
     offsets = {"attitude": ATT, "velocity": VEL, "position": POS}
     offsets |= {block.name: block.offset for block in prepared.layout.parameters}
@@ -111,5 +118,6 @@ def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until:
     for name in Densities._fields:
         if name in offsets:
             first = offsets[name]
-            roots[name] = float(np.sqrt(density[first : first + 3].mean()))
+            axis_mean = density[first : first + 3].mean()
+            roots[name] = float(np.sqrt(axis_mean))
     return Densities(**roots)

@@ -70,14 +70,20 @@ def _gather(noise, P, D, tape, schedule, true, model):
         if schedule.n_tick[w] > 0:
             length = schedule.length[w]
             seconds = model.seconds[length]
-            decay, q = model.decay[length], model.noise[length]
-            sums, position = tape.sums[w], tape.position[w]
-            transition.fill(D, true.nav_kinds, true.nav_drivers, sums, position[0], position[1], position[2], seconds)
+            decay = model.decay[length]
+            q = model.noise[length]
+            sums = tape.sums[w]
+            position = tape.position[w]
+            x = position[0]
+            y = position[1]
+            z = position[2]
+            transition.fill(D, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
             add_turned(P, model.uneven, sums, seconds)
             predict(P, D, true.nav_rows, true.nav_columns, decay, q, model.clock, seconds)
             add_turned(P, model.uneven, sums, seconds)
             inject(P, model, schedule.injection[w])
-        if tape.first[w + 1] > tape.first[w]:
+        has_update = tape.first[w + 1] > tape.first[w]
+        if has_update:
             for i in range(n):
                 for j in range(n):
                     noise[count, i, j] = P[i, j]
@@ -110,17 +116,22 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
     states = np.array(prepared.layout.reported)
     noise = _interval_noise(prepared, tape, n_update)[:, states[:, None], states]
     Q = noise[1:] if n_update > 1 else noise  # the time before the first update may be shorter than an interval
-    scale, _ = initial_spread(prepared.start.P[np.ix_(states, states)])
+    P = prepared.start.P[np.ix_(states, states)]
+    scale, _ = initial_spread(P)
     safe = np.where(scale > 0.0, scale, 1.0)
     Q = Q / np.outer(safe, safe)
     values, vectors = np.linalg.eigh(Q)
-    weakest = vectors[int(np.argmin(values[:, 0])), :, 0]
+    smallest = values[:, 0]
+    largest = values[:, -1]
+    weakest_interval = int(np.argmin(smallest))
+    weakest = vectors[weakest_interval, :, 0]
+    largest_entry = np.argmax(np.abs(weakest))
     return ErrorBound(
         rank=int(_ranks(Q).min()),
         states=states.size,
-        low=max(0.0, float(values[:, 0].min())),
-        high=float(values[:, -1].max()),
-        weakest=weakest / weakest[np.argmax(np.abs(weakest))],
+        low=max(0.0, float(smallest.min())),
+        high=float(largest.max()),
+        weakest=weakest / weakest[largest_entry],
         rows=_noise_bounds(prepared, tape),
     )
 
@@ -139,8 +150,10 @@ def _interval_noise(prepared: Prepared, tape: UpdateTape, n_update: int) -> Floa
     """
     n = prepared.layout.n_state
     true = components(prepared)
+    n_block = true.nav_rows.size
     noise = np.zeros((n_update, n, n))
-    P, D = np.zeros((n, n)), np.zeros((true.nav_rows.size, 9))
+    P = np.zeros((n, n))
+    D = np.zeros((n_block, 9))
     _gather(noise, P, D, tape, prepared.schedule, true, prepared.model)
     return noise
 
@@ -150,18 +163,23 @@ def _ranks(Q: Floats) -> Ints:
     sigma = np.sqrt(np.einsum("kii->ki", Q))
     safe = np.where(sigma > 0.0, sigma, 1.0)
     correlation = Q / (safe[:, :, None] * safe[:, None, :])
-    return np.asarray(np.sum(np.linalg.eigvalsh(correlation) > FLOOR, axis=1))
+    is_positive = np.linalg.eigvalsh(correlation) > FLOOR
+    return np.asarray(np.sum(is_positive, axis=1))
 
 
 def _noise_bounds(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:
     """Return unit, smallest and largest one-sigma of the noise of all processed measurements, by unit."""
     n_update = int(tape.used[0])
-    epoch, channel = tape.epoch[:n_update], tape.channel[:n_update]
+    epoch = tape.epoch[:n_update]
+    channel = tape.channel[:n_update]
     sigma = np.sqrt(prepared.signals.variance[epoch, channel])
-    units = np.array([_UNITS.get(row_type, "m/s") for row_type in prepared.model.row_type[channel].tolist()])
+    row_types = prepared.model.row_type[channel].tolist()
+    units = np.array([_UNITS.get(row_type, "m/s") for row_type in row_types])
     bounds = []
     for unit in dict.fromkeys(("m", "m/s", *units.tolist())):
-        of_unit = sigma[units == unit]
-        if of_unit.size:
-            bounds.append((unit, float(of_unit.min()), float(of_unit.max())))
+        sigmas = sigma[units == unit]
+        if sigmas.size:
+            smallest = float(sigmas.min())
+            largest = float(sigmas.max())
+            bounds.append((unit, smallest, largest))
     return tuple(bounds)

@@ -154,13 +154,16 @@ def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Fl
     -----
     The quantisation remainder is uniform over a step and independent, which gives sqrt(3) times its sigma over tau.
     """
-    white = allan.together(allan.white(rms(card.random_walk), tau), 0.5 * card.quantisation / tau)
+    white_noise = allan.white(rms(card.random_walk), tau)
+    quantisation = 0.5 * card.quantisation / tau
+    white = allan.together(white_noise, quantisation)
     instability = np.zeros_like(tau)
     if card.flicker > 0.0 and card.instability_fit is not None:
         instability = np.full_like(tau, card.flicker * allan.FLOOR)
     elif card.flicker > 0.0:
         instability = allan.gauss_markov(card.instability, tau)
-    return white, instability, allan.random_walk(rms(card.rate_random_walk), tau)
+    walk = allan.random_walk(rms(card.rate_random_walk), tau)
+    return white, instability, walk
 
 
 def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:
@@ -211,4 +214,8 @@ def _triad_cards(prepared: Prepared) -> list[tuple[int, ImuCard, str]]:
     imu = prepared.scenario.imu
     if isinstance(imu, ImuCard):
         return [(0, imu, "")]
-    return [(k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))]
+    cards: list[tuple[int, ImuCard, str]] = []
+    for k, triad in enumerate(triads_of(imu)):
+        card = imu.units[triad.unit]
+        cards.append((k, card, f"unit {triad.unit + 1} "))
+    return cards

@@ -7,31 +7,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.perturbed_estimate import (
-    compensated,
-    increments,
-    inputs,
-    navigation_at,
-    place,
-    place_previous_epoch,
-    tick_at,
+from lvnav_trade.covariance.diagnostics.perturbed_estimate import place, place_previous_epoch
+from lvnav_trade.covariance.diagnostics.propagated_errors import (
+    covariance_steps,
+    gap_pieces,
+    linear_errors,
+    start_tick,
+    strapdown_errors,
+    update_windows,
 )
 from lvnav_trade.covariance.history import turns
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
 from lvnav_trade.filter.ekf import channel_of, fill_receiver
 from lvnav_trade.filter.policies.epoch_differences import is_present
-from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import small_rotation
-from lvnav_trade.kernels.covariance import apply_phi
-from lvnav_trade.kernels.mechanisation import mechanise
-from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate
-from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.simulation.preparation.prepare import Prepared
-
-Windows = list[tuple[int, int, Floats]]
-_PIECES = 60
-"""Number of pieces of a gap; estimated biases are constant within each."""
 
 
 class Nonlinearity(NamedTuple):
@@ -77,23 +67,25 @@ def nonlinearity(
     time = float(prepared.t_hist[hist])
     formal, true = _covariances(prepared, history, hist)
     directions = scale * _factor(true)
-    start = _start_tick(prepared, time)
-    windows = _windows(prepared, start) if end is None else _pieces(prepared, time, end)
-    linear = _linear_errors(prepared, start, directions, windows)
+    start = start_tick(prepared, time)
+    windows = update_windows(prepared, start) if end is None else gap_pieces(prepared, time, end)
+    linear = linear_errors(prepared, start, directions, windows)
     # f(d) = L d + q(d, d): half of the sum of both signs is q, half of the difference is L d
-    plus = _strapdown_errors(prepared, start, directions, windows)
-    minus = _strapdown_errors(prepared, start, -directions, windows)
+    plus = strapdown_errors(prepared, start, directions, windows)
+    minus = strapdown_errors(prepared, start, -directions, windows)
     if end is not None:  # the measurement at the end of the gap sees the grown errors
-        last = max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1)
+        last_before_end = int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1
+        last = max(hist, last_before_end)
         formal, true = _covariances(prepared, history, last)
         directions = scale * _factor(true)
         time = end
     first_order, second_order = _orders(plus, minus, linear, formal)
     rows = _row_nonlinearity(prepared, time, directions, formal)
+    n_state = second_order.shape[1]
     return Nonlinearity(
         time=time,
         motion=float(second_order.max()) / scale,
-        state=int(np.argmax(second_order)) % second_order.shape[1],
+        state=int(np.argmax(second_order)) % n_state,
         transition=float(first_order.max()) / scale,
         rows=rows / scale,
     )
@@ -115,8 +107,10 @@ def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tupl
     """
     sigma = np.sqrt(np.diag(formal))[:9]
     sigma = np.where(sigma > 0.0, sigma, np.inf)
-    second_order = np.abs(plus + minus) / 2.0 / sigma
-    first_order = np.abs((plus - minus) / 2.0 - linear[:, :9]) / sigma
+    even_part = np.abs(plus + minus) / 2.0
+    odd_part = (plus - minus) / 2.0
+    second_order = even_part / sigma
+    first_order = np.abs(odd_part - linear[:, :9]) / sigma
     return first_order, second_order
 
 
@@ -139,170 +133,57 @@ def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float)
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     time = float(prepared.t_hist[hist])
-    pieces = _pieces(prepared, float(prepared.t_hist[0]), time)
+    begin = float(prepared.t_hist[0])
+    pieces = gap_pieces(prepared, begin, time)
     _, initial = _covariances(prepared, history, 0)
     directions = _factor(initial)
-    distance = _linear_errors(prepared, 0, directions, _steps(prepared, time))
-    plus = _strapdown_errors(prepared, 0, directions, pieces)
-    minus = _strapdown_errors(prepared, 0, -directions, pieces)
+    distance = linear_errors(prepared, 0, directions, covariance_steps(prepared, time))
+    plus = strapdown_errors(prepared, 0, directions, pieces)
+    minus = strapdown_errors(prepared, 0, -directions, pieces)
     formal, _ = _covariances(prepared, history, hist)
     first_order, second_order = _orders(plus, minus, distance, formal)
+    rows = _row_nonlinearity(prepared, time, distance, formal, noise=0.0)
+    n_state = second_order.shape[1]
     return Nonlinearity(
         time=time,
         motion=float(second_order.max()),
-        state=int(np.argmax(second_order)) % second_order.shape[1],
+        state=int(np.argmax(second_order)) % n_state,
         transition=float(first_order.max()),
-        rows=_row_nonlinearity(prepared, time, distance, formal, noise=0.0),
+        rows=rows,
     )
-
-
-def _steps(prepared: Prepared, end: float) -> Windows:
-    """Return the covariance steps from the start of the flight to a time (s)."""
-    _, step = _ticks(prepared)
-    decay = _decay(prepared, step)
-    return [(first, step, decay) for first in range(0, tick_at(prepared, end) - step + 1, step)]
-
-
-def _decay(prepared: Prepared, n_tick: int) -> Floats:
-    """Return the decay factors (n_state,) of the window length closest to a number of ticks."""
-    return prepared.model.decay[int(np.argmin(np.abs(prepared.lengths - n_tick * prepared.unit.dt)))]
 
 
 def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
     """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
     turn = turns(prepared)[hist]
     layout = prepared.layout
-    states = slice(0, len(turn))  # further outputs are not states
+    n_reported = len(turn)
+    states = slice(0, n_reported)  # further outputs are not states
     formal = turn.T @ history.formal_cov[hist, states, states] @ turn
     true = turn.T @ history.true_cov[hist, states, states] @ turn
     if not layout.n_delayed:
         return formal, true
     # all states from the reported states: clones equal their states, noise states of an epoch are zero
-    selection = np.zeros((layout.n_state, len(turn)))
-    selection[layout.reported, range(len(turn))] = 1.0
-    selection[layout.clone : layout.clone + len(layout.cloned)] = selection[list(layout.cloned)]
-    return selection @ formal @ selection.T, selection @ true @ selection.T
+    selection = np.zeros((layout.n_state, n_reported))
+    selection[layout.reported, range(n_reported)] = 1.0
+    clones = slice(layout.clone, layout.clone + len(layout.cloned))
+    selection[clones] = selection[list(layout.cloned)]
+    formal = selection @ formal @ selection.T
+    true = selection @ true @ selection.T
+    return formal, true
 
 
 def _factor(covariance: Floats) -> Floats:
     """Return the columns of a Cholesky factor as rows (n, n); zero for a state without variance."""
-    sigma = np.sqrt(np.maximum(0.0, np.diag(covariance)))
+    variance = np.maximum(0.0, np.diag(covariance))
+    sigma = np.sqrt(variance)
     safe = np.where(sigma > 0.0, sigma, 1.0)
     correlation = covariance / safe[:, None] / safe[None, :]
     # states differ by ten orders of magnitude, so the correlation is factorised, made safe against rounding
-    correlation[range(len(sigma)), range(len(sigma))] = 1.0 + 1e-9
+    diagonal = range(len(sigma))
+    correlation[diagonal, diagonal] = 1.0 + 1e-9
     factor = np.linalg.cholesky(correlation) * sigma[:, None]
     return np.array(factor.T, dtype=np.float64, order="C")
-
-
-def _ticks(prepared: Prepared) -> tuple[int, int]:
-    """Return the ticks of one update interval and of one covariance step."""
-    card, rate = prepared.scenario.filter, prepared.scenario.imu.rate
-    interval = max(1, round(rate / card.update_rate))
-    step = max(1, round(rate / card.covariance_rate))
-    return interval, step
-
-
-def _start_tick(prepared: Prepared, time: float) -> int:
-    """Return the tick at a time, or the last from which an update interval remains."""
-    interval, _ = _ticks(prepared)
-    last = prepared.reference.t.size - 1 - interval
-    return max(0, min(tick_at(prepared, time), last))
-
-
-def _windows(prepared: Prepared, start: int) -> Windows:
-    """Return (first tick, ticks, decay of every state) of the covariance steps of one update interval."""
-    interval, step = _ticks(prepared)
-    decay = _decay(prepared, step)
-    return [(first, step, decay) for first in range(start, start + interval - step + 1, step)]
-
-
-def _pieces(prepared: Prepared, begin: float, end: float) -> Windows:
-    """Return the windows of a gap as `_windows` does, in at most `_PIECES` pieces of whole covariance steps."""
-    _, step = _ticks(prepared)
-    first = tick_at(prepared, begin)
-    last = min(tick_at(prepared, end), prepared.reference.t.size - 1)
-    n_step = max(1, (last - first) // step)
-    n_in_piece = -(-n_step // _PIECES)  # rounded up
-    decay = _decay(prepared, step)
-    pieces = []
-    for k in range(0, n_step, n_in_piece):
-        n = min(n_in_piece, n_step - k)
-        pieces.append((first + step * k, step * n, decay**n))
-    return pieces
-
-
-def _strapdown_errors(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
-    """Return the navigation errors (n, 9) SI at the end of the windows, by the strapdown.
-
-    The error-free flight and the drivers of IMU parameters are computed once.
-
-    Parameters
-    ----------
-    prepared
-        Prepared case.
-    start
-        Tick at which the windows start.
-    errors
-        (n, n_state) SI. Initial errors.
-    windows
-        First tick, number of ticks and decay factors (n_state,) of each window.
-    """
-    sums = np.zeros(N_SUM)
-    algorithm = full_rate(prepared.model.strapdown.gravity)
-    dt = prepared.unit.dt
-    legs = [(inputs(prepared, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
-    increments_before = inputs(prepared, max(0, start - 1), 1).true[0]
-
-    def integrate(d: Floats) -> Floats:
-        nav = navigation_at(prepared, start, d)
-        previous = increments_before.copy()
-        parameters = d
-        for ticks, n_tick, decay in legs:
-            mechanise(nav, sums, previous, compensated(ticks, parameters), n_tick, dt, algorithm, 0.0)
-            parameters = decay * parameters
-        return nav
-
-    exact = integrate(np.zeros(errors.shape[1]))
-    results = np.empty((len(errors), 9))
-    for result, d in zip(results, errors, strict=True):
-        nav = integrate(d)
-        result[ATT : ATT + 3] = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
-        result[VEL : VEL + 3] = exact[V : V + 3] - nav[V : V + 3]
-        result[POS : POS + 3] = exact[R : R + 3] - nav[R : R + 3]
-    return results
-
-
-def _linear_errors(prepared: Prepared, start: int, directions: Floats, windows: Windows) -> Floats:
-    """Return the errors (n, n_state) SI at the end of the windows, by the filter's transition.
-
-    Parameters
-    ----------
-    prepared
-        Prepared case.
-    start
-        Tick at which the windows start.
-    directions
-        (n, n_state) SI. Initial errors.
-    windows
-        First tick, number of ticks and decay factors (n_state,) of each window.
-    """
-    model, dt = prepared.model, prepared.unit.dt
-    no_error = np.zeros(directions.shape[1])
-    nav = navigation_at(prepared, start, no_error)
-    sums, previous = np.zeros(N_SUM), np.zeros(6)
-    errors = directions.copy()
-    blocks = np.zeros((model.block_rows.size, 9))
-    algorithm = full_rate(model.strapdown.gravity)
-    for first, n_tick, decay in windows:
-        true_increments = increments(prepared, first, n_tick, no_error)
-        mechanise(nav, sums, previous, true_increments, n_tick, dt, algorithm, 0.0)
-        seconds = n_tick * dt
-        x, y, z = nav[R : R + 3]
-        transition.fill(blocks, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
-        for error in errors:
-            apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
-    return errors
 
 
 def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
@@ -332,14 +213,16 @@ def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, forma
     if n_satellite < least or not _present_rows(prepared, epoch):
         return float("nan")
     work = new_nominal(prepared)
-    exact = _predicted_rows(prepared, work, epoch, np.zeros(directions.shape[1]))
+    no_error = np.zeros(directions.shape[1])
+    exact = _predicted_rows(prepared, work, epoch, no_error)
     sigma = _innovation_sigma(prepared, work, epoch, formal, noise)
     second_differences = []
     for d in directions:
         plus = _predicted_rows(prepared, work, epoch, d)
         minus = _predicted_rows(prepared, work, epoch, -d)
         second_differences.append(plus + minus - 2.0 * exact)
-    return float(np.max(np.abs(second_differences) / 2.0 / sigma))
+    second_order = np.abs(second_differences) / 2.0
+    return float(np.max(second_order / sigma))
 
 
 def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
@@ -356,33 +239,43 @@ def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) ->
     d
         (n_state,) SI. Error of the estimate, truth minus estimate.
     """
-    model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
+    model = prepared.model
+    signals = prepared.signals
+    delayed = prepared.options.delayed
     previous_epoch = place_previous_epoch(prepared, work, epoch, d)
     place(prepared, work, epoch, d)
     fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
-    return work.z[_present_rows(prepared, epoch)]
+    rows = _present_rows(prepared, epoch)
+    return work.z[rows]
 
 
 def _present_rows(prepared: Prepared, epoch: int) -> list[int]:
     """Return the indices of the scalar measurements of the receiver that the filter processes at an epoch."""
-    model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
+    model = prepared.model
+    signals = prepared.signals
+    delayed = prepared.options.delayed
     n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
     rows = []
     for row in range(n_row):
-        if is_present(delayed, model, epoch, channel_of(model, signals, epoch, row)):
+        channel = channel_of(model, signals, epoch, row)
+        if is_present(delayed, model, epoch, channel):
             rows.append(row)
     return rows
 
 
 def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
     """Return the formal sigma of the innovations of `_present_rows`; noise: factor on the noise variance."""
-    model, signals = prepared.model, prepared.signals
+    model = prepared.model
+    signals = prepared.signals
     sigma = []
     for row in _present_rows(prepared, epoch):
         channel = channel_of(model, signals, epoch, row)
         n = model.n_entry[channel]
+        entries = model.entry[channel, :n]
+        states = model.column[channel, :n]
         h = np.zeros(prepared.layout.n_state)
-        h[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
-        variance = h @ formal @ h + noise * signals.variance[epoch, channel]
+        h[states] = work.H[row, entries]
+        noise_variance = noise * signals.variance[epoch, channel]
+        variance = h @ formal @ h + noise_variance
         sigma.append(np.sqrt(variance))
     return np.array(sigma)

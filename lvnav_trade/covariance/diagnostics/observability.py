@@ -61,8 +61,9 @@ def fold(triangle, row):
     for k in range(n):
         if row[k] == 0.0:
             continue
-        size = np.sqrt(triangle[k, k] ** 2 + row[k] ** 2)
-        c = triangle[k, k] / size
+        diagonal = triangle[k, k]
+        size = np.sqrt(diagonal**2 + row[k] ** 2)
+        c = diagonal / size
         s = row[k] / size
         for j in range(k, n):
             above = triangle[k, j]
@@ -113,6 +114,7 @@ def _fold_samples(folding, samples, first, n_tick):
     first, n_tick : first tick, number of ticks
     """
     vehicle = samples.vehicle
+    columns = vehicle.columns
     phi, h, row = folding.phi, folding.h, folding.row
     n = phi.shape[0]
     for tick in range(first, first + n_tick):
@@ -121,8 +123,8 @@ def _fold_samples(folding, samples, first, n_tick):
             weight = 1.0 / np.sqrt(vehicle.variance[r])
             for j in range(n):
                 total = 0.0
-                for k in range(vehicle.columns.shape[1]):
-                    total += h[r, k] * phi[j, vehicle.columns[r, k]]
+                for k in range(columns.shape[1]):
+                    total += h[r, k] * phi[j, columns[r, k]]
                 row[j] = weight * total
             fold(folding.triangle, row)
         nominal_tick(folding.sums, samples.reference, tick, samples.dt)
@@ -189,15 +191,19 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
     first_window, last_window : windows of the interval
     """
     phi = folding.phi
+    whitened_row = folding.row
     n = phi.shape[0]
     count = 0
     block_rows, block_columns, kinds, drivers = rows.blocks
     for w in range(first_window, last_window + 1):
-        if rows.n_tick[w] > 0:
+        n_tick = rows.n_tick[w]
+        epoch = rows.epoch[w]
+        if n_tick > 0:
             if samples is not None:
-                count += _fold_samples(folding, samples, rows.first_tick[w], rows.n_tick[w])
+                count += _fold_samples(folding, samples, rows.first_tick[w], n_tick)
+            length = rows.length[w]
+            seconds, decay = rows.seconds[length], rows.decay[length]
             x, y, z = rows.position[w, 0], rows.position[w, 1], rows.position[w, 2]
-            seconds, decay = rows.seconds[rows.length[w]], rows.decay[rows.length[w]]
             transition.fill(folding.blocks, kinds, drivers, rows.sums[w], x, y, z, seconds)
             for j in range(n):
                 apply_phi(phi[j], folding.blocks, block_rows, block_columns, decay, rows.clock, seconds)
@@ -206,12 +212,13 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
             for j in range(n):
                 total = 0.0
                 for k in range(rows.n_entry[channel]):
-                    total += rows.h[row, rows.entry[channel, k]] * phi[j, rows.column[channel, k]]
-                folding.row[j] = rows.weight[row] * total
-            fold(folding.triangle, folding.row)
+                    entry, state = rows.entry[channel, k], rows.column[channel, k]
+                    total += rows.h[row, entry] * phi[j, state]
+                whitened_row[j] = rows.weight[row] * total
+            fold(folding.triangle, whitened_row)
             count += 1
-        if delayed is not None and rows.epoch[w] >= 0:
-            _begin_epoch(phi, delayed, extra_offset, rows.epoch[w])
+        if delayed is not None and epoch >= 0:
+            _begin_epoch(phi, delayed, extra_offset, epoch)
     return count
 
 

@@ -29,8 +29,11 @@ def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
     d
         (n_state,) SI. Error, truth minus estimate.
     """
-    turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
-    return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
+    inverse_tilt = from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2])
+    attitude = multiply(*inverse_tilt, *q)
+    velocity = v - d[VEL : VEL + 3]
+    position = r - d[POS : POS + 3]
+    return np.concatenate([attitude, velocity, position])
 
 
 def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
@@ -46,7 +49,10 @@ def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
         (n_state,) SI. Error, truth minus estimate.
     """
     reference = prepared.reference
-    return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
+    q = reference.q_b_i[tick]
+    v = reference.v_i[tick]
+    r = reference.r_i[tick]
+    return navigation(q, v, r, d)
 
 
 class Inputs(NamedTuple):
@@ -75,30 +81,38 @@ def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
     """
     ticks = slice(first, first + n_tick)
     dt = prepared.unit.dt
-    true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
-    angles, velocities = slice(0, 3), slice(3, 6)
+    reference = prepared.reference
+    true = np.hstack([reference.dtheta[ticks], reference.dvel[ticks]])
+    angles = slice(0, 3)
+    velocities = slice(3, 6)
     sensors = []
     for sensor, columns, other_columns in ((GYRO, angles, velocities), (ACCEL, velocities, angles)):
         blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
         if not blocks:
             continue
-        own_x, own_y, own_z = (true[:, columns] / dt).T
-        other_x, other_y, other_z = (true[:, other_columns] / dt).T
+        own_input = true[:, columns] / dt
+        other_input = true[:, other_columns] / dt
+        own_x, own_y, own_z = own_input.T
+        other_x, other_y, other_z = other_input.T
         drivers = []
         for block in blocks:
             axes = _driver(block.driver, own_x, own_y, own_z, other_x, other_y, other_z)
             drivers.append(np.stack(axes, axis=1))
-        states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
+        offsets = np.array([block.offset for block in blocks])
+        states = offsets[:, None] + np.arange(3)
         sensors.append((columns, states, np.stack(drivers)))
     return Inputs(true, tuple(sensors), dt)
 
 
 def compensated(inputs: Inputs, d: Floats) -> Floats:
     """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
-    result = inputs.true.copy()
+    true = inputs.true
+    result = true.copy()
     for columns, states, drivers in inputs.sensors:
-        terms = drivers * d[states][:, None] * inputs.dt
-        result[:, columns] = np.add.reduce(np.concatenate([inputs.true[None, :, columns], terms]))  # in this order
+        parameters = d[states][:, None]
+        errors = drivers * parameters * inputs.dt
+        terms = np.concatenate([true[None, :, columns], errors])
+        result[:, columns] = np.add.reduce(terms)  # in this order
     return result
 
 
@@ -114,12 +128,14 @@ def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats
     d
         (n_state,) SI. Error, truth minus estimate.
     """
-    return compensated(inputs(prepared, first, n_tick), d)
+    true_inputs = inputs(prepared, first, n_tick)
+    return compensated(true_inputs, d)
 
 
 def tick_at(prepared: Prepared, time: float) -> int:
     """Return the tick nearest to a time (s)."""
-    return int(np.argmin(np.abs(prepared.reference.t - time)))
+    distance = np.abs(prepared.reference.t - time)
+    return int(np.argmin(distance))
 
 
 def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
@@ -139,13 +155,20 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
         s since lift-off. Time of the truth; None: that of the epoch.
     """
     model = prepared.model
-    tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
+    dt = prepared.unit.dt
+    time_of_truth = prepared.t_epoch[epoch] if time is None else time
+    tick = tick_at(prepared, time_of_truth)
+    previous_tick = max(0, tick - 1)
+    previous_increments = increments(prepared, previous_tick, 1, d)[0]
     work.nav[:] = navigation_at(prepared, tick, d)
-    work.previous[:] = increments(prepared, max(0, tick - 1), 1, d)[0]
-    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
+    work.previous[:] = previous_increments
+    work.clock_hat[:] = 0.0
+    if model.clock >= 0:
+        clock_states = slice(model.clock, model.clock + 2)
+        work.clock_hat[:] = -d[clock_states]
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
-    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
+    place_antenna(work, None, None, model, dt, epoch)
 
 
 def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
@@ -169,12 +192,14 @@ def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Float
     PreviousEpoch or None
         None without differences of two epochs.
     """
-    delayed, model = prepared.options.delayed, prepared.model
+    model = prepared.model
+    delayed = prepared.options.delayed
     previous_epoch = new_nominal_previous_epoch(prepared)
     if delayed is None or previous_epoch is None:
         return None
+    clones = delayed.clone + np.arange(delayed.cloned.size)
     error = np.zeros_like(d)
-    error[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
+    error[delayed.cloned] = d[clones]
     place(prepared, work, max(0, epoch - 1), error)
     store_estimate(work, previous_epoch, None, None, delayed, model, epoch)
     return previous_epoch

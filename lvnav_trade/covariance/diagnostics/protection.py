@@ -56,7 +56,8 @@ def exceedance_probability(size: Floats, sigma: Floats) -> Floats:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sigma > 0.0, size / sigma, np.inf)
-        return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-ratio)))
+        probability = 2.0 * ndtr(-ratio)
+        return np.asarray(np.where(size <= 0.0, 1.0, probability))
 
 
 def quantile(probability: float) -> float:
@@ -77,8 +78,10 @@ def thresholds(sigma: Floats, without: Floats, false_alarm: float) -> Floats:
     false_alarm
         Probability of an alarm of any satellite, for one axis.
     """
-    apart = np.sqrt(np.maximum(0.0, without**2 - sigma**2))
-    return np.asarray(apart * quantile(false_alarm / max(1, len(without))))
+    separation_variance = without**2 - sigma**2
+    apart = np.sqrt(np.maximum(0.0, separation_variance))
+    n_satellite = max(1, len(without))
+    return np.asarray(apart * quantile(false_alarm / n_satellite))
 
 
 def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float, prior: float) -> Floats:
@@ -94,16 +97,19 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
         Integrity risk, and prior probability that a satellite has failed.
     """
     # at this bound every probability of the sum is at most its share of the risk
-    reach = quantile(risk / (1.0 + prior * len(without)))
+    share = risk / (1.0 + prior * len(without))
+    reach = quantile(share)
     low = np.zeros(sigma.shape)
     high = reach * sigma
     if len(without):
-        high = np.maximum(high, np.max(limits + reach * without, axis=0))
+        bound = limits + reach * without
+        high = np.maximum(high, np.max(bound, axis=0))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         fault_free = exceedance_probability(middle, sigma)
-        faulty = np.sum(exceedance_probability(middle - limits, without), axis=0)
-        is_too_low = fault_free + prior * faulty > risk
+        faulty = exceedance_probability(middle - limits, without)
+        integrity_risk = fault_free + prior * np.sum(faulty, axis=0)
+        is_too_low = integrity_risk > risk
         low = np.where(is_too_low, middle, low)
         high = np.where(is_too_low, high, middle)
     return np.asarray(high)
@@ -111,15 +117,20 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
 
 def without_satellite(prepared: Prepared, satellite: int) -> Prepared:
     """Return the case with a filter that does not use a satellite; truth and draws are unchanged."""
-    model, n_kind = prepared.model, prepared.model.n_kind
+    model = prepared.model
+    n_kind = model.n_kind
     measured = model.measured.copy()
-    measured[n_kind * satellite : n_kind * (satellite + 1)] = False
+    first = n_kind * satellite
+    measured[first : n_kind * (satellite + 1)] = False
     return prepared._replace(model=model._replace(measured=measured))
 
 
 def columns_of(prepared: Prepared) -> list[list[int]]:
     """Return the columns of the outputs of position and of velocity, by axis."""
-    return [[k for k, output in enumerate(prepared.outputs) if output.quantity == name] for name in PROTECTED]
+    columns = []
+    for name in PROTECTED:
+        columns.append([k for k, output in enumerate(prepared.outputs) if output.quantity == name])
+    return columns
 
 
 def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) -> Protection:
@@ -138,10 +149,13 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
         Integrity risk, false-alarm probability, prior probability of a satellite fault.
     """
     columns = columns_of(prepared)
-    satellites = np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
+    in_use = prepared.signals.used
+    satellites = np.unique(in_use[in_use >= 0]).tolist()
     n_axis = sum(len(axes) for axes in columns)
     risk = risks.integrity_risk / n_axis
-    sigma, mean = history.formal[:, columns], history.mean[:, columns]
+    false_alarm = risks.false_alarm / n_axis
+    sigma = history.formal[:, columns]
+    mean = history.mean[:, columns]
     without = np.zeros((len(satellites), *sigma.shape))
     separation = np.zeros_like(without)
     for k, satellite in enumerate(satellites):
@@ -149,12 +163,13 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
         # with fewer measurements the sigma is not smaller; rounding may make it so
         without[k] = np.maximum(sub_filter.formal[:, columns], sigma)
         separation[k] = mean - sub_filter.mean[:, columns]
-    limits = thresholds(sigma, without, risks.false_alarm / n_axis)
+    limits = thresholds(sigma, without, false_alarm)
+    level = protection_level(sigma, without, limits, risk, risks.satellite_fault)
     return Protection(
         t=history.t,
         sigma=sigma,
         fault_free=quantile(risk) * sigma,
-        level=protection_level(sigma, without, limits, risk, risks.satellite_fault),
+        level=level,
         worst=_worst_failures(sigma, without, limits, risk),
         satellites=tuple(prepared.sky.names[satellite] for satellite in satellites),
         limits=limits,
@@ -167,6 +182,9 @@ def _worst_failures(sigma: Floats, without: Floats, limits: Floats, risk: float)
     """Return the satellite whose failure has the largest level, (n_hist, n_quantity); -1 if no sub-filter is worse."""
     if not len(without):
         return np.full(sigma.shape[:2], -1)
-    level = np.linalg.norm(limits + quantile(risk) * without, axis=-1)
-    is_none_worse = np.all(without <= sigma * (1.0 + 1e-9), axis=(0, -1))
-    return np.where(is_none_worse, -1, np.argmax(level, axis=0))
+    bound = limits + quantile(risk) * without
+    level = np.linalg.norm(bound, axis=-1)
+    rounded_sigma = sigma * (1.0 + 1e-9)
+    is_none_worse = np.all(without <= rounded_sigma, axis=(0, -1))
+    largest = np.argmax(level, axis=0)
+    return np.where(is_none_worse, -1, largest)

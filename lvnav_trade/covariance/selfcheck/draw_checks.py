@@ -43,11 +43,13 @@ def moments(what: str, z: Floats, where: str = "") -> list[CheckResult]:
         Time or place, for the report.
     """
     n = z.size
+    mean = float(z.mean())
+    mean_square = float(np.mean(z**2))
     mean_law = stats.norm(0.0, 1.0 / math.sqrt(n))
     variance_law = stats.chi2(n, scale=1.0 / n)
     return [
-        CheckResult(KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=mean_law),
-        CheckResult(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=variance_law),
+        CheckResult(KIND, f"{what}, mean (sigma)", mean, where=where, law=mean_law),
+        CheckResult(KIND, f"{what}, variance", mean_square, where=where, law=variance_law),
     ]
 
 
@@ -65,24 +67,29 @@ def correlation(what: str, first: Floats, later: Floats, expected: float, second
     seconds
         s. Time in between.
     """
-    law = stats.norm(expected, math.sqrt((1.0 + expected**2) / first.size))
+    variance = (1.0 + expected**2) / first.size
+    law = stats.norm(expected, math.sqrt(variance))
+    estimate = float(np.mean(first * later))
     where = f"after {seconds:.3g} s; expected {expected:.3f}"
-    return CheckResult(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)
+    return CheckResult(KIND, f"{what}, correlation", estimate, where=where, law=law)
 
 
 def of_imu(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the IMU parameters (and of the gravity disturbance) by source, and of the white noise."""
     checks: list[CheckResult] = []
+    unit = prepared.unit
+    sources = prepared.sources
     first, later, lags = _processes(prepared, seed)
-    step = prepared.unit.process_ticks * prepared.unit.dt
-    for source in dict.fromkeys(block.name for block in prepared.sources):
-        blocks = [k for k, block in enumerate(prepared.sources) if block.name == source]
-        block = prepared.sources[blocks[0]]
-        lag = lags[blocks[0]]
-        checks += _parameter_checks(block, first[:, blocks], later[:, blocks], lag, step)
+    step = unit.process_ticks * unit.dt
+    for source in dict.fromkeys(block.name for block in sources):
+        blocks = [k for k, block in enumerate(sources) if block.name == source]
+        first_block = blocks[0]
+        first_values = first[:, blocks]
+        later_values = later[:, blocks]
+        checks += _parameter_checks(sources[first_block], first_values, later_values, lags[first_block], step)
     for name, z in _white(prepared, seed):
         checks += moments(name, z)
-        checks.append(correlation(name, z[:, :-1], z[:, 1:], 0.0, prepared.unit.dt))
+        checks.append(correlation(name, z[:, :-1], z[:, 1:], 0.0, unit.dt))
     return checks
 
 
@@ -108,13 +115,16 @@ def _parameter_checks(block: ErrorTerm, first: Floats, later: Floats, lag: int, 
     has_start = start_sigma > 0.0
     has_later = later_sigma > 0.0
     if has_start.any():
-        checks += moments(name, first[..., has_start] / start_sigma[has_start], "at the start")
+        z_start = first[..., has_start] / start_sigma[has_start]
+        checks += moments(name, z_start, "at the start")
     if lag:
-        z = later[..., has_later] / later_sigma[has_later]
-        checks += moments(name, z, f"after {seconds:.3g} s")
+        sigma = later_sigma[has_later]
+        z_later = later[..., has_later] / sigma
+        checks += moments(name, z_later, f"after {seconds:.3g} s")
         if math.isfinite(block.time_constant):
-            z_first = first[..., has_later] / later_sigma[has_later]
-            checks.append(correlation(name, z_first, z, math.exp(-seconds / block.time_constant), seconds))
+            z_first = first[..., has_later] / sigma
+            expected = math.exp(-seconds / block.time_constant)
+            checks.append(correlation(name, z_first, z_later, expected, seconds))
     return checks
 
 
@@ -130,35 +140,41 @@ def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
     count
         Number of steps.
     """
-    start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
+    start = np.array(squares(block.sigma))
+    rate = np.array(squares(block.walk))
     if math.isinf(block.time_constant):
         return np.asarray(start + rate * step * count)
     decay = math.exp(-2.0 * step / block.time_constant)  # of the variance over a step; the driving noise is a sum
-    return np.asarray(start + rate * step * (1.0 - decay**count) / (1.0 - decay))
+    driven = rate * step * (1.0 - decay**count) / (1.0 - decay)
+    return np.asarray(start + driven)
 
 
 def _lag(block: ErrorTerm, step: float) -> int:
     """Return the number of steps after which a parameter is checked again; 0 if it does not vary."""
     if math.isinf(block.time_constant):
         return _STEPS if rms(block.walk) > 0.0 else 0
-    return min(_STEPS, max(1, round(block.time_constant / step)))
+    n_step = round(block.time_constant / step)
+    return min(_STEPS, max(1, n_step))
 
 
 def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]]:
     """Return the parameters (n_run, n_block, 3) at the start of runs and after some steps, and the numbers of steps."""
     unit = prepared.unit
     k0, k1 = seed_words(seed)
-    lags = [_lag(block, unit.process_ticks * unit.dt) for block in prepared.sources]
+    step_seconds = unit.process_ticks * unit.dt
+    lags = [_lag(block, step_seconds) for block in prepared.sources]
     n_block = len(lags)
     first = np.zeros((RUNS, n_block, 3))
     later = np.zeros((RUNS, n_block, 3))
     values = np.zeros((max(1, n_block), 3))
     blocks_by_lag = {lag: np.array(lags) == lag for lag in set(lags)}
-    for run in range(RUNS if lags else 0):
-        processes.start(values, unit.sigma, unit.sources, k0, k1, np.uint64(run))
+    n_run = RUNS if lags else 0
+    for run in range(n_run):
+        run_key = np.uint64(run)
+        processes.start(values, unit.sigma, unit.sources, k0, k1, run_key)
         first[run] = values
         for step in range(1, max(lags) + 1):
-            processes.step(values, unit.decay, unit.walk, unit.sources, k0, k1, np.uint64(run), np.uint64(step))
+            processes.step(values, unit.decay, unit.walk, unit.sources, k0, k1, run_key, np.uint64(step))
             if step in blocks_by_lag:
                 blocks = blocks_by_lag[step]
                 later[run, blocks] = values[blocks]
@@ -168,16 +184,17 @@ def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]
 def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
     """Yield the white noise of every sensor of every IMU, (n_run, n_tick, n_axis) in sigmas of its card."""
     imu = prepared.scenario.imu
+    dt = prepared.unit.dt
     n = min(_TICKS, len(prepared.unit.dtheta))
     if isinstance(imu, ImuCard):
         noise = _imu_noise(prepared, seed, n)
-        yield from _normalised_noise(imu, "", noise, 3, prepared.unit.dt)
+        yield from _normalised_noise(imu, "", noise, 3, dt)
         return
     noise = _array_noise(prepared, seed, n)
     for k, triad in enumerate(triads_of(imu)):
         card = imu.units[triad.unit]
         name = f"unit {triad.unit + 1} "
-        yield from _normalised_noise(card, name, noise[:, k], triad.n_axis, prepared.unit.dt)
+        yield from _normalised_noise(card, name, noise[:, k], triad.n_axis, dt)
 
 
 def _normalised_noise(card: ImuCard, name: str, noise: Floats, n_axis: int, dt: float) -> Iterator[tuple[str, Floats]]:
@@ -197,11 +214,13 @@ def _normalised_noise(card: ImuCard, name: str, noise: Floats, n_axis: int, dt: 
         s. Tick.
     """
     for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
-        sigma = np.array(axes(sensor.random_walk))[:n_axis] * math.sqrt(dt)
+        random_walk = np.array(axes(sensor.random_walk))
+        sigma = random_walk[:n_axis] * math.sqrt(dt)
         has_noise = sigma > 0.0
         if has_noise.any():
             by_axis = noise[:, :, first : first + n_axis]
-            yield f"{name}{label} random walk", by_axis[..., has_noise] / sigma[has_noise]
+            z = by_axis[..., has_noise] / sigma[has_noise]
+            yield f"{name}{label} random walk", z
 
 
 def _imu_noise(prepared: Prepared, seed: int, n: int) -> Floats:
@@ -256,6 +275,8 @@ def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
         Number of ticks.
     """
     units = prepared.options.units
+    dt = prepared.unit.dt
+    key = seed_words(seed)
     work, _ = new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
     no_quantisation = np.repeat([1.0, 0.0], [6, 2])
@@ -264,30 +285,42 @@ def _array_noise(prepared: Prepared, seed: int, n: int) -> Floats:
     sensed = []
     for run in range(2 * _NOISE_RUNS):
         work.run[0] = run
-        sense_units(work, array_work, units, 0, 0, n, prepared.unit.dt, *seed_words(seed))
+        sense_units(work, array_work, units, 0, 0, n, dt, *key)
         sensed.append(array_work.sensed.copy())
     runs = np.array(sensed)
-    return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
+    even_runs = runs[::2]
+    odd_runs = runs[1::2]
+    return np.asarray((even_runs - odd_runs) / math.sqrt(2.0))
 
 
 def of_start(prepared: Prepared, seed: int) -> list[CheckResult]:
     """Return the checks of the initial errors: tilt, heading, velocity, position."""
-    start, card, reference = prepared.start, prepared.scenario.initial, prepared.reference
+    start = prepared.start
+    card = prepared.scenario.initial
+    reference = prepared.reference
+    key = seed_words(seed)
     work, _ = new_work(prepared, lanes=False)
     theta0 = prepared.trajectory.theta0
     C_i_n = reporting_axes("ned", reference.t[:1], reference.r_i[:1], reference.v_i[:1], theta0)[0]
+    velocity = slice(V, V + 3)
+    position = slice(R, R + 3)
     errors = np.empty((RUNS, 9))
     for run in range(RUNS):
-        q = from_errors(work, start, *seed_words(seed), np.uint64(run))
-        errors[run, :3] = C_i_n @ small_rotation(*start.nav[:4], *q)
-        errors[run, 3:6] = start.nav[V : V + 3] - work.nav[V : V + 3]
-        errors[run, 6:] = start.nav[R : R + 3] - work.nav[R : R + 3]
+        q = from_errors(work, start, *key, np.uint64(run))
+        tilt = small_rotation(*start.nav[:4], *q)
+        errors[run, :3] = C_i_n @ tilt
+        errors[run, 3:6] = start.nav[velocity] - work.nav[velocity]
+        errors[run, 6:] = start.nav[position] - work.nav[position]
+    tilt_errors = errors[:, :2]
+    heading_errors = errors[:, 2]
+    velocity_errors = errors[:, 3:6]
+    position_errors = errors[:, 6:]
     checks = []
     for name, sigma, draws in (
-        ("initial tilt", card.tilt, errors[:, :2]),
-        ("initial heading", card.heading, errors[:, 2]),
-        ("initial velocity", card.velocity, errors[:, 3:6]),
-        ("initial position", card.position, errors[:, 6:]),
+        ("initial tilt", card.tilt, tilt_errors),
+        ("initial heading", card.heading, heading_errors),
+        ("initial velocity", card.velocity, velocity_errors),
+        ("initial position", card.position, position_errors),
     ):
         if sigma > 0.0:
             checks += moments(name, draws / sigma)

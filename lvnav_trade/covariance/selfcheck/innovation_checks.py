@@ -39,16 +39,20 @@ def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Chec
     block = run_block(prepared, seed, 0, RUNS)
     n_sample = 0 if prepared.options.vehicle is None else N_SAMPLE
     n_scalar = prepared.channels.n_channel + n_sample
-    z = block.innovation[block.failed == 0][:, :, :n_scalar]
-    if len(z) < RUNS // 2:
-        return [CheckResult(KIND, "mean square", where=f"{RUNS - len(z)} of {RUNS} runs failed")]
+    completed = block.innovation[block.failed == 0]
+    z = completed[:, :, :n_scalar]
+    n_run = len(z)
+    if n_run < RUNS // 2:
+        return [CheckResult(KIND, "mean square", where=f"{RUNS - n_run} of {RUNS} runs failed")]
     count = np.isfinite(z).sum(axis=(1, 2))
     expected = float(history.expected_nis.sum() / history.n_row.sum())
     square = np.nansum(z**2, axis=(1, 2)) / count
-    where = f"{int(count.mean())} scalars a run, {len(z)} runs; expected {expected:.3f}"
-    law = _law(square, expected, expected * math.sqrt(2.0 / count.sum()))
+    where = f"{int(count.mean())} scalars a run, {n_run} runs; expected {expected:.3f}"
+    least_sigma = expected * math.sqrt(2.0 / count.sum())
+    law = _law(square, expected, least_sigma)
+    mean_square = float(square.mean())
     return [
-        CheckResult(KIND, "mean square", float(square.mean()), where=where, law=law),
+        CheckResult(KIND, "mean square", mean_square, where=where, law=law),
         *_gate(prepared, history, z, count),
     ]
 
@@ -67,14 +71,16 @@ def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> 
     count
         (n_run,). Number of innovations of each run.
     """
-    gate = math.sqrt(prepared.model.gate_squared)
+    gate_squared = prepared.model.gate_squared
+    gate = math.sqrt(gate_squared)
     if math.isinf(gate):
         return []
     has_rows = history.n_row > 0
     n_row = history.n_row[has_rows]
     ratio = history.expected_nis[has_rows] / n_row
-    chance = stats.chi2.sf(prepared.model.gate_squared / ratio, 1)
-    probability = float(np.sum(chance * n_row) / history.n_row.sum())
+    chance = stats.chi2.sf(gate_squared / ratio, 1)
+    expected_rejections = np.sum(chance * n_row)
+    probability = float(expected_rejections / history.n_row.sum())
     total = int(count.sum())
     expected = probability * total
     beyond = (np.abs(z) > gate).sum(axis=(1, 2))
@@ -85,7 +91,8 @@ def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> 
     law = stats.binom(total, probability)
     if spread > 1.5 * poisson and expected > 20.0:
         law = stats.norm(expected, spread)
-    return [CheckResult(KIND, "refused by the gate", float(beyond.sum()), where=where, law=law)]
+    n_beyond = float(beyond.sum())
+    return [CheckResult(KIND, "refused by the gate", n_beyond, where=where, law=law)]
 
 
 def _law(values: Floats, expected: float, least: float) -> object:
@@ -101,7 +108,8 @@ def _law(values: Floats, expected: float, least: float) -> object:
         Smallest standard deviation of the mean.
     """
     n = len(values)
-    sigma = max(least, float(values.std(ddof=1)) / math.sqrt(n))
+    sigma_of_mean = float(values.std(ddof=1)) / math.sqrt(n)
+    sigma = max(least, sigma_of_mean)
     return stats.t(n - 1, expected, sigma)
 
 

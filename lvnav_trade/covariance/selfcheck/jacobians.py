@@ -51,26 +51,29 @@ def jacobians(prepared: Prepared) -> list[CheckResult]:
     prediction.
     """
     size = sizes(prepared)
+    n_state = size.size
     names = state_names(prepared.layout)
     work = new_nominal(prepared)
     quantities = np.array([name.partition(" ")[0] for name in names])
     groups = quantities[:, None] == quantities
     worst: dict[str, tuple[float, str]] = {}
     for epoch, rows_at in _checked_epochs(prepared):
-        nominal = rows_at(prepared, work, epoch, np.zeros(size.size))
+        no_error = np.zeros(n_state)
+        nominal = rows_at(prepared, work, epoch, no_error)
         differences = np.empty_like(nominal.H)
-        for state in range(size.size):
-            d = np.zeros(size.size)
+        for state in range(n_state):
+            d = np.zeros(n_state)
             d[state] = size[state]
             plus = rows_at(prepared, work, epoch, d).z
             minus = rows_at(prepared, work, epoch, -d).z
             differences[:, state] = (plus - minus) / 2.0
         deviations, states = _deviations(nominal.H * size, differences, groups)
         for row, measurement in enumerate(nominal.names):
+            deviation = float(deviations[row])
             largest, _ = worst.get(measurement, (-1.0, ""))
-            if not deviations[row] <= largest:  # also if the deviation is not a number
+            if not deviation <= largest:  # also if the deviation is not a number
                 where = f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s"
-                worst[measurement] = (float(deviations[row]), where)
+                worst[measurement] = (deviation, where)
     checks = []
     for name, (deviation, where) in worst.items():
         checks.append(CheckResult("Jacobian", name, deviation, high=ALLOWED, where=where))
@@ -96,20 +99,25 @@ def _deviations(rows: Floats, differences: Floats, groups: Bools) -> tuple[Float
         (n_state, n_state). Whether two states belong to the same quantity.
     """
     magnitude = np.maximum(np.abs(rows), np.abs(differences))
-    largest_of_quantity = np.max(np.where(groups, magnitude[:, None, :], 0.0), axis=2)
-    least = LEAST * magnitude.max(axis=1, keepdims=True) + np.finfo(float).tiny
-    relative = np.abs(rows - differences) / np.maximum(largest_of_quantity, least)
+    magnitude_of_group = np.where(groups, magnitude[:, None, :], 0.0)
+    largest_of_quantity = np.max(magnitude_of_group, axis=2)
+    largest_of_row = magnitude.max(axis=1, keepdims=True)
+    least = LEAST * largest_of_row + np.finfo(float).tiny
+    scale = np.maximum(largest_of_quantity, least)
+    relative = np.abs(rows - differences) / scale
     return relative.max(axis=1), relative.argmax(axis=1)
 
 
 def _checked_epochs(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
     """Yield epochs with a function that returns their measurements: of the receiver, then of each sensor."""
-    model, signals = prepared.model, prepared.signals
+    model = prepared.model
+    signals = prepared.signals
     measured = [epoch for epoch in range(prepared.t_epoch.size) if n_measured(model, signals, epoch) > 0]
     for epoch in _spread(np.array(measured, dtype=np.int64)):
         yield epoch, _receiver_rows
     for k, device in enumerate(prepared.devices):
-        if model.measured[prepared.channels.first[k]]:
+        first_channel = prepared.channels.first[k]
+        if model.measured[first_channel]:
             for epoch in _spread(np.flatnonzero(device.on)):
                 yield epoch, partial(_sensor_rows, k)
 
@@ -118,8 +126,10 @@ def _spread(epochs: Ints) -> list[int]:
     """Return some of the epochs, evenly spread from first to last."""
     if not epochs.size:
         return []
-    places = np.linspace(0, epochs.size - 1, EPOCHS).astype(int)
-    return sorted({int(epochs[place]) for place in places})
+    last = epochs.size - 1
+    places = np.linspace(0, last, EPOCHS).astype(int)
+    chosen = epochs[places]
+    return sorted({int(epoch) for epoch in chosen})
 
 
 def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
@@ -143,18 +153,23 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
     """
     error = d.copy()
     motion = prepared.layout.motion
+    dt = prepared.unit.dt
     for block in prepared.layout.parameters:
-        if block.sensor != GYRO or block.driver != CONSTANT or motion >= 0:
-            error[block.offset : block.offset + 3] = 0.0
+        is_gyro_bias = block.sensor == GYRO and block.driver == CONSTANT
+        if not is_gyro_bias or motion >= 0:
+            states = slice(block.offset, block.offset + 3)
+            error[states] = 0.0
     place(prepared, work, epoch, error, time)
     if motion >= 0:
-        work.previous[:3] -= prepared.unit.dt * d[motion : motion + 3]
-        place_antenna(work, None, None, prepared.model, prepared.unit.dt, epoch)
+        rate_error = d[motion : motion + 3]
+        work.previous[:3] -= dt * rate_error
+        place_antenna(work, None, None, prepared.model, dt, epoch)
 
 
 def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the scalar measurements of the receiver that the filter processes."""
-    model, signals = prepared.model, prepared.signals
+    model = prepared.model
+    signals = prepared.signals
     delayed = prepared.options.delayed
     previous_epoch = place_previous_epoch(prepared, work, epoch, d)
     _estimate(prepared, work, epoch, d)
@@ -183,12 +198,16 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
     d
         (n_state,) SI. Error of the estimate, truth minus estimate.
     """
-    model, sensors = prepared.model, prepared.sensors
+    model = prepared.model
+    sensors = prepared.sensors
     assert sensors is not None  # the case has this sensor
-    first_row = row_of(model, work, sensors.channel[k])
     first_channel = sensors.channel[k]
-    _estimate(prepared, work, epoch, d, prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch])
-    measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+    first_row = row_of(model, work, first_channel)
+    delay = prepared.devices[k].delay[epoch]
+    time_of_validity = prepared.t_epoch[epoch] - delay
+    _estimate(prepared, work, epoch, d, time_of_validity)
+    truth = sensors.truth[k, epoch]
+    measure(work.observed[k], sensors.code[k], truth, 0.0, 0.0, 0.0)
     fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)
     rows = [(first_row + i, first_channel + i) for i in range(sensors.scalars[k])]
     return _dense_rows(prepared, work, rows)
@@ -197,35 +216,50 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
 def _dense_rows(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> EpochMeasurements:
     """Return rows, given with their channels, as dense Jacobian rows."""
     model = prepared.model
+    names_by_type = {number: name for name, number in TYPES.items()}
     H = np.zeros((len(rows), prepared.layout.n_state))
+    names = []
     for dense_row, (row, channel) in zip(H, rows, strict=True):
         n = model.n_entry[channel]
-        dense_row[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
-    names_by_type = {number: name for name, number in TYPES.items()}
-    names = tuple(names_by_type[int(model.row_type[channel])] for _, channel in rows)
-    return EpochMeasurements(names, H, work.z[[row for row, _ in rows]].copy())
+        entries = model.entry[channel, :n]
+        states = model.column[channel, :n]
+        dense_row[states] = work.H[row, entries]
+        row_type = int(model.row_type[channel])
+        names.append(names_by_type[row_type])
+    row_numbers = [row for row, _ in rows]
+    z = work.z[row_numbers].copy()
+    return EpochMeasurements(tuple(names), H, z)
 
 
 def _sample_checks(prepared: Prepared) -> list[CheckResult]:
     """Return the check of the Jacobian of IMU samples, against the increments of an IMU with such parameters."""
     size = sizes(prepared)
+    t = prepared.reference.t
     worst, where = 0.0, ""
-    for time in np.linspace(prepared.reference.t[0], prepared.reference.t[-1], EPOCHS + 2)[1:-1]:
+    for time in np.linspace(t[0], t[-1], EPOCHS + 2)[1:-1]:
         tick = tick_at(prepared, time)
         H = _sample_jacobian(prepared, tick)
         differences = _sample_differences(prepared, tick, size)
-        deviations = np.abs((H - differences) * size).max(axis=1) / np.abs(H * size).max(axis=1)
-        if deviations.max() >= worst:
-            worst, where = float(deviations.max()), f"{time:.0f} s"
+        difference = np.abs((H - differences) * size).max(axis=1)
+        largest_entry = np.abs(H * size).max(axis=1)
+        deviation = (difference / largest_entry).max()
+        if deviation >= worst:
+            worst = float(deviation)
+            where = f"{time:.0f} s"
     return [CheckResult("Jacobian", "imu", worst, high=ALLOWED, where=where)]
 
 
 def _sample_jacobian(prepared: Prepared, tick: int) -> Floats:
     """Return the Jacobian (6, n_state) of the IMU samples of a tick."""
-    vehicle, dt = prepared.options.vehicle, prepared.unit.dt
+    vehicle = prepared.options.vehicle
+    reference = prepared.reference
+    dt = prepared.unit.dt
+    n_entry = vehicle.columns.shape[1]
     H = np.zeros((N_SAMPLE, prepared.layout.n_state))
-    h = np.zeros((N_SAMPLE, vehicle.columns.shape[1]))
-    fill_samples(h, vehicle.blocks, prepared.reference.dtheta[tick] / dt, prepared.reference.dvel[tick] / dt)
+    h = np.zeros((N_SAMPLE, n_entry))
+    rate = reference.dtheta[tick] / dt
+    force = reference.dvel[tick] / dt
+    fill_samples(h, vehicle.blocks, rate, force)
     for row in range(N_SAMPLE):
         np.add.at(H[row], vehicle.columns[row], h[row])  # unused entries add zero
     return H
@@ -233,9 +267,11 @@ def _sample_jacobian(prepared: Prepared, tick: int) -> Floats:
 
 def _sample_differences(prepared: Prepared, tick: int, size: Floats) -> Floats:
     """Return the central differences (6, n_state) of the IMU samples of a tick, for errors of these sizes."""
-    layout, dt = prepared.layout, prepared.unit.dt
+    layout = prepared.layout
+    dt = prepared.unit.dt
+    motion = slice(layout.motion, layout.motion + N_SAMPLE)
     differences = np.zeros((N_SAMPLE, layout.n_state))
-    differences[:, layout.motion : layout.motion + N_SAMPLE] = np.eye(N_SAMPLE)
+    differences[:, motion] = np.eye(N_SAMPLE)
     for block in layout.parameters:
         for state in range(block.offset, block.offset + 3):
             d = np.zeros(layout.n_state)

@@ -73,16 +73,20 @@ def _family_checks(prepared: Prepared, draws: EpochDraws) -> list[CheckResult]:
         if family.kind == RECORDED:
             continue
         z = draws.shared[:, :, components] / family.sigma
+        z_start = z[:, 0]
         name = label_of(family.source)
-        checks += moments(name, z[:, 0], "at the start")
+        checks += moments(name, z_start, "at the start")
         if math.isfinite(family.time_constant):
-            lag = min(z.shape[1] - 1, max(1, round(family.time_constant / interval)))
+            last = z.shape[1] - 1
+            n_epoch = round(family.time_constant / interval)
+            lag = min(last, max(1, n_epoch))
+            z_later = z[:, lag]
             seconds = lag * interval
             expected = 0.0
             if family.time_constant > 0.0:
                 expected = math.exp(-seconds / family.time_constant)
-            checks += moments(name, z[:, lag], f"after {seconds:.3g} s")
-            checks.append(correlation(name, z[:, 0], z[:, lag], expected, seconds))
+            checks += moments(name, z_later, f"after {seconds:.3g} s")
+            checks.append(correlation(name, z_start, z_later, expected, seconds))
     return checks
 
 
@@ -103,7 +107,8 @@ def _clock_checks(prepared: Prepared, draws: EpochDraws) -> list[CheckResult]:
         ("step of clock drift", math.sqrt(q22), draws.steps[..., 1]),
     ):
         if sigma > 0.0:
-            checks += moments(name, values / sigma)
+            z = values / sigma
+            checks += moments(name, z)
     return checks
 
 
@@ -111,19 +116,26 @@ def _checked_epochs(prepared: Prepared) -> Ints:
     """Return epochs over the flight, with some of each sensor; without frozen epochs."""
 
     def spread(epochs: Ints, count: int) -> Ints:
-        return epochs[np.linspace(0, epochs.size - 1, count).astype(int)] if epochs.size else epochs
+        if not epochs.size:
+            return epochs
+        last = epochs.size - 1
+        places = np.linspace(0, last, count).astype(int)
+        return epochs[places]
 
     is_live = ~prepared.signals.frozen
-    chosen = [spread(np.flatnonzero(is_live), _EPOCHS)]
+    live_epochs = np.flatnonzero(is_live)
+    chosen = [spread(live_epochs, _EPOCHS)]
     for device in prepared.devices:
-        chosen.append(spread(np.flatnonzero(device.on & is_live), _OF_SENSOR))
+        sensor_epochs = np.flatnonzero(device.on & is_live)
+        chosen.append(spread(sensor_epochs, _OF_SENSOR))
     return np.unique(np.concatenate(chosen))
 
 
 def _nominal_epochs(prepared: Prepared) -> Bools:
     """Return whether no fault increases the noise at the epochs, (n_epoch,)."""
     is_nominal = np.ones(prepared.t_epoch.size, dtype=np.bool_)
-    faults, course = prepared.scenario.faults, prepared.trajectory.course
+    faults = prepared.scenario.faults
+    course = prepared.trajectory.course
     for _, _, is_degraded, *_ in active(faults, DegradedNoise, course, prepared.t_epoch):
         is_nominal &= ~is_degraded
     return is_nominal
@@ -132,20 +144,23 @@ def _nominal_epochs(prepared: Prepared) -> Bools:
 def _simulate_draws(prepared: Prepared, seed: int) -> EpochDraws:
     """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
     signals = prepared.signals
+    interval = signals.interval
     key = seed_words(seed)
     epochs = _checked_epochs(prepared)
+    n_epoch = epochs.size
     is_nominal = _nominal_epochs(prepared)
     has_ranges = _has_ranges(prepared)
     work, parts = new_work(prepared, lanes=False)
     truth = Truth(prepared.unit, prepared.start, prepared.record)
     start_case = case_of(prepared)
     # ranges also if the receiver computes a solution from them, which itself draws nothing
-    case = case_of(prepared, model=prepared.model._replace(tight=has_ranges))
+    model = prepared.model._replace(tight=has_ranges)
+    case = case_of(prepared, model=model)
     exact = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
     n_shared = signals.shared.start.size
     start = np.empty((RUNS, 2))
-    steps = np.empty((RUNS, epochs.size, 2))
-    shared = np.zeros((RUNS, 1 + epochs.size, n_shared))
+    steps = np.empty((RUNS, n_epoch, 2))
+    shared = np.zeros((RUNS, 1 + n_epoch, n_shared))
     white = defaultdict[str, list[Floats]](list)
     for run in range(RUNS):
         work.run[0] = run
@@ -154,10 +169,11 @@ def _simulate_draws(prepared: Prepared, seed: int) -> EpochDraws:
         shared[run, 0] = work.shared[:n_shared]
         for k, epoch in enumerate(epochs.tolist()):
             bias, drift = work.clock
+            jump = signals.clock_jump[epoch]
             observe(work, parts, case, None, key, epoch)
             measure_sensors(work, parts.units, prepared.sensors, None, signals, key, epoch)
-            bias += signals.interval * drift + signals.clock_jump[epoch, 0]
-            drift += signals.clock_jump[epoch, 1]
+            bias += interval * drift + jump[0]
+            drift += jump[1]
             steps[run, k] = work.clock - (bias, drift)
             shared[run, k + 1] = work.shared[:n_shared]
             if is_nominal[epoch] and prepared.channels.receiver:
@@ -187,8 +203,11 @@ def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -
     if not shared.member.size:
         return np.zeros(channels.size)
     member = shared.member[:, channels]
-    values = np.where(member >= 0, work.shared[np.maximum(member, 0)], 0.0)
-    return np.asarray(np.sum(shared.partial[:, epoch, channels] * values, axis=0))
+    is_member = member >= 0
+    component = np.maximum(member, 0)
+    values = np.where(is_member, work.shared[component], 0.0)
+    partial = shared.partial[:, epoch, channels]
+    return np.asarray(np.sum(partial * values, axis=0))
 
 
 def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int, ranges: bool) -> None:
@@ -196,10 +215,12 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     if ranges:
         _add_ranges(white, prepared, work, epoch)
         return
-    signals, card = prepared.signals, prepared.scenario.receiver
+    signals = prepared.signals
+    card = prepared.scenario.receiver
     assert isinstance(card.solution, DirectSolution)
     true = np.concatenate([signals.position[epoch], signals.velocity[epoch]])
-    error = work.solution - true - _shared_errors(prepared, work, epoch, np.arange(6))
+    lasting = _shared_errors(prepared, work, epoch, np.arange(6))
+    error = work.solution - true - lasting
     time = prepared.sky.t[epoch : epoch + 1]
     noise_factors = factors(card.noise_by, RECEIVER_SOLUTION, prepared.trajectory, time)
     sigmas = {
@@ -208,13 +229,19 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     }
     for k, (name, sigma) in enumerate(sigmas.items()):
         if sigma > 0.0:
-            white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(noise_factors[k])))
+            first = 3 * k
+            axis_error = error[first : first + 3]
+            axis_sigma = sigma * np.ravel(noise_factors[k])
+            white[name].append(axis_error / axis_sigma)
 
 
 def _add_ranges(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int) -> None:
     """Append the white noise of pseudoranges and range rates, in sigmas of the card (or of the tracking loops)."""
-    signals, sky = prepared.signals, prepared.sky
-    satellites = signals.used[epoch, : signals.n_used[epoch]]
+    signals = prepared.signals
+    sky = prepared.sky
+    n_kind = prepared.model.n_kind
+    n_used = signals.n_used[epoch]
+    satellites = signals.used[epoch, :n_used]
     rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
     for k, (name, true, sigma) in enumerate(
         (
@@ -222,8 +249,10 @@ def _add_ranges(white: dict[str, list[Floats]], prepared: Prepared, work: Work, 
             ("range-rate noise", signals.rate, rate_sigma),
         )
     ):
-        error = work.ranges[: satellites.size, k] - true[epoch, satellites] - work.clock[k]
-        error -= _shared_errors(prepared, work, epoch, prepared.model.n_kind * satellites + k)
+        measured = work.ranges[: satellites.size, k]
+        channels = n_kind * satellites + k
+        error = measured - true[epoch, satellites] - work.clock[k]
+        error -= _shared_errors(prepared, work, epoch, channels)
         white[name].append(_normalised(error, sigma[epoch, satellites]))
 
 
@@ -239,15 +268,18 @@ def _add_phases(
     n_kind = prepared.model.n_kind
     if further is None or last is None:
         return
-    satellites = signals.used[epoch, : signals.n_used[epoch]]
+    n_used = signals.n_used[epoch]
+    satellites = signals.used[epoch, :n_used]
     sigma = prepared.sky.phase_sigma[epoch, satellites]
     for observable in np.flatnonzero(further.is_phase):
         if further.is_difference[observable]:
             measured = last[satellites, observable]
         else:
             measured = work.ranges[: satellites.size, observable]
-        error = measured - further.phase[epoch, satellites] - work.clock[0]
-        error = error - _shared_errors(prepared, work, epoch, n_kind * satellites + observable)
+        channels = n_kind * satellites + observable
+        true = further.phase[epoch, satellites]
+        error = measured - true - work.clock[0]
+        error = error - _shared_errors(prepared, work, epoch, channels)
         white["carrier-phase noise"].append(_normalised(error, sigma))
 
 
@@ -257,7 +289,9 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
     The result is by noise source. exact : whether measurements have no error
     """
     by_source = {}
-    H, z = np.zeros((4, N_ENTRY)), np.zeros(4)
+    signals = prepared.signals
+    H = np.zeros((4, N_ENTRY))
+    z = np.zeros(4)
     no_error = np.zeros(prepared.layout.n_state)
     for k, device in enumerate(prepared.devices):
         if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the IMUs
@@ -265,12 +299,15 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
         sensors = prepared.sensors
         n = len(device.channels.labels)
         assert sensors is not None  # the case has this sensor
+        code = sensors.code[k]
+        observed = work.observed[k]
         if exact:
-            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
-        tick = tick_at(prepared, prepared.t_epoch[epoch] - device.delay[epoch])
+            measure(observed, code, sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+        time_of_validity = prepared.t_epoch[epoch] - device.delay[epoch]
+        tick = tick_at(prepared, time_of_validity)
         nav = navigation_at(prepared, tick, no_error)
-        fill(H, z, 0, sensors.code[k], work.observed[k], nav, sensors.theta[k, epoch], sensors.known[k, epoch])
-        channels = np.arange(n) + sensors.channel[k] + prepared.signals.shift
+        fill(H, z, 0, code, observed, nav, sensors.theta[k, epoch], sensors.known[k, epoch])
+        channels = np.arange(n) + sensors.channel[k] + signals.shift
         lasting = np.zeros(n) if exact else _shared_errors(prepared, work, epoch, channels)
         by_source[device.noise] = (z[:n] - lasting, device.sigma[epoch, :n])
     return by_source

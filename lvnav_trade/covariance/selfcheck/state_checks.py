@@ -25,7 +25,11 @@ ALLOWED = 1e-6
 def sizes(prepared: Prepared) -> Floats:
     """Return the error (n_state,) that is applied to each state, SI."""
     outputs = state_outputs(prepared.layout, prepared.scenario.frame)
-    return np.array([SIZE.get(output.quantity, 1.0 / output.label_factor) for output in outputs])
+    applied = []
+    for output in outputs:
+        unit = 1.0 / output.label_factor
+        applied.append(SIZE.get(output.quantity, unit))
+    return np.array(applied)
 
 
 def round_trip(prepared: Prepared) -> list[CheckResult]:
@@ -39,21 +43,27 @@ def round_trip(prepared: Prepared) -> list[CheckResult]:
     names = state_names(prepared.layout)
     turn = turns(prepared)
     reported = np.array(prepared.layout.reported)
+    n_hist = prepared.t_hist.size
     worst: dict[str, tuple[float, str]] = {}
-    for hist in sorted({0, prepared.t_hist.size // 2, prepared.t_hist.size - 1}):
+    for hist in sorted({0, n_hist // 2, n_hist - 1}):
+        turn_back = turn[hist].T
         for state in reported.tolist():
             d = np.zeros(prepared.layout.n_state)
             d[state] = size[state]
             _apply_error(prepared, work, parts, hist, d)
-            error, residual = np.zeros_like(d), np.zeros_like(d)
-            error[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
+            error = np.zeros_like(d)
+            residual = np.zeros_like(d)
+            error[reported] = turn_back @ _recorded_error(prepared, work, parts, hist)
             _feed_back(prepared, work, parts, error)
-            residual[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
-            deviation = float(max(np.abs((error - d) / size).max(), np.abs(residual / size).max()))
-            quantity, _, _ = names[state].partition(" ")
+            residual[reported] = turn_back @ _recorded_error(prepared, work, parts, hist)
+            recorded_deviation = np.abs((error - d) / size).max()
+            residual_deviation = np.abs(residual / size).max()
+            deviation = float(max(recorded_deviation, residual_deviation))
+            name = names[state]
+            quantity, _, _ = name.partition(" ")
             largest, _ = worst.get(quantity, (-1.0, ""))
             if not deviation <= largest:  # also if the deviation is not a number
-                worst[quantity] = (deviation, f"{names[state]} at {prepared.t_hist[hist]:g} s")
+                worst[quantity] = (deviation, f"{name} at {prepared.t_hist[hist]:g} s")
     return [
         CheckResult("error definition", quantity, deviation, high=ALLOWED, where=where)
         for quantity, (deviation, where) in worst.items()
@@ -62,7 +72,8 @@ def round_trip(prepared: Prepared) -> list[CheckResult]:
 
 def _tick(prepared: Prepared, hist: int) -> int:
     """Return the last tick before a history time."""
-    return max(0, int(prepared.hist_tick[hist]) - 1)
+    tick_after = int(prepared.hist_tick[hist])
+    return max(0, tick_after - 1)
 
 
 def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int, d: Floats) -> None:
@@ -79,20 +90,29 @@ def _apply_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int
     d
         (n_state,) SI. Error, truth minus estimate, frame i.
     """
-    model, truth, vehicle = prepared.model, prepared.record, prepared.options.vehicle
-    work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
+    model = prepared.model
+    truth = prepared.record
+    vehicle = prepared.options.vehicle
+    q = truth.q[hist]
+    v = truth.v[hist]
+    r = truth.r[hist]
+    work.nav[:] = navigation(q, v, r, d)
     work.P[:] = np.eye(model.n_state)
     for block, offset in enumerate(model.par_offset):
         work.par[block] = -d[offset : offset + 3]
     if model.clock >= 0:
-        work.clock_hat[:] = -d[model.clock : model.clock + 2]
+        clock_states = slice(model.clock, model.clock + 2)
+        work.clock_hat[:] = -d[clock_states]
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
     if vehicle is not None:
         tick = _tick(prepared, hist)
-        first = vehicle.motion
-        parts.motion.rate[:] = vehicle.rate[tick] - d[first : first + 3]
-        parts.motion.force[:] = vehicle.force[tick] - d[first + 3 : first + 6]
+        first_rate = vehicle.motion
+        first_force = vehicle.motion + 3
+        rate_error = d[first_rate : first_rate + 3]
+        force_error = d[first_force : first_force + 3]
+        parts.motion.rate[:] = vehicle.rate[tick] - rate_error
+        parts.motion.force[:] = vehicle.force[tick] - force_error
 
 
 def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: int) -> Floats:
@@ -107,10 +127,13 @@ def _recorded_error(prepared: Prepared, work: Work, parts: OptionalState, hist: 
     hist
         Index of the history time.
     """
-    states_only = case_of(prepared, options=prepared.options._replace(samples=None, report=None, backup=None))
+    options = prepared.options._replace(samples=None, report=None, backup=None)
+    states_only = case_of(prepared, options=options)
     parts = OptionalState(units=parts.units, motion=parts.motion)
-    record(work, parts, states_only, None, prepared.record, _tick(prepared, hist), hist)
-    return np.array(work.err[hist, : len(prepared.layout.reported)])
+    tick = _tick(prepared, hist)
+    record(work, parts, states_only, None, prepared.record, tick, hist)
+    n_reported = len(prepared.layout.reported)
+    return np.array(work.err[hist, :n_reported])
 
 
 def _feed_back(prepared: Prepared, work: Work, parts: OptionalState, x: Floats) -> None:
@@ -145,20 +168,29 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
         return [CheckResult(KIND, "transition", reason=reason)]
     formal = history._replace(true_cov=history.formal_cov)
     names = state_names(prepared.layout)
-    intervals = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
+    intervals = []
+    for gap in gaps(history):
+        seconds = gap.end - gap.begin
+        intervals.append((f"gap of {seconds:.0f} s", gap.begin, gap.end))
     if not (history.n_row > 0).any():
-        intervals = [("the whole flight, unaided", float(history.t[0]), float(history.t[-1]))]
+        start = float(history.t[0])
+        end = float(history.t[-1])
+        intervals = [("the whole flight, unaided", start, end)]
     checks = []
-    for what, begin, end in intervals:
+    for interval, begin, end in intervals:
         result = nonlinearity(prepared, formal, begin, end=end)
-        where = f"{names[result.state]}, {begin:g} to {end:g} s"
-        checks.append(CheckResult(KIND, what, _deviation(result), high=ALLOWED_GAP, where=where))
+        deviation = _deviation(result)
+        state = names[result.state]
+        where = f"{state}, {begin:g} to {end:g} s"
+        checks.append(CheckResult(KIND, interval, deviation, high=ALLOWED_GAP, where=where))
     at_events = {name: nonlinearity(prepared, formal, t) for name, t in events.items()}
     if at_events:
         event = max(at_events, key=lambda name: _deviation(at_events[name]))
         result = at_events[event]
-        where = f"{names[result.state]} at {event}"
-        checks.append(CheckResult(KIND, "update interval", _deviation(result), high=ALLOWED_GAP, where=where))
+        deviation = _deviation(result)
+        state = names[result.state]
+        where = f"{state} at {event}"
+        checks.append(CheckResult(KIND, "update interval", deviation, high=ALLOWED_GAP, where=where))
     return checks
 
 

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.covariance.diagnostics.case_diagnostics import _nonlinearities
-from lvnav_trade.covariance.diagnostics.nonlinearity import (
-    _linear_errors,
-    _start_tick,
-    _strapdown_errors,
-    _windows,
-    nonlinearity,
-)
+from lvnav_trade.covariance.diagnostics.nonlinearity import nonlinearity
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.transition import ATT, POS, VEL
@@ -55,31 +49,6 @@ def test_rows_that_the_filter_does_not_take_have_no_part_in_the_index():
     true[:, navigation, navigation] = correlation * np.outer(sigma, sigma)
     found = nonlinearity(prepared, history._replace(true_cov=true), 15.0)
     assert 0.98 * 0.5e6 / 2.7e7 / 2.6 < found.rows < 0.5e6 / 2.0e7 / 2.0
-
-
-def test_the_first_order_part_is_the_filters_transition():
-    """Order 2 in steps of 0.1 s over a second of thrust at 30 m/s^2: to 2e-3 of what the error does.
-
-    A gyro's bias reaches position in third order, of which a product of n windows misses 1 / 2n^2.
-    """
-    prepared = case()
-    start = _start_tick(prepared, 10.0)
-    for at, size in ((ATT, 1e-4), (VEL, 0.1), (POS, 10.0), (9, 1e-5), (12, 1e-2)):
-        d = np.zeros(prepared.layout.n_state)
-        d[at] = size
-        linear = _linear_errors(prepared, start, d[None], _windows(prepared, start))[0, :9]
-        plus, minus = _strapdown_errors(prepared, start, np.array([d, -d]), _windows(prepared, start))
-        flown = (plus - minus) / 2.0
-        for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
-            share = 7e-3 if at == 9 and block.start == POS else 2e-3
-            assert np.linalg.norm(flown[block] - linear[block]) <= share * np.linalg.norm(linear[block]) + 1e-8
-
-
-def test_an_interval_that_would_end_after_the_flight_begins_earlier():
-    prepared = case()
-    end = float(prepared.reference.t[-1])
-    ticks = round(prepared.scenario.imu.rate / prepared.scenario.filter.update_rate)
-    assert _start_tick(prepared, end) == prepared.reference.t.size - 1 - ticks
 
 
 def test_without_measurements_there_is_no_row():
