@@ -19,9 +19,11 @@ def rotation_quaternions(p: Floats) -> Floats:
     (n, 4)
         Unit quaternions, scalar first.
     """
-    half = 0.5 * np.linalg.norm(p, axis=1, keepdims=True)
-    vector = 0.5 * np.sinc(half / np.pi) * p  # numpy: sinc(x) = sin(pi x)/(pi x)
-    return np.concatenate([np.cos(half), vector], axis=1)
+    half_angle = 0.5 * np.linalg.norm(p, axis=1, keepdims=True)
+    sine_ratio = np.sinc(half_angle / np.pi)  # numpy: sinc(x) = sin(pi x)/(pi x)
+    scalar = np.cos(half_angle)
+    vector = 0.5 * sine_ratio * p
+    return np.concatenate([scalar, vector], axis=1)
 
 
 def product(p: Floats, q: Floats) -> Floats:
@@ -37,10 +39,14 @@ def product(p: Floats, q: Floats) -> Floats:
     (n, 4)
         Products, scalar first.
     """
-    p_scalar, p_vector = p[:, :1], p[:, 1:]
-    q_scalar, q_vector = q[:, :1], q[:, 1:]
-    scalar = p_scalar * q_scalar - np.sum(p_vector * q_vector, axis=1, keepdims=True)
-    vector = p_scalar * q_vector + q_scalar * p_vector + np.cross(p_vector, q_vector)
+    p_scalar = p[:, :1]
+    p_vector = p[:, 1:]
+    q_scalar = q[:, :1]
+    q_vector = q[:, 1:]
+    dot = np.sum(p_vector * q_vector, axis=1, keepdims=True)
+    cross = np.cross(p_vector, q_vector)
+    scalar = p_scalar * q_scalar - dot
+    vector = p_scalar * q_vector + q_scalar * p_vector + cross
     return np.concatenate([scalar, vector], axis=1)
 
 
@@ -64,12 +70,19 @@ def rotation_vector_rate(p: Floats, dp: Floats) -> Floats:
     x2 = np.sum(p * p, axis=1, keepdims=True)
     is_small = x2 < 0.01
     x = np.sqrt(np.where(is_small, 1.0, x2))  # 1 where the series apply, to avoid 0 / 0
-    a_series = 0.5 - x2 / 24.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0))
-    b_series = 1.0 / 6.0 - x2 / 120.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))
-    a = np.where(is_small, a_series, (1.0 - np.cos(x)) / x**2)
-    b = np.where(is_small, b_series, (x - np.sin(x)) / x**3)
+    # a = (1 - cos x) / x^2 and its series
+    a_closed = (1.0 - np.cos(x)) / x**2
+    a_last_terms = 1.0 - x2 / 30.0 * (1.0 - x2 / 56.0)
+    a_series = 0.5 - x2 / 24.0 * a_last_terms
+    a = np.where(is_small, a_series, a_closed)
+    # b = (x - sin x) / x^3 and its series
+    b_closed = (x - np.sin(x)) / x**3
+    b_last_terms = 1.0 - x2 / 42.0 * (1.0 - x2 / 72.0)
+    b_series = 1.0 / 6.0 - x2 / 120.0 * b_last_terms
+    b = np.where(is_small, b_series, b_closed)
     p_cross_dp = np.cross(p, dp)
-    return np.asarray(dp - a * p_cross_dp + b * np.cross(p, p_cross_dp))
+    p_cross_p_cross_dp = np.cross(p, p_cross_dp)
+    return np.asarray(dp - a * p_cross_dp + b * p_cross_p_cross_dp)
 
 
 def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
@@ -89,7 +102,8 @@ def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
     (n, 3, 3)
         C_b_i, from body axes to frame i. Its columns are the body axes.
     """
-    along_x = np.sum(right * x, axis=1, keepdims=True) * x
+    right_dot_x = np.sum(right * x, axis=1, keepdims=True)
+    along_x = right_dot_x * x
     level = frames.unit(right - along_x)
     below = frames.cross(x, level)
     cosine = np.cos(roll)[:, None]
@@ -97,3 +111,17 @@ def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
     y = cosine * level + sine * below
     z = cosine * below - sine * level
     return np.stack([x, y, z], axis=-1)
+
+
+def quaternion_rate(q: Floats, slope: Floats) -> Floats:
+    """Return 2 vec(q* slope) (n, 3): the body rate of a quaternion q (n, 4) of unit length with derivative slope.
+
+    The part of the derivative that changes the length is along q and has no vector part in the product.
+    """
+    scalar = q[:, :1]
+    vector = q[:, 1:]
+    scalar_slope = slope[:, :1]
+    vector_slope = slope[:, 1:]
+    cross = np.cross(vector, vector_slope)
+    half_rate = scalar * vector_slope - scalar_slope * vector - cross
+    return np.asarray(2.0 * half_rate)

@@ -99,7 +99,8 @@ class RotationCard(units.NamedCard):
             Moments of inertia in pitch and yaw.
         """
         stack = self.stacks[number - 1]
-        return np.asarray(mass * (stack.gyration * stack.length) ** 2)
+        gyration_radius = stack.gyration * stack.length
+        return np.asarray(mass * gyration_radius**2)
 
 
 class ControlGains(units.Card):
@@ -187,7 +188,8 @@ def rate_noise(imu: ImuCard, reading: str) -> float:
     """
     if reading == "none":
         return 0.0
-    return float(per_axis.rms(imu.gyro.random_walk) * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
+    factor = imu.rate if reading == "published" else math.sqrt(imu.rate)
+    return float(per_axis.rms(imu.gyro.random_walk) * factor)
 
 
 class WindCard(units.NamedCard):
@@ -209,8 +211,9 @@ class WindCard(units.NamedCard):
 
     def _faults(self) -> Iterator[str]:
         for name in ("speed", "gust", "gust_length"):
-            if len(getattr(self, name)) != len(self.height):
-                yield f"{len(self.height)} heights but {len(getattr(self, name))} entries of {name}"
+            entries = getattr(self, name)
+            if len(entries) != len(self.height):
+                yield f"{len(self.height)} heights but {len(entries)} entries of {name}"
         units.require_rising("height", self.height)
 
 
@@ -235,13 +238,15 @@ def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> 
     gust_length : (n,) m
         Scale length of the gusts.
     """
-    north, east = np.cos(card.direction), np.sin(card.direction)
+    north = np.cos(card.direction)
+    east = np.sin(card.direction)
     along = np.array([-north, -east, 0.0])  # frame n; the wind blows from its direction
     across = np.array([east, -north, 0.0])
     speed = np.interp(height, card.height, card.speed, right=0.0)
     C_e_n = rotation_e_n(latitude, longitude)
-    directions = np.einsum("kji,aj->kai", C_e_n, np.stack([along, across]))
-    steady = directions * speed[:, None, None]
+    directions_n = np.stack([along, across])
+    directions_e = np.einsum("kji,aj->kai", C_e_n, directions_n)
+    steady = directions_e * speed[:, None, None]
     gust_sigma = np.interp(height, card.height, card.gust, right=0.0)
     gust_length = np.interp(height, card.height, card.gust_length)
     return steady, gust_sigma, gust_length
@@ -314,6 +319,10 @@ class ControlledCard(units.Card):
 
 def _misfits(rotation: RotationCard, controller: ControllerCard, stages: int) -> Iterator[str]:
     """Yield a message for each list whose length differs from the number of stages of the vehicle."""
-    for name, cards in {"rotation.stacks": rotation.stacks, "controller.gains": controller.gains}.items():
+    lists = {
+        "rotation.stacks": rotation.stacks,
+        "controller.gains": controller.gains,
+    }
+    for name, cards in lists.items():
         if len(cards) != stages:
             yield f"control.{name}: {len(cards)} of them, the vehicle has {stages} stages"

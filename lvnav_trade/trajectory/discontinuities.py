@@ -41,7 +41,13 @@ def holes(t: Floats) -> list[RowGap]:
     is_gap = (interval > _MANY * neighbour) & (neighbour > 0.0)
     gaps = []
     for k in np.flatnonzero(is_gap).tolist():
-        gaps.append(RowGap(row=k, start=float(t[k]), end=float(t[k + 1]), usual=float(neighbour[k])))
+        gap = RowGap(
+            row=k,
+            start=float(t[k]),
+            end=float(t[k + 1]),
+            usual=float(neighbour[k]),
+        )
+        gaps.append(gap)
     return gaps
 
 
@@ -145,22 +151,28 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
     while force.size > 2 * _SIDE:
         width = np.diff(t)
         force_noise = np.hypot(velocity_noise[1:], velocity_noise[:-1]) / width
-        limit = np.maximum(_SMALLEST, _SIGNIFICANT * np.maximum(_estimate_noise(force), force_noise))
-        near = _SIDE * np.median(width)
+        noise_level = np.maximum(_estimate_noise(force), force_noise)
+        limit = np.maximum(_SMALLEST, _SIGNIFICANT * noise_level)
+        usual_width = np.median(width)
+        near = _SIDE * usual_width
         new = []
         for jump in _find_jumps(t, force, limit, hidden):
             if all(abs(jump.time - earlier.time) > near for earlier in jumps):
                 new.append(jump)
         jumps += new
-        if 2.0 * np.median(width) > coarsest or np.all(limit <= _SMALLEST):
+        if 2.0 * usual_width > coarsest or np.all(limit <= _SMALLEST):
             break
         # Join the intervals in pairs: their velocity gains add, the noise of the inner velocity drops out.
         n_pair = force.size // 2
+        n_paired = 2 * n_pair
         missed = np.where(limit > _SMALLEST, _BURIED * limit, 0.0)
-        hidden = np.minimum(missed[: 2 * n_pair : 2], missed[1 : 2 * n_pair : 2])
-        velocity_gain = (force * width)[: 2 * n_pair].reshape(n_pair, 2).sum(axis=1)
-        t = t[: 2 * n_pair + 1 : 2]
-        velocity_noise = velocity_noise[: 2 * n_pair + 1 : 2]
+        first_missed = missed[:n_paired:2]
+        second_missed = missed[1:n_paired:2]
+        hidden = np.minimum(first_missed, second_missed)
+        interval_gain = (force * width)[:n_paired]
+        velocity_gain = interval_gain.reshape(n_pair, 2).sum(axis=1)
+        t = t[: n_paired + 1 : 2]
+        velocity_noise = velocity_noise[: n_paired + 1 : 2]
         force = velocity_gain / np.diff(t)
     return sorted(jumps, key=lambda jump: jump.time)
 
@@ -172,7 +184,8 @@ def _estimate_noise(force: Floats) -> float:
     a Gaussian is 0.6745 sigmas.
     """
     second_difference = np.abs(np.diff(force, 2))
-    return float(np.median(second_difference)) / (0.6745 * math.sqrt(6.0))
+    median = float(np.median(second_difference))
+    return median / (0.6745 * math.sqrt(6.0))
 
 
 class _Candidates(NamedTuple):
@@ -198,9 +211,13 @@ class _Candidates(NamedTuple):
         """Return which candidates are jumps of a size between `limit` and `hidden` (n,) m/s^2."""
         apart = self.after - self.before
         # lines that cross within the interval are a bend, not a jump
-        clear = (apart[0] * apart[1] > 0.0) & (self.residual <= _STRAIGHT * self.size)
+        has_one_sign = apart[0] * apart[1] > 0.0
+        is_straight = self.residual <= _STRAIGHT * self.size
+        clear = has_one_sign & is_straight
         clear &= np.abs(self.share - 0.5) <= 0.6
-        clear &= (self.size > limit[self.k]) & (self.size <= hidden[self.k])
+        is_large = self.size > limit[self.k]
+        was_hidden = self.size <= hidden[self.k]
+        clear &= is_large & was_hidden
         # wrong rows may also lie on a straight line, but on a steep one
         clear &= self.steepness <= _FLAT * self.size
         return np.asarray(clear)
@@ -208,25 +225,31 @@ class _Candidates(NamedTuple):
 
 def _candidates(t: Floats, force: Floats) -> _Candidates:
     """Return the candidates for a jump: all intervals with room for a line on either side."""
-    level, slope, middle, residual = _fit_lines(0.5 * (t[1:] + t[:-1]), force)
+    interval_middle = 0.5 * (t[1:] + t[:-1])
+    level, slope, middle, residual = _fit_lines(interval_middle, force)
     k = np.arange(_SIDE, force.size - _SIDE)
     first, second = k - _SIDE, k + 1  # the lines before and after an interval
     ends = t[[k, k + 1]]
-    before = level[first] + slope[first] * (ends - middle[first])
-    after = level[second] + slope[second] * (ends - middle[second])
+    first_slope, second_slope = slope[first], slope[second]
+    before = level[first] + first_slope * (ends - middle[first])
+    after = level[second] + second_slope * (ends - middle[second])
     # mean force = share x before + (1 - share) x after
+    mean_before = np.mean(before, axis=0)
     mean_after = np.mean(after, axis=0)
-    difference = np.mean(before, axis=0) - mean_after
-    share = (force[k] - mean_after) / np.where(difference == 0.0, 1.0, difference)
-    steepest = np.maximum(np.abs(slope[first]), np.abs(slope[second]))
+    difference = mean_before - mean_after
+    divisor = np.where(difference == 0.0, 1.0, difference)
+    share = (force[k] - mean_after) / divisor
+    jump_at_ends = np.abs(after - before)
+    steepest = np.maximum(np.abs(first_slope), np.abs(second_slope))
+    width = t[k + 1] - t[k]
     return _Candidates(
         k=k,
         before=before,
         after=after,
-        size=np.min(np.abs(after - before), axis=0),
+        size=np.min(jump_at_ends, axis=0),
         residual=np.maximum(residual[first], residual[second]),
         share=share,
-        steepness=_SIDE * (t[k + 1] - t[k]) * steepest,
+        steepness=_SIDE * width * steepest,
     )
 
 
@@ -251,14 +274,17 @@ def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iter
         best = int(np.argmax(score))
         k = candidates.k[best]
         begin, end = t[k], t[k + 1]
+        width = end - begin
         share = min(max(float(candidates.share[best]), 0.0), 1.0)
         yield ForceJump(
-            time=float(begin + share * (end - begin)),
+            time=float(begin + share * width),
             before=float(candidates.before[0, best]),
             after=float(candidates.after[1, best]),
-            width=float(end - begin),
+            width=float(width),
         )
-        score[max(best - _SIDE, 0) : best + _SIDE + 1] = 0.0
+        first_near = max(best - _SIDE, 0)
+        last_near = best + _SIDE
+        score[first_near : last_near + 1] = 0.0
 
 
 def _fit_lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -278,12 +304,16 @@ def _fit_lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats
     """
     times = np.lib.stride_tricks.sliding_window_view(t, _SIDE)
     forces = np.lib.stride_tricks.sliding_window_view(force, _SIDE)
-    middle, level = times.mean(axis=1), forces.mean(axis=1)
+    middle = times.mean(axis=1)
+    level = forces.mean(axis=1)
     x = times - middle[:, None]
     y = forces - level[:, None]
-    slope = np.sum(x * y, axis=1) / np.sum(x**2, axis=1)
+    covariance = np.sum(x * y, axis=1)
+    variance = np.sum(x**2, axis=1)
+    slope = covariance / variance
     residual = np.abs(y - slope[:, None] * x)
-    return level, slope, middle, np.max(residual, axis=1)
+    largest_residual = np.max(residual, axis=1)
+    return level, slope, middle, largest_residual
 
 
 def suggested_events(

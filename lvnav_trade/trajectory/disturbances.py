@@ -148,7 +148,8 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
     """Return the sum of oscillations at times t (n,), s since lift-off, in body axes; zero outside their windows."""
     total = SmallMotion(*(np.zeros((t.size, 3)) for _ in SmallMotion._fields))
     for oscillation in oscillations:
-        within = (oscillation.start < t) & (t < oscillation.end)
+        is_started = oscillation.start < t
+        within = is_started & (t < oscillation.end)
         motion = _oscillation_motion(oscillation, t[within])
         for sum_, term in zip(total, motion, strict=True):
             sum_[within] += term
@@ -158,7 +159,9 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
 def _oscillation_motion(oscillation: Oscillation, t: Floats) -> SmallMotion:
     """Return the motion of one oscillation within its window, by the product rule of window and waves."""
     window, window_rate, window_acceleration = _window(oscillation, t)
-    w, dw, ddw = window[:, None], window_rate[:, None], window_acceleration[:, None]
+    w = window[:, None]
+    dw = window_rate[:, None]
+    ddw = window_acceleration[:, None]
     turn_parts = np.hstack([oscillation.turn.real, oscillation.turn.imag])
     shift_parts = np.hstack([oscillation.shift.real, oscillation.shift.imag])
     waves = sum_of_waves(t - oscillation.start, oscillation.omega, turn_parts, shift_parts)
@@ -183,9 +186,11 @@ def _window(oscillation: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats
     falling = (oscillation.end - t) / ramp
     x = np.clip(np.minimum(rising, falling), 0.0, 1.0)
     x_rate = np.where(rising <= falling, 1.0, -1.0) / ramp
-    w = x**3 * (10.0 + x * (6.0 * x - 15.0))
-    dw = 30.0 * x**2 * (1.0 - x) ** 2 * x_rate
-    ddw = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / ramp**2
+    to_end = 1.0 - x
+    polynomial = 10.0 + x * (6.0 * x - 15.0)
+    w = x**3 * polynomial
+    dw = 30.0 * x**2 * to_end**2 * x_rate
+    ddw = 60.0 * x * to_end * (1.0 - 2.0 * x) / ramp**2
     return w, dw, ddw
 
 
@@ -248,14 +253,16 @@ def _sinusoids(card: OscillationCard) -> list[Sinusoid]:
 
 def _unit(axis: Axis, step: int = 0) -> Complex:
     """Return the unit vector of the axis `step` positions after `axis` in the cycle x, y, z."""
-    return np.eye(3, dtype=complex)[("xyz".index(axis) + step) % 3]
+    index = ("xyz".index(axis) + step) % 3
+    return np.eye(3, dtype=complex)[index]
 
 
 def _coning_sinusoid(card: Coning) -> Sinusoid:
     # The real part of (e1 - i e2) exp(i w t) is e1 cos w t + e2 sin w t: a vector that turns about the axis.
     circle = _unit(card.axis, 1) - 1j * _unit(card.axis, 2)
     turn = card.angle * np.exp(1j * card.phase) * circle
-    return 2.0 * math.pi * card.frequency, turn, _NONE
+    omega = 2.0 * math.pi * card.frequency
+    return omega, turn, _NONE
 
 
 def _tone_sinusoid(card: Tone) -> Sinusoid:
@@ -286,7 +293,8 @@ def _noise_sinusoids(card: Noise) -> Iterator[Sinusoid]:
     quantity = "acceleration" if card.rate is None else "rate"
     for axis in card.axes:
         place, turns = _random_pairs(f"{card.name} {axis} {quantity}", card.lines)
-        frequencies = edges[:-1] * (edges[1:] / edges[:-1]) ** place
+        ratio = edges[1:] / edges[:-1]
+        frequencies = edges[:-1] * ratio**place
         power = np.diff(_cumulated(breakpoints, density, edges))
         amplitudes = np.sqrt(2.0 * power)  # a sinusoid of amplitude a has the power a^2 / 2
         phases = 2.0 * np.pi * turns
@@ -323,8 +331,10 @@ def _mode_power(ratio: Floats, damping: float) -> Floats:
     Its response to white torque has the density 1 / ((1 - ratio^2)^2 + (2 damping ratio)^2).
     """
     stiffness = (1.0 - ratio**2) ** 2
-    density = 1.0 / (stiffness + (2.0 * damping * ratio) ** 2)
-    steps = 0.5 * (density[1:] + density[:-1]) * np.diff(ratio)
+    friction = (2.0 * damping * ratio) ** 2
+    density = 1.0 / (stiffness + friction)
+    mean_density = 0.5 * (density[1:] + density[:-1])
+    steps = mean_density * np.diff(ratio)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
@@ -334,8 +344,11 @@ def _sway_sinusoid(card: SwayMode, frequency: float, peak: float, phase: float) 
     frequency : Hz.
     peak, phase : rad. Amplitude of the rotation, and phase of the sine at the start of the window.
     """
-    turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
-    return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)
+    omega = 2.0 * math.pi * frequency
+    wave = -1j * peak * np.exp(1j * phase)
+    turn = wave * _unit(card.axis)
+    shift = np.cross(turn, card.lever)
+    return omega, turn, shift
 
 
 def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
@@ -351,10 +364,11 @@ def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
     total = np.zeros_like(at)
     for k, exponent in enumerate(slope + 1.0):
         upper = np.clip(at, f[k], f[k + 1]) / f[k]
+        scale = density[k] * f[k]
         if abs(exponent) < 1e-12:
-            total += density[k] * f[k] * np.log(upper)
+            total += scale * np.log(upper)
         else:
-            total += density[k] * f[k] / exponent * (upper**exponent - 1.0)
+            total += scale / exponent * (upper**exponent - 1.0)
     return total
 
 

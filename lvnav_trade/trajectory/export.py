@@ -83,7 +83,11 @@ def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exporte
     }
     if hold > 0.0:
         fields["pad_hold"] = f"{hold!r} s"
-    return ExportedFlight(_text(card, flight, t), fields, flight)
+    return ExportedFlight(
+        text=_text(card, flight, t),
+        card=fields,
+        flight=flight,
+    )
 
 
 def _layout() -> dict[str, Any]:
@@ -148,13 +152,16 @@ def _times(begin: float, end: float, events: list[float], rate: float) -> Floats
     inner_events = [time for time in events if begin < time < end]
     fixed = np.unique([begin, *inner_events, end])
     fixed = fixed[np.diff(fixed, prepend=-math.inf) > _SAME]
-    first, last = math.ceil(begin * rate), math.floor(end * rate)
+    first = math.ceil(begin * rate)
+    last = math.floor(end * rate)
     grid = np.arange(first, last + 1) / rate
-    after = np.clip(np.searchsorted(fixed, grid), 1, fixed.size - 1)
+    insertion = np.searchsorted(fixed, grid)
+    after = np.clip(insertion, 1, fixed.size - 1)
     to_next = np.abs(grid - fixed[after])
     to_previous = np.abs(grid - fixed[after - 1])
     distance = np.minimum(to_next, to_previous)
-    return np.sort(np.concatenate([fixed, grid[distance > 0.99 / rate]]))
+    free_points = grid[distance > 0.99 / rate]
+    return np.sort(np.concatenate([fixed, free_points]))
 
 
 def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
@@ -171,10 +178,20 @@ def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
     """
     true = motion(flight, t)
     theta = earth_angle(flight.theta0, t)
-    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(true.r_i, theta))
+    r_e = ecef_from_eci(true.r_i, theta)
+    latitude, longitude, height = geodetic_from_ecef(r_e)
     velocity = earth_velocity(true.r_i, true.v_i)
-    v_n = np.einsum("kij,kj->ki", rotation_i_n(true.r_i, theta), velocity)
-    table = np.column_stack([t, np.degrees(latitude), np.degrees(longitude), height, v_n, true.q_b_i])
+    C_i_n = rotation_i_n(true.r_i, theta)
+    v_n = np.einsum("kij,kj->ki", C_i_n, velocity)
+    columns = [
+        t,
+        np.degrees(latitude),
+        np.degrees(longitude),
+        height,
+        v_n,
+        true.q_b_i,
+    ]
+    table = np.column_stack(columns)
     name = " ".join(card.name.split())
     lines = [f"# Flight of the card {name}, written by lvnav-trade export-trajectory", ",".join(COLUMNS)]
     for row in table.tolist():
@@ -198,7 +215,11 @@ def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
 def _copied_fields(card: TrajectoryCard) -> dict[str, Any]:
     """Return the fields that the export copies from the card."""
     data = card.model_dump(mode="json", exclude_defaults=True)
-    return {field: data[field] for field in ("oscillation", "named_times") if data.get(field)}
+    copied = {}
+    for field in ("oscillation", "named_times"):
+        if data.get(field):
+            copied[field] = data[field]
+    return copied
 
 
 def difference(flight: Trajectory, second: Trajectory) -> dict[str, float]:
@@ -217,24 +238,29 @@ def difference(flight: Trajectory, second: Trajectory) -> dict[str, float]:
         Largest difference (SI) by quantity and unit: position and velocity in frame i, attitude as the angle of the
         relative rotation, specific force and body rate in body axes.
     """
-    begin, end = max(flight.start, second.start), min(flight.end, second.end)
+    begin = max(flight.start, second.start)
+    end = min(flight.end, second.end)
     t = np.arange(begin, end, _STEP)[1:]
     jumps = np.array([phase.start for phase in (*flight.phases, *second.phases)])
-    distance = np.min(np.abs(t[:, None] - jumps), axis=1)
+    time_from_jumps = np.abs(t[:, None] - jumps)
+    distance = np.min(time_from_jumps, axis=1)
     t = t[distance > _SAME]
-    a, b = motion(flight, t), motion(second, t)
+    a = motion(flight, t)
+    b = motion(second, t)
 
     def largest(p: Floats, q: Floats) -> float:
-        return float(np.max(np.linalg.norm(p - q, axis=1)))
+        length = np.linalg.norm(p - q, axis=1)
+        return float(np.max(length))
 
     # Unit quaternions that differ by an angle are 2 sin(angle / 4) apart; q and -q are the same attitude.
     same_sign = np.linalg.norm(a.q_b_i - b.q_b_i, axis=1)
     other_sign = np.linalg.norm(a.q_b_i + b.q_b_i, axis=1)
     half_distance = 0.5 * np.minimum(same_sign, other_sign)
+    angle = 4.0 * np.arcsin(np.minimum(1.0, half_distance))
     return {
         "position_m": largest(a.r_i, b.r_i),
         "velocity_m_s": largest(a.v_i, b.v_i),
-        "attitude_rad": float(np.max(4.0 * np.arcsin(np.minimum(1.0, half_distance)))),
+        "attitude_rad": float(np.max(angle)),
         "specific_force_m_s2": largest(a.f_b, b.f_b),
         "body_rate_rad_s": largest(a.w_ib_b, b.w_ib_b),
     }

@@ -19,7 +19,7 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.records import Floats, Motion, Reference
-from lvnav_trade.trajectory.attitude_algebra import product, rotation_quaternions, rotation_vector_rate
+from lvnav_trade.trajectory.attitude_algebra import product, quaternion_rate, rotation_quaternions, rotation_vector_rate
 from lvnav_trade.trajectory.disturbances import Oscillation, small_motion
 
 _AT_ONCE = 4096
@@ -75,7 +75,9 @@ class Commands(NamedTuple):
     def at(self, t: Floats) -> tuple[Floats, Floats]:
         """Return rate and nozzle angle, (k, 2) each, of the last tick before times t (k,) s; zero before the first."""
         k = np.searchsorted(self.t, t + _SLIVER, side="right")
-        return np.vstack([np.zeros(2), self.rate])[k], np.vstack([np.zeros(2), self.nozzle])[k]
+        rate = np.vstack([np.zeros(2), self.rate])
+        nozzle = np.vstack([np.zeros(2), self.nozzle])
+        return rate[k], nozzle[k]
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,8 @@ class Trajectory:
         height = frames.geodetic_from_ecef(true.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
         speed = np.linalg.norm(frames.earth_velocity(true.r_i, true.v_i), axis=1)
         density = np.array([atmosphere(h)[0] for h in height.tolist()])
-        return np.stack([height, speed, 0.5 * density * speed**2])
+        dynamic_pressure = 0.5 * density * speed**2
+        return np.stack([height, speed, dynamic_pressure])
 
 
 def splined(
@@ -142,7 +145,8 @@ def splined(
 
     v_ends, a_ends : (2, 3) m/s, m/s^2, frame i. Velocity and acceleration at both ends.
     """
-    return Phase(name, float(t[0]), float(t[-1]), position_spline(t, r, v_ends, a_ends), attitude, spin)
+    position = position_spline(t, r, v_ends, a_ends)
+    return Phase(name, float(t[0]), float(t[-1]), position, attitude, spin)
 
 
 def pad_times(start: float, hold: float, step: float = PAD_STEP) -> Floats:
@@ -240,18 +244,9 @@ def _phase_motion(phase: Phase, t: Floats) -> Motion:
     if phase.oscillations:
         return _oscillating_motion(phase, t, r, v)
     q, w_ib_b = _mean_rotation(phase, t)
-    f_b = _to_body(frames.matrices(q), phase.position(t, 2) - gravity_along(r))
+    f_i = phase.position(t, 2) - gravity_along(r)
+    f_b = _to_body(frames.matrices(q), f_i)
     return Motion(t, r, v, q, f_b, w_ib_b)
-
-
-def _quaternion_rate(q: Floats, slope: Floats) -> Floats:
-    """Return 2 vec(q* slope) (n, 3): the body rate of a quaternion q (n, 4) of unit length with derivative slope.
-
-    The part of the derivative that changes the length is along q and has no vector part in the product.
-    """
-    w, xyz = q[:, :1], q[:, 1:]
-    dw, dxyz = slope[:, :1], slope[:, 1:]
-    return np.asarray(2.0 * (w * dxyz - dw * xyz - np.cross(xyz, dxyz)))
 
 
 def _mean_rotation(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
@@ -259,7 +254,7 @@ def _mean_rotation(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
     spline = phase.attitude(t)
     length = np.linalg.norm(spline, axis=1, keepdims=True)
     q = spline / length
-    rate = _quaternion_rate(q, phase.attitude(t, 1) / length)
+    rate = quaternion_rate(q, phase.attitude(t, 1) / length)
     if phase.spin is None:
         return q, rate
     roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
@@ -277,9 +272,10 @@ def _angular_acceleration(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
     square = np.sum(spline * spline, axis=1, keepdims=True)
     # d/dt 2 vec(q* qdot) / |q|^2. qdot* qdot is a scalar and drops out of the vector part; the second term corrects for
     # the change of length.
-    acceleration = _quaternion_rate(spline, second) / square
-    rate = _quaternion_rate(spline, first) / square
-    acceleration -= rate * (2.0 * np.sum(spline * first, axis=1, keepdims=True) / square)
+    acceleration = quaternion_rate(spline, second) / square
+    rate = quaternion_rate(spline, first) / square
+    square_slope = 2.0 * np.sum(spline * first, axis=1, keepdims=True)
+    acceleration -= rate * (square_slope / square)
     if phase.spin is None:
         return np.asarray(acceleration)
     roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
@@ -302,10 +298,12 @@ def _oscillating_motion(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion
     C_b_i = frames.matrices(q)
     # d' + w x d, and its derivative: 2 w x d' + w x (w x d) = w x (d' + velocity)
     velocity = small.shift_rate + np.cross(w, small.shift)
-    acceleration = small.shift_acceleration + np.cross(w, small.shift_rate + velocity) + np.cross(dw, small.shift)
+    across_rate = np.cross(w, small.shift_rate + velocity)
+    acceleration = small.shift_acceleration + across_rate + np.cross(dw, small.shift)
     r = r + np.einsum("kij,kj->ki", C_b_i, small.shift)
     v = v + np.einsum("kij,kj->ki", C_b_i, velocity)
-    f_i = phase.position(t, 2) + np.einsum("kij,kj->ki", C_b_i, acceleration) - gravity_along(r)
+    shift_acceleration_i = np.einsum("kij,kj->ki", C_b_i, acceleration)
+    f_i = phase.position(t, 2) + shift_acceleration_i - gravity_along(r)
     swing = rotation_quaternions(small.turn)
     swing_rate = rotation_vector_rate(small.turn, small.turn_rate)
     w_ib_b = _to_body(frames.matrices(swing), w) + swing_rate
@@ -362,7 +360,8 @@ def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dve
     begin, end : (n,) s. Ends of the intervals, within the phase.
     """
     length = end - begin
-    nodes, weights = _quadrature(_highest_frequency(phase) * float(np.max(length)))
+    largest_angle = _highest_frequency(phase) * float(np.max(length))
+    nodes, weights = _quadrature(largest_angle)
     for block in _blocks(length.size):
         turn, velocity = np.zeros_like(dtheta[block]), np.zeros_like(dvel[block])
         for node, weight in zip(nodes, weights, strict=True):
@@ -380,7 +379,8 @@ def _highest_frequency(phase: Phase) -> float:
     if phase.spin is not None:
         is_inside = (phase.start < phase.spin.x) & (phase.spin.x < phase.end)
         times = np.concatenate([[phase.start], phase.spin.x[is_inside], [phase.end]])
-        spin = float(np.max(np.abs(phase.spin(times, 1))))
+        rates = phase.spin(times, 1)
+        spin = float(np.max(np.abs(rates)))
     oscillation = max((float(np.max(shake.omega)) for shake in phase.oscillations), default=0.0)
     return spin + 2.0 * oscillation
 

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.quantities.frames import matrices
-from lvnav_trade.trajectory.attitude_algebra import body_axes, product, rotation_quaternions, rotation_vector_rate
+from lvnav_trade.trajectory.attitude_algebra import (
+    body_axes,
+    product,
+    quaternion_rate,
+    rotation_quaternions,
+    rotation_vector_rate,
+)
 
 
 def test_quaternions_of_rotation_vectors_multiply_as_matrices_do():
@@ -23,6 +29,14 @@ def test_the_rate_of_a_rotation_vector_is_the_derivative_of_its_quaternion():
     slope = (rotation_quaternions(p + h * dp) - rotation_quaternions(p - h * dp)) / (2.0 * h)
     inverse = rotation_quaternions(p) * [1.0, -1.0, -1.0, -1.0]
     assert np.max(np.abs(rotation_vector_rate(p, dp) - 2.0 * product(inverse, slope)[:, 1:])) < 1e-8
+
+
+def test_the_rate_of_a_quaternion_is_that_of_its_rotation_vector():
+    draw = np.random.default_rng(5)
+    p, dp = draw.normal(size=(2, 20, 3))
+    h = 1e-5
+    slope = (rotation_quaternions(p + h * dp) - rotation_quaternions(p - h * dp)) / (2.0 * h)
+    assert np.max(np.abs(quaternion_rate(rotation_quaternions(p), slope) - rotation_vector_rate(p, dp))) < 1e-8
 
 
 def test_body_axes_are_orthonormal_and_roll_about_x():

@@ -11,7 +11,7 @@ import pytest
 from lvnav_trade.kernels.earth import OMEGA, gravity_along, gravity_j4
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, matrices
 from lvnav_trade.trajectory.attitude_algebra import product
-from lvnav_trade.trajectory.flights.sounding import SpinStep, spin_angle
+from lvnav_trade.trajectory.flights.spin import SpinStep, spin_angle
 from lvnav_trade.trajectory.truth import Phase, Trajectory, motion, reference
 from tests import building
 from tests.potential import potential_j4

@@ -66,9 +66,11 @@ def fly_dispersed(
 
 def _require_aloft(flight: SimulatedAscent) -> None:
     """Raise InputError if the vehicle falls more than a kilometre below its start."""
-    start_radius = float(np.linalg.norm(flight.legs[0].y[0, :3]))
+    start_r = flight.legs[0].y[0, :3]
+    start_radius = float(np.linalg.norm(start_r))
     for leg in flight.legs:
-        is_low = np.linalg.norm(leg.y[:, :3], axis=1) < start_radius - _GROUND
+        radius = np.linalg.norm(leg.y[:, :3], axis=1)
+        is_low = radius < start_radius - _GROUND
         if np.any(is_low):
             time = leg.t[np.argmax(is_low)]
             message = f"the dispersed vehicle falls to the ground {time:.0f} s after lift-off"

@@ -28,7 +28,14 @@ class Unthrottled(NamedTuple):
     exit_area: float
 
 
-NOTHING = Unthrottled(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = Unthrottled(
+    since=0.0,
+    thrust=0.0,
+    thrust_slope=0.0,
+    mass_flow=0.0,
+    flow_slope=0.0,
+    exit_area=0.0,
+)
 
 
 class Propulsion(NamedTuple):
@@ -61,7 +68,11 @@ def height_above(x: float, y: float, z: float) -> float:
     """
     p2 = x * x + y * y
     r2 = p2 + z * z
-    return math.sqrt(r2) - SEMI_MAJOR * math.sqrt((1.0 - ECCENTRICITY_2) * r2 / (r2 - ECCENTRICITY_2 * p2))
+    # Radius of the ellipsoid along the same direction, over the semi-major axis
+    square_ratio = (1.0 - ECCENTRICITY_2) * r2 / (r2 - ECCENTRICITY_2 * p2)
+    ellipsoid_radius = SEMI_MAJOR * math.sqrt(square_ratio)
+    radius = math.sqrt(r2)
+    return radius - ellipsoid_radius
 
 
 @jit
@@ -97,7 +108,9 @@ def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 
         return full, 1.0
     width = 0.02 * limit
     limit = limit - beside
-    thrust = min(full, limit) - width * math.log1p(math.exp(-abs(full - limit) / width))
+    distance = abs(full - limit)
+    rounding = width * math.log1p(math.exp(-distance / width))
+    thrust = min(full, limit) - rounding
     if beside > 0.0:
         thrust = max(0.0, thrust)  # the others alone may exceed the limit
     return thrust, thrust / full
@@ -124,8 +137,10 @@ def thrust_beside(t: float, pressure: float, motors: Unthrottled) -> tuple[float
     if motors.thrust == 0.0:
         return 0.0, 0.0
     span = t - motors.since
-    thrust = motors.thrust + motors.thrust_slope * span - pressure * motors.exit_area
-    return max(0.0, thrust), motors.mass_flow + motors.flow_slope * span
+    vacuum_thrust = motors.thrust + motors.thrust_slope * span
+    thrust = vacuum_thrust - pressure * motors.exit_area
+    mass_flow = motors.mass_flow + motors.flow_slope * span
+    return max(0.0, thrust), mass_flow
 
 
 @jit
@@ -139,8 +154,11 @@ def coefficient_at(mach: float, drag: Drag) -> float:
     k = 0
     while mach >= drag.mach[k + 1]:
         k += 1
-    slope = (drag.coefficient[k + 1] - drag.coefficient[k]) / (drag.mach[k + 1] - drag.mach[k])
-    return slope * (mach - drag.mach[k]) + drag.coefficient[k]
+    rise = drag.coefficient[k + 1] - drag.coefficient[k]
+    width = drag.mach[k + 1] - drag.mach[k]
+    slope = rise / width
+    distance = mach - drag.mach[k]
+    return slope * distance + drag.coefficient[k]
 
 
 @jit
@@ -161,10 +179,14 @@ def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], dr
     drag_per_speed, pressure : float
         N s/m, Pa.
     """
-    density, pressure, _, sound = atmosphere(height_above(r[0], r[1], r[2]))
-    speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    coefficient = coefficient_at(speed / sound, drag)
-    return 0.5 * density * speed * coefficient * drag.area, pressure
+    height = height_above(r[0], r[1], r[2])
+    density, pressure, _, sound = atmosphere(height)
+    square_speed = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    speed = math.sqrt(square_speed)
+    mach = speed / sound
+    coefficient = coefficient_at(mach, drag)
+    drag_per_speed = 0.5 * density * speed * coefficient * drag.area
+    return drag_per_speed, pressure
 
 
 @jit
@@ -244,10 +266,15 @@ def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, 
         State at t + h.
     """
     half = 0.5 * h
+    mid_t = t + half
+    end_t = t + h
     k1 = rates(t, y, steering, engine, drag)
-    k2 = rates(t + half, _along(y, half, k1), steering, engine, drag)
-    k3 = rates(t + half, _along(y, half, k2), steering, engine, drag)
-    k4 = rates(t + h, _along(y, h, k3), steering, engine, drag)
+    y2 = _along(y, half, k1)
+    k2 = rates(mid_t, y2, steering, engine, drag)
+    y3 = _along(y, half, k2)
+    k3 = rates(mid_t, y3, steering, engine, drag)
+    y4 = _along(y, h, k3)
+    k4 = rates(end_t, y4, steering, engine, drag)
     out = np.empty(7)
     for i in range(7):
         slope = k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]
@@ -279,13 +306,16 @@ def fly(
     y : (n_step + 1, 7)
         States.
     """
-    t, y = np.empty(n_step + 1), np.empty((n_step + 1, 7))
+    t = np.empty(n_step + 1)
+    y = np.empty((n_step + 1, 7))
     for k in range(n_step + 1):
         t[k] = t0 + duration * k / n_step
     state = y0
     for k in range(n_step + 1):
         if k > 0:
-            state = step(t[k - 1], t[k] - t[k - 1], state, steering, engine, drag)
+            begin = t[k - 1]
+            length = t[k] - begin
+            state = step(begin, length, state, steering, engine, drag)
         for i in range(7):
             y[k, i] = state[i]
     return t, y
@@ -344,5 +374,7 @@ def accelerations(t: Floats, y: Floats, steering: Steering, engine: Propulsion, 
     out = np.empty((t.size, 3))
     for k in range(t.size):
         rate = rates(t[k], y[k], steering, engine, drag)
-        out[k, 0], out[k, 1], out[k, 2] = rate[3], rate[4], rate[5]
+        out[k, 0] = rate[3]
+        out[k, 1] = rate[4]
+        out[k, 2] = rate[5]
     return out

@@ -58,16 +58,21 @@ def site_phase(
         As in `Phase`.
     """
     r_i, _ = pad_state(site, theta0)
-    return pad_phase(frames.ecef_from_eci(r_i, theta0), theta0, 0.0, hold, attitude, spin)
+    r_e = frames.ecef_from_eci(r_i, theta0)
+    return pad_phase(r_e, theta0, 0.0, hold, attitude, spin)
 
 
 def pad_knots(hold: float, step: float) -> Floats:
     """Return the knots of the attitude on the pad, `hold` s before lift-off and about `step` s apart."""
-    return np.linspace(-hold, 0.0, int(np.ceil(hold / step)) + 1)[:-1]
+    n_interval = int(np.ceil(hold / step))
+    knots = np.linspace(-hold, 0.0, n_interval + 1)
+    return knots[:-1]
 
 
-def _accelerations(flight: SimulatedAscent, leg: AscentLeg, at: list[int] | slice = slice(None)) -> Floats:
-    return accelerations(leg.t[at], leg.y[at], flight.steering, leg.engine, flight.drag)
+def _accelerations(flight: SimulatedAscent, leg: AscentLeg, samples: list[int] | slice = slice(None)) -> Floats:
+    t = leg.t[samples]
+    y = leg.y[samples]
+    return accelerations(t, y, flight.steering, leg.engine, flight.drag)
 
 
 def _attitude(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> BSpline:
@@ -84,12 +89,16 @@ def _attitude(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAsce
     """
     up_e, _, right_e = site_axes(card.site, aim.azimuth)
     theta0 = flight.steering.theta0
-    pad_t = pad_knots(card.pad_hold, float(flight.legs[0].t[1]))
+    first_step = float(flight.legs[0].t[1])
+    pad_t = pad_knots(card.pad_hold, first_step)
+    pad_theta = frames.earth_angle(theta0, pad_t)
+    upright = frames.eci_from_ecef(up_e, pad_theta)
     flight_t = join_samples([leg.t for leg in flight.legs])
     states = join_samples([leg.y for leg in flight.legs])
-    upright = frames.eci_from_ecef(up_e, frames.earth_angle(theta0, pad_t))
-    x = np.concatenate([upright, directions(flight_t, states, flight.steering)])
-    return ascent_attitude(np.concatenate([pad_t, flight_t]), x, right_e, theta0, card.roll)
+    thrust_directions = directions(flight_t, states, flight.steering)
+    t = np.concatenate([pad_t, flight_t])
+    x = np.concatenate([upright, thrust_directions])
+    return ascent_attitude(t, x, right_e, theta0, card.roll)
 
 
 def _max_q(flight: SimulatedAscent) -> tuple[float, float]:
@@ -99,24 +108,32 @@ def _max_q(flight: SimulatedAscent) -> tuple[float, float]:
     pressures = [_dynamic_pressure(leg, theta0) for leg in first_stage]
     maxima = [float(np.max(pressure)) for pressure in pressures]
     highest = maxima.index(max(maxima))
-    leg, q = first_stage[highest], pressures[highest]
-    k = int(np.clip(np.argmax(q), 1, q.size - 2))
+    leg = first_stage[highest]
+    q = pressures[highest]
+    largest_sample = np.argmax(q)
+    k = int(np.clip(largest_sample, 1, q.size - 2))
     before, top, after = q[k - 1], q[k], q[k + 1]
     curvature = before - 2.0 * top + after
     shift = 0.0  # of the vertex from the top sample, in intervals
     if curvature < 0.0:
-        shift = float(np.clip(0.5 * (before - after) / curvature, -1.0, 1.0))
+        vertex = 0.5 * (before - after) / curvature
+        shift = float(np.clip(vertex, -1.0, 1.0))
     interval = leg.t[1] - leg.t[0]
-    return float(leg.t[k] + shift * interval), float(top)
+    time = float(leg.t[k] + shift * interval)
+    return time, float(top)
 
 
 def _dynamic_pressure(leg: AscentLeg, theta0: float) -> Floats:
     """Return the dynamic pressure (n,) Pa at the states of a leg."""
-    r_i, v_i = leg.y[:, :3], leg.y[:, 3:6]
-    r_e = frames.ecef_from_eci(r_i, frames.earth_angle(theta0, leg.t))
+    r_i = leg.y[:, :3]
+    v_i = leg.y[:, 3:6]
+    theta = frames.earth_angle(theta0, leg.t)
+    r_e = frames.ecef_from_eci(r_i, theta)
     heights = frames.geodetic_from_ecef(r_e)[2]
     density = np.array([atmosphere(height)[0] for height in heights])
-    return np.asarray(0.5 * density * np.sum(frames.earth_velocity(r_i, v_i) ** 2, axis=1))
+    airspeed = frames.earth_velocity(r_i, v_i)
+    square_speed = np.sum(airspeed**2, axis=1)
+    return np.asarray(0.5 * density * square_speed)
 
 
 def _facts(

@@ -90,7 +90,11 @@ def peaks(flight: Trajectory) -> tuple[Peak, ...]:
         "highest_rate": np.hypot(true.w_ib_b[:, 1], true.w_ib_b[:, 2]),
         "highest_spin": np.abs(true.w_ib_b[:, 0]),
     }
-    return tuple(Peak(name, float(np.max(size)), float(t[np.argmax(size)])) for name, size in sizes.items())
+    largest = []
+    for name, size in sizes.items():
+        time = float(t[np.argmax(size)])
+        largest.append(Peak(name, float(np.max(size)), time))
+    return tuple(largest)
 
 
 def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
@@ -117,7 +121,8 @@ def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: 
     mistakes = []
     for peak in largest:
         if peak.size > getattr(card, peak.field):
-            mistakes.append(Mistake(_refusal(card, file, peak, causes), f"trajectory.{peak.field}"))
+            message = _refusal(card, file, peak, causes)
+            mistakes.append(Mistake(message, f"trajectory.{peak.field}"))
     if mistakes:
         raise InputError(records=mistakes)
     beyond = []
@@ -140,7 +145,9 @@ def _size_text(field: str, size: float) -> str:
 
 def _peak_text(peak: Peak) -> str:
     when = "with the worst row at" if peak.field == "highest_misfit" else "at"
-    return f"{_LIMITS[peak.field].quantity} of {_size_text(peak.field, peak.size)} {when} {peak.time:.6g} s"
+    quantity = _LIMITS[peak.field].quantity
+    size = _size_text(peak.field, peak.size)
+    return f"{quantity} of {size} {when} {peak.time:.6g} s"
 
 
 def _refusal(card: FileFlightCard, file: str, peak: Peak, causes: list[str]) -> str:

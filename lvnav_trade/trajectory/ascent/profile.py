@@ -11,7 +11,7 @@ from pydantic import Field
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import root_scalar
 
-from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_along
+from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.quantities.records import Floats
@@ -26,6 +26,7 @@ from lvnav_trade.quantities.units import (
     TimeConstant,
 )
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag, accelerations, fly
+from lvnav_trade.trajectory.ascent.great_circle import on_circle
 from lvnav_trade.trajectory.ascent.launch import achieved, pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import COASTING, site_axes
 from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, Peak, within_limits
@@ -128,42 +129,11 @@ def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0
         range_angle = float(psi[-1])
         r_e, v_e = _circle_motion(site, azimuth, psi, climb, inside)
         theta = earth_angle(theta0, t)
-        v_i = eci_from_ecef(v_e + np.cross([0.0, 0.0, OMEGA], r_e), theta)
-        stretches.append((t, eci_from_ecef(r_e, theta), v_i))
+        earth_rotation = np.cross([0.0, 0.0, OMEGA], r_e)
+        r_i = eci_from_ecef(r_e, theta)
+        v_i = eci_from_ecef(v_e + earth_rotation, theta)
+        stretches.append((t, r_i, v_i))
     return stretches
-
-
-def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return latitude and longitude (n,) rad along the circle, and its derivatives north and east (n, 2) m/rad.
-
-    psi : (n,) rad. Angles from the site.
-    height : (n,) m. Heights.
-    """
-    up, downrange, _ = site_axes(site, _circle_azimuth(site, azimuth))
-    cosine_psi = np.cos(psi)[:, None]
-    sine_psi = np.sin(psi)[:, None]
-    normal = cosine_psi * up + sine_psi * downrange
-    tangent = cosine_psi * downrange - sine_psi * up
-    x, y, z = normal[:, 0].copy(), normal[:, 1].copy(), normal[:, 2].copy()
-    latitude = np.arcsin(z)
-    longitude = np.arctan2(y, x)
-    north, east, _ = np.einsum("kij,kj->ik", rotation_e_n(latitude, longitude), tangent)
-    # Radii of curvature in the prime vertical and in the meridian
-    vertical_radius = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * z**2)
-    meridian_radius = vertical_radius**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
-    north_derivative = (meridian_radius + height) * north
-    east_derivative = (vertical_radius + height) * east
-    return latitude, longitude, np.stack([north_derivative, east_derivative], axis=1)
-
-
-def _circle_azimuth(site: Site, azimuth: float) -> float:
-    """Return the azimuth (rad) on the sphere of normals for an azimuth on the ellipsoid.
-
-    They differ by the ratio of the radii of curvature, of the meridian over the prime vertical.
-    """
-    sine = math.sin(site.latitude)
-    ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)
-    return math.atan2(ratio * math.sin(azimuth), math.cos(azimuth))
 
 
 def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:
@@ -180,9 +150,11 @@ def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Fl
     height = site.height + climb.altitude(inside)
     psi = np.full_like(t, first)
     for _ in range(4):
-        _, _, derivatives = _on_circle(site, azimuth, psi, height)
-        rate = level / np.hypot(*derivatives.T)
-        psi = first + make_interp_spline(t, rate, k=5).antiderivative()(t)
+        _, _, derivatives = on_circle(site, azimuth, psi, height)
+        path_radius = np.hypot(*derivatives.T)
+        rate = level / path_radius
+        angle = make_interp_spline(t, rate, k=5).antiderivative()
+        psi = first + angle(t)
     return np.asarray(psi)
 
 
@@ -192,17 +164,22 @@ def _circle_motion(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Flo
     psi : (n,) rad. Angles along the circle from the site.
     """
     height = site.height + climb.altitude(t)
-    latitude, longitude, derivatives = _on_circle(site, azimuth, psi, height)
-    horizontal = climb.level(t)[:, None] * unit(derivatives)
-    v_n = np.column_stack([horizontal, -climb.altitude(t, 1)])
-    v_e = np.einsum("kji,kj->ki", rotation_e_n(latitude, longitude), v_n)
-    return ecef_from_geodetic(latitude, longitude, height), v_e
+    latitude, longitude, derivatives = on_circle(site, azimuth, psi, height)
+    track = unit(derivatives)
+    horizontal = climb.level(t)[:, None] * track
+    fall_rate = -climb.altitude(t, 1)
+    v_n = np.column_stack([horizontal, fall_rate])
+    r_e = ecef_from_geodetic(latitude, longitude, height)
+    C_e_n = rotation_e_n(latitude, longitude)
+    v_e = np.einsum("kji,kj->ki", C_e_n, v_n)
+    return r_e, v_e
 
 
 def _injection_orbit(stretches: Course) -> dict[str, float]:
     """Return perigee, apogee and inclination at injection."""
     _, r_i, v_i = stretches[-1]
-    return achieved(np.concatenate([r_i[-1], v_i[-1]]))
+    state = np.concatenate([r_i[-1], v_i[-1]])
+    return achieved(state)
 
 
 def tracks_of(stretches: Course, coast: float) -> list[RebuiltPhase]:
@@ -215,7 +192,13 @@ def tracks_of(stretches: Course, coast: float) -> list[RebuiltPhase]:
     for number, (t, r, v) in enumerate(stretches, start=1):
         position = make_interp_spline(t, v, k=5).antiderivative()
         position.c += phases[-1].position(t[0]) if phases else r[0]
-        phases.append(RebuiltPhase(f"stretch {number}", float(t[0]), float(t[-1]), position))
+        phase = RebuiltPhase(
+            name=f"stretch {number}",
+            start=float(t[0]),
+            end=float(t[-1]),
+            position=position,
+        )
+        phases.append(phase)
     return [*phases, _final_coast(phases[-1], coast)]
 
 
@@ -243,12 +226,18 @@ def _final_coast(last: RebuiltPhase, duration: float) -> RebuiltPhase:
     t, y = fly(last.end, duration, n_step, state, idle, COASTING, vacuum)
     end_accelerations = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
     position = position_spline(t, y[:, :3], y[[0, -1], 3:6], end_accelerations)
-    return RebuiltPhase("final coast", last.end, float(t[-1]), position)
+    return RebuiltPhase(
+        name="final coast",
+        start=last.end,
+        end=float(t[-1]),
+        position=position,
+    )
 
 
 def _thrust_spline(phase: RebuiltPhase, t: Floats) -> BSpline:
     """Return the spline of the direction of the specific force of a phase, through its knots t (n,)."""
-    force = phase.position(t, 2) - gravity_along(phase.position(t))
+    gravity = gravity_along(phase.position(t))
+    force = phase.position(t, 2) - gravity
     return make_interp_spline(t, unit(force), k=5)
 
 
@@ -271,8 +260,10 @@ def _pointing(
     along = np.concatenate([no_directions, *thrust_directions(times, thrusts)])
     upright = eci_from_ecef(up_e, earth_angle(theta0, t))
     first, last = _UPRIGHT
-    weight = smoothsteps((t - first) / (last - first))[:, None]
-    x = unit((1.0 - weight) * upright + weight * along)
+    progress = smoothsteps((t - first) / (last - first))
+    weight = progress[:, None]
+    blend = (1.0 - weight) * upright + weight * along
+    x = unit(blend)
     return ascent_attitude(t, x, right_e, theta0, card.roll)
 
 
@@ -292,14 +283,21 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     record, notes = _until_injection(card, read(card.file))
     breaks, coasts = _breaks_and_coasts(card, record)
     climb = smooth(record, breaks, coasts, card.speed_noise, card.altitude_noise)
-    azimuth, theta0 = _azimuth(card, climb, breaks), gmst(card.epoch)
+    azimuth = _azimuth(card, climb, breaks)
+    theta0 = gmst(card.epoch)
     stretches = course(card.site, azimuth, climb, breaks, theta0)
     tracks = tracks_of(stretches, card.coast_after_injection)
     attitude = _pointing(card, azimuth, tracks, coasts)
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     phases = (*pad, *(Phase(*track, attitude) for track in tracks))
-    flight = Trajectory(phases, {"liftoff": 0.0, **card.events}, theta0, card.epoch)
-    load = np.linalg.norm(motion(flight, np.linspace(0.0, flight.end, 4000)).f_b, axis=1)
+    flight = Trajectory(
+        phases=phases,
+        events={"liftoff": 0.0, **card.events},
+        theta0=theta0,
+        epoch=card.epoch,
+    )
+    load_t = np.linspace(0.0, flight.end, 4000)
+    load = np.linalg.norm(motion(flight, load_t).f_b, axis=1)
     flight.facts.update(
         {
             "record": card.source,
@@ -311,7 +309,8 @@ def rebuild(card: RecordedAscent) -> Trajectory:
         }
     )
     # Noise of a velocity: that of the speed, plus that of gravity along the path over an interval, g dh / v
-    noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)
+    gravity_noise = STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)
+    noise = card.speed_noise + gravity_noise
     missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
     flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])
     return within_limits(flight, card, card.file, (_misfit(card, record, climb),))
@@ -320,17 +319,22 @@ def rebuild(card: RecordedAscent) -> Trajectory:
 def _breaks_and_coasts(card: RecordedAscent, record: AscentRecord) -> tuple[list[float], list[tuple[float, float]]]:
     """Return the times (s) at which thrust jumps, and the intervals (s) from a cut-off to the next jump or the end."""
     jumps = {name: time for name, time in card.events.items() if _BREAK.match(name)}
-    breaks = sorted(time for time in jumps.values() if time < record.t[-1])
+    record_end = record.t[-1]
+    breaks = sorted(time for time in jumps.values() if time < record_end)
     cutoffs = [time for name, time in jumps.items() if "cutoff" in name]
     intervals = pairwise([*breaks, card.events["injection"]])
-    return breaks, [interval for interval in intervals if interval[0] in cutoffs]
+    coasts = [interval for interval in intervals if interval[0] in cutoffs]
+    return breaks, coasts
 
 
 def _misfit(card: RecordedAscent, record: AscentRecord, climb: Climb) -> Peak:
     """Return the normalised RMS misfit, with the time of the worst row."""
-    speed = (climb.speed(record.t) - record.speed) / card.speed_noise
-    altitude = (climb.altitude(record.t) - record.altitude) / card.altitude_noise
-    return Peak("highest_misfit", climb.misfit, float(record.t[np.argmax(np.hypot(speed, altitude))]))
+    speed_residual = climb.speed(record.t) - record.speed
+    altitude_residual = climb.altitude(record.t) - record.altitude
+    speed = speed_residual / card.speed_noise
+    altitude = altitude_residual / card.altitude_noise
+    worst = np.argmax(np.hypot(speed, altitude))
+    return Peak("highest_misfit", climb.misfit, float(record.t[worst]))
 
 
 def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[AscentRecord, list[str]]:
@@ -343,8 +347,9 @@ def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[Ascent
     if record.t[0] > 0.0:
         record = AscentRecord(*(np.append(0.0, column) for column in record))
     # from lift-off to injection, and a row on either side
-    first, end = np.searchsorted(record.t, [0.0, injection], side="right")
-    record = _slice_record(record, max(first - 1, 0), end + 1)
+    first_inside, end = np.searchsorted(record.t, [0.0, injection], side="right")
+    first = max(first_inside - 1, 0)
+    record = _slice_record(record, first, end + 1)
     short, last = bridged(record.t, injection - interval, LONGEST_HOLE, card.file)
     if last is not None:
         record = _slice_record(record, 0, last.row + 1)

@@ -71,7 +71,8 @@ def _parse_row(fields: list[str], before: list[float] | None, where: str) -> lis
     if row[1] < 0.0:
         raise InputError(f"{where}: speed_m_s is {fields[1]}, a speed is not negative")
     if before is not None and row[0] <= before[0]:
-        fault = "repeats" if row[0] == before[0] else "goes back from"
+        is_repeated = row[0] == before[0]
+        fault = "repeats" if is_repeated else "goes back from"
         raise InputError(f"{where}: time_s {fields[0]} {fault} {before[0]:g} s of the row before")
     return row
 
@@ -109,7 +110,8 @@ def residual_facts(of: str, record: AscentRecord, speed: Floats, altitude: Float
     residuals = (("speed", "m_s", speed - record.speed), ("altitude", "m", altitude - record.altitude))
     for name, unit, residual in residuals:
         worst = int(np.argmax(np.abs(residual)))
-        facts[f"{of}_{name}_rms_{unit}"] = float(np.sqrt(np.mean(residual**2)))
+        mean_square = np.mean(residual**2)
+        facts[f"{of}_{name}_rms_{unit}"] = float(np.sqrt(mean_square))
         facts[f"{of}_{name}_worst_{unit}"] = float(residual[worst])
         facts[f"{of}_{name}_worst_at_s"] = float(record.t[worst])
     return facts
@@ -123,10 +125,14 @@ def force_along(record: AscentRecord) -> Floats:
     """
     interval = np.diff(record.t)
     mean_speed = 0.5 * (record.speed[1:] + record.speed[:-1])
+    mean_altitude = 0.5 * (record.altitude[1:] + record.altitude[:-1])
     climb_rate = np.diff(record.altitude) / interval
-    sine_climb = np.where(mean_speed < _UPRIGHT, 1.0, climb_rate / np.maximum(mean_speed, _UPRIGHT))
-    radius = SEMI_MAJOR + 0.5 * (record.altitude[1:] + record.altitude[:-1])
-    return np.asarray(np.diff(record.speed) / interval + GM / radius**2 * sine_climb)
+    flight_sine = climb_rate / np.maximum(mean_speed, _UPRIGHT)
+    sine_climb = np.where(mean_speed < _UPRIGHT, 1.0, flight_sine)
+    radius = SEMI_MAJOR + mean_altitude
+    acceleration = np.diff(record.speed) / interval
+    gravity = GM / radius**2
+    return np.asarray(acceleration + gravity * sine_climb)
 
 
 class _FreeFall(NamedTuple):
@@ -199,8 +205,11 @@ class _FitProblem(NamedTuple):
         level = fall.level @ u
         down = fall.altitude_2 @ h + fall.gravity - level**2 / SEMI_MAJOR
         along = fall.level_1 @ u + level * (fall.altitude_1 @ h) / SEMI_MAJOR
-        speed = (np.hypot(self.climb @ h, self.level @ u) - self.record.speed) / self.noise[0]
-        altitude = (self.height @ h - self.record.altitude) / self.noise[1]
+        speed_noise, altitude_noise = self.noise
+        model_speed = np.hypot(self.climb @ h, self.level @ u)
+        model_altitude = self.height @ h
+        speed = (model_speed - self.record.speed) / speed_noise
+        altitude = (model_altitude - self.record.altitude) / altitude_noise
         return np.concatenate(
             [
                 speed,
@@ -216,7 +225,8 @@ class _FitProblem(NamedTuple):
         """Return the derivative of the residuals by the coefficients c."""
         h, u = np.split(c, [self.height.shape[1]])
         fall = self.fall
-        up, along = self.climb @ h, self.level @ u
+        up = self.climb @ h
+        along = self.level @ u
         speed = self.noise[0] * np.maximum(np.hypot(up, along), _STEEPEST)
         level = diags_array(fall.level @ u)
         rise = diags_array(fall.altitude_1 @ h)
@@ -271,13 +281,16 @@ class _FitProblem(NamedTuple):
 
 def _damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
     """Return the solution of (normal + damping times its diagonal) @ x = slope; splines make the matrix sparse."""
-    matrix = csc_array(normal + damping * diags_array(normal.diagonal()))
+    diagonal = diags_array(normal.diagonal())
+    matrix = csc_array(normal + damping * diagonal)
     return np.asarray(splu(matrix).solve(slope))
 
 
 def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
     """Return the least-squares solution x of rows @ x = values, regularised by the squared norm of rough @ x."""
-    return _damped(rows.T @ rows + rough.T @ rough, rows.T @ values, 1e-9)
+    normal = rows.T @ rows + rough.T @ rough
+    slope = rows.T @ values
+    return _damped(normal, slope, 1e-9)
 
 
 def smooth(
@@ -336,7 +349,9 @@ def _knots(t: Floats, breaks: list[float], degree: int) -> Floats:
         count = max(1, round((end - begin) / _SPACING))
         inner += [] if k == 0 else [begin] * 4
         inner += list(np.linspace(begin, end, count + 1)[1:-1])
-    return np.array([edges[0]] * (degree + 1) + inner + [edges[-1]] * (degree + 1))
+    first_knots = [edges[0]] * (degree + 1)
+    last_knots = [edges[-1]] * (degree + 1)
+    return np.array(first_knots + inner + last_knots)
 
 
 def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> csc_array:
@@ -346,7 +361,9 @@ def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> cs
     fixed : number of first basis splines to omit, whose coefficients are zero
     """
     count = len(knots) - degree - 1
-    return csc_array(BSpline(knots, np.eye(count), degree)(t, order)[:, fixed:])
+    basis = BSpline(knots, np.eye(count), degree)
+    values = basis(t, order)
+    return csc_array(values[:, fixed:])
 
 
 def _fit_problem(

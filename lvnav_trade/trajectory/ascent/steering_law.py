@@ -59,7 +59,8 @@ class Steering(NamedTuple):
 def smoothstep(x: float) -> float:
     """Return the quintic that rises from 0 to 1 for x from 0 to 1, with no slope and no curvature at the ends."""
     x = min(max(x, 0.0), 1.0)
-    return x * x * x * (10.0 + x * (6.0 * x - 15.0))
+    polynomial = 10.0 + x * (6.0 * x - 15.0)
+    return x * x * x * polynomial
 
 
 @jit
@@ -69,7 +70,11 @@ def _blend(weight: float, a: Direction, b: Direction) -> Direction:
     y = a[1] + weight * (b[1] - a[1])
     z = a[2] + weight * (b[2] - a[2])
     length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
+    return (
+        x / length,
+        y / length,
+        z / length,
+    )
 
 
 @jit
@@ -78,16 +83,22 @@ def _kick_direction(t: float, s: Steering) -> Direction:
 
     t : s since lift-off
     """
-    angle = s.kick_angle * smoothstep((t - s.kick_start) / s.kick_duration)
+    progress = smoothstep((t - s.kick_start) / s.kick_duration)
+    angle = s.kick_angle * progress
     cosine = math.cos(angle)
     sine = math.sin(angle)
-    x = cosine * s.up_e[0] + sine * s.downrange_e[0]
-    y = cosine * s.up_e[1] + sine * s.downrange_e[1]
-    z = cosine * s.up_e[2] + sine * s.downrange_e[2]
+    up, downrange = s.up_e, s.downrange_e
+    x = cosine * up[0] + sine * downrange[0]
+    y = cosine * up[1] + sine * downrange[1]
+    z = cosine * up[2] + sine * downrange[2]
     theta = s.theta0 + OMEGA * t
     cos_theta = math.cos(theta)
     sin_theta = math.sin(theta)
-    return cos_theta * x - sin_theta * y, sin_theta * x + cos_theta * y, z
+    return (
+        cos_theta * x - sin_theta * y,
+        sin_theta * x + cos_theta * y,
+        z,
+    )
 
 
 @jit
@@ -101,21 +112,24 @@ def _linear_tangent(t: float, r: Direction, k: int, s: Steering) -> Direction:
     k : index of the law
     """
     normal = s.normal_i[k]
-    horizontal_x = normal[1] * r[2] - normal[2] * r[1]
-    horizontal_y = normal[2] * r[0] - normal[0] * r[2]
-    horizontal_z = normal[0] * r[1] - normal[1] * r[0]
-    horizontal_length = math.sqrt(
-        horizontal_x * horizontal_x + horizontal_y * horizontal_y + horizontal_z * horizontal_z
-    )
-    radius = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-    tangent = s.tangent[k] + s.rate[k] * (t - s.law_start[k])
-    cos_elevation = 1.0 / math.sqrt(1.0 + tangent * tangent)
+    x, y, z = r[0], r[1], r[2]
+    horizontal_x = normal[1] * z - normal[2] * y
+    horizontal_y = normal[2] * x - normal[0] * z
+    horizontal_z = normal[0] * y - normal[1] * x
+    horizontal_square = horizontal_x * horizontal_x + horizontal_y * horizontal_y + horizontal_z * horizontal_z
+    horizontal_length = math.sqrt(horizontal_square)
+    square_radius = x * x + y * y + z * z
+    radius = math.sqrt(square_radius)
+    span = t - s.law_start[k]
+    tangent = s.tangent[k] + s.rate[k] * span
+    secant = math.sqrt(1.0 + tangent * tangent)
+    cos_elevation = 1.0 / secant
     along = cos_elevation / horizontal_length
     outward = cos_elevation * tangent / radius
     return (
-        along * horizontal_x + outward * r[0],
-        along * horizontal_y + outward * r[1],
-        along * horizontal_z + outward * r[2],
+        along * horizontal_x + outward * x,
+        along * horizontal_y + outward * y,
+        along * horizontal_z + outward * z,
     )
 
 
@@ -142,12 +156,15 @@ def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
         wx = v[0] + OMEGA * r[1]
         wy = v[1] - OMEGA * r[0]
         wz = v[2]
-        speed = math.sqrt(wx * wx + wy * wy + wz * wz)
-        u = _blend(weight, u, (wx / speed, wy / speed, wz / speed))
+        square_speed = wx * wx + wy * wy + wz * wz
+        speed = math.sqrt(square_speed)
+        along_airspeed = (wx / speed, wy / speed, wz / speed)
+        u = _blend(weight, u, along_airspeed)
     for k in range(s.law_start.size):
         if t > s.law_start[k]:
             law_weight = smoothstep((t - s.law_start[k]) / s.slew)
-            u = _blend(law_weight, u, _linear_tangent(t, r, k, s))
+            law_direction = _linear_tangent(t, r, k, s)
+            u = _blend(law_weight, u, law_direction)
     return u
 
 
@@ -174,7 +191,9 @@ def directions(t: Floats, y: Floats, s: Steering) -> Floats:
         r = (y[k, 0], y[k, 1], y[k, 2])
         v = (y[k, 3], y[k, 4], y[k, 5])
         u = direction(t[k], r, v, s)
-        out[k, 0], out[k, 1], out[k, 2] = u
+        out[k, 0] = u[0]
+        out[k, 1] = u[1]
+        out[k, 2] = u[2]
     return out
 
 
@@ -184,14 +203,16 @@ def roll_angle(roll: Roll, t: Floats) -> Floats:
     if change == 0.0:
         return np.full_like(t, roll.pad)
     # The smoothstep is steepest in its middle, by the factor _PEAK.
-    progress = smoothsteps((t - roll.start) * roll.rate / (_PEAK * abs(change)))
+    span = t - roll.start
+    progress = smoothsteps(span * roll.rate / (_PEAK * abs(change)))
     return np.asarray(roll.pad + change * progress)
 
 
 def smoothsteps(x: Floats) -> Floats:
     """Return the quintic step of `smoothstep` at every x (n,)."""
     x = np.clip(x, 0.0, 1.0)
-    return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
+    polynomial = 10.0 + x * (6.0 * x - 15.0)
+    return np.asarray(x**3 * polynomial)
 
 
 def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: Roll) -> BSpline:
@@ -212,13 +233,16 @@ def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: 
     roll : Roll
         Roll programme.
     """
-    right = eci_from_ecef(right_e, earth_angle(theta0, t))
-    return attitude_spline(t, quaternions(body_axes(x, right, roll_angle(roll, t))))
+    theta = earth_angle(theta0, t)
+    right = eci_from_ecef(right_e, theta)
+    C_b_i = body_axes(x, right, roll_angle(roll, t))
+    return attitude_spline(t, quaternions(C_b_i))
 
 
 def stretch_knots(begin: float, end: float) -> Floats:
     """Return the knots (n,) of the attitude over a stretch (s), both ends included, at least nine."""
-    n_interval = max(8, int(np.ceil((end - begin) / _STEP)))
+    span = end - begin
+    n_interval = max(8, int(np.ceil(span / _STEP)))
     return np.linspace(begin, end, n_interval + 1)
 
 
@@ -239,8 +263,14 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
             continue
         earlier = [i for i in powered if i < k]
         later = [i for i in powered if i > k]
-        before = (thrusts[earlier[-1]], float(times[earlier[-1]][-1])) if earlier else None
-        after = (thrusts[later[0]], float(times[later[0]][0])) if later else None
+        before = None
+        if earlier:
+            last = earlier[-1]
+            before = (thrusts[last], float(times[last][-1]))
+        after = None
+        if later:
+            first = later[0]
+            after = (thrusts[first], float(times[first][0]))
         directions.append(_coast_directions(knots, before, after))
     return directions
 
@@ -273,10 +303,12 @@ def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[
     arriving, end = after
     since_begin = (t - begin)[:, None]
     to_end = (t - end)[:, None]
-    weight = smoothsteps((t - begin) / (end - begin))[:, None]
+    progress = smoothsteps((t - begin) / (end - begin))
+    weight = progress[:, None]
     from_before = leaving(begin) + since_begin * leaving(begin, 1)
     to_after = arriving(end) + to_end * arriving(end, 1)
-    return unit((1.0 - weight) * from_before + weight * to_after)
+    mean = (1.0 - weight) * from_before + weight * to_after
+    return unit(mean)
 
 
 def _decaying_rotation(t: Floats, thrust: Any, edge: float, sign: float) -> Floats:
@@ -288,5 +320,8 @@ def _decaying_rotation(t: Floats, thrust: Any, edge: float, sign: float) -> Floa
     sign : 1 after the thrust, -1 before it
     """
     # Integral of the decaying rate exp(-|t - edge| / _DAMPING)
-    effective_time = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
-    return unit(thrust(edge) + effective_time * thrust(edge, 1))
+    span = (t - edge)[:, None]
+    decayed = -np.expm1(-sign * span / _DAMPING)
+    effective_time = sign * _DAMPING * decayed
+    rotated = thrust(edge) + effective_time * thrust(edge, 1)
+    return unit(rotated)

@@ -14,12 +14,11 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import thrust_beside
 from lvnav_trade.trajectory.ascent.legs import (
     SimulatedAscent,
     TargetingUnknowns,
-    engine,
     fly_ascent,
-    impulse_speed,
     lift_off_mass,
     mass_above,
 )
+from lvnav_trade.trajectory.ascent.motors import engine, impulse_speed
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
@@ -135,13 +134,15 @@ def _residuals(y: Floats, entry: InjectionPoint, inclination: float) -> Floats:
 
 def _climb(r_i: Floats, v: Floats) -> float:
     """Return the flight-path angle (rad) of a velocity above the horizontal at a position."""
-    sine = float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v))
+    lengths = np.linalg.norm(r_i) * np.linalg.norm(v)
+    sine = float(r_i @ v) / float(lengths)
     return math.asin(max(-1.0, min(1.0, sine)))
 
 
 def _orbital_speed(radius: float, perigee_radius: float, apogee_radius: float) -> float:
     """Return the speed (m/s) by the vis-viva equation, v^2 = GM (2 / r - 1 / a)."""
-    return math.sqrt(GM * (2.0 / radius - 2.0 / (perigee_radius + apogee_radius)))
+    major_axis = perigee_radius + apogee_radius
+    return math.sqrt(GM * (2.0 / radius - 2.0 / major_axis))
 
 
 def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> InjectionPoint:
@@ -223,7 +224,8 @@ def _moderate_kick(card: VehicleAscent, guess: Floats) -> float:
         aim = _aim(card, np.array([*guess[:3], 0.0]), kick)
         flight = fly_ascent(card, aim, final_coast=False)
         y = _state_at(flight, flight.events["stage1_separation"])
-        return _climb(y[:3], earth_velocity(y[:3], y[3:6])) - _CLIMB_AT_SEPARATION
+        r_i, v_i = y[:3], y[3:6]
+        return _climb(r_i, earth_velocity(r_i, v_i)) - _CLIMB_AT_SEPARATION
 
     angles = np.radians([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     climbs = [excess_climb(float(angle)) for angle in angles]
@@ -308,7 +310,8 @@ def left_in_orbit(card: VehicleAscent, flight: SimulatedAscent, number: int) -> 
     y = flight.legs[-1].y[-1]
     if number < len(card.vehicle.stages):
         y = _state_at(flight, flight.events[f"stage{number}_cutoff"])
-    return float(y[6] - card.vehicle.stages[number - 1].dry - mass_above(card, number))
+    stage = card.vehicle.stages[number - 1]
+    return float(y[6] - stage.dry - mass_above(card, number))
 
 
 def _require_propellant(card: VehicleAscent, aim: TargetingUnknowns) -> None:
@@ -374,7 +377,8 @@ def _bracket_payload(card: VehicleAscent) -> tuple[float, float] | None:
 
 def _reaches(card: VehicleAscent, payload: float) -> bool:
     """Return whether the (first) orbit is reached with a payload (kg), within the propellant."""
-    light = card.model_copy(update={"vehicle": card.vehicle.model_copy(update={"payload": payload})})
+    vehicle = card.vehicle.model_copy(update={"payload": payload})
+    light = card.model_copy(update={"vehicle": vehicle})
     if impulse_speed(light.vehicle, payload) < _least_speed(light):
         return False
     guess = _first_guess(light)

@@ -201,9 +201,12 @@ def sun_synchronous(perigee: float, apogee: float) -> float:
     ValueError if there is no such inclination.
     """
     a = SEMI_MAJOR + 0.5 * (perigee + apogee)
-    p = a * (1.0 - (0.5 * (apogee - perigee) / a) ** 2)
+    eccentricity = 0.5 * (apogee - perigee) / a
+    p = a * (1.0 - eccentricity**2)
     year = 365.24219 * 86400.0
-    cosine = -2.0 * math.pi / year / (1.5 * J2 * math.sqrt(GM / a**3) * (SEMI_MAJOR / p) ** 2)
+    mean_motion = math.sqrt(GM / a**3)
+    polar_drift = 1.5 * J2 * mean_motion * (SEMI_MAJOR / p) ** 2
+    cosine = -2.0 * math.pi / year / polar_drift
     if cosine < -1.0:
         raise ValueError(f"no orbit of {perigee / 1e3:.0f} x {apogee / 1e3:.0f} km is sun-synchronous")
     return math.acos(cosine)

@@ -57,8 +57,11 @@ def growth(imu: ImuCard, what: str, interval: float) -> float:
     bias = math.hypot(sensor.bias_repeatability, sensor.instability_sigma)
     if what == "position":
         noise_growth = sensor.random_walk * math.sqrt(interval**3 / 3.0)
-        return math.hypot(noise_growth, 0.5 * bias * interval**2)
-    return math.hypot(sensor.random_walk * math.sqrt(interval), bias * interval)
+        bias_growth = 0.5 * bias * interval**2
+        return math.hypot(noise_growth, bias_growth)
+    noise_growth = sensor.random_walk * math.sqrt(interval)
+    bias_growth = bias * interval
+    return math.hypot(noise_growth, bias_growth)
 
 
 def limit(residual: Residual, imu: ImuCard) -> float:
@@ -67,7 +70,8 @@ def limit(residual: Residual, imu: ImuCard) -> float:
     Rounding errors are always allowed, also for an ideal IMU.
     """
     interval = max(residual.end - residual.start, SHORTEST)
-    allowed = ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise
+    allowed_drift = ALLOWED * growth(imu, residual.what, interval)
+    allowed = allowed_drift + _ROUNDINGS * residual.noise
     return max(allowed, PRECISION[residual.what])
 
 

@@ -22,8 +22,13 @@ _LIFTOFF, _LATEST_LIFTOFF = 3.0, 60.0  # s; offset of lift-off from time zero wi
 def rest_end(rows: TrajectoryRows) -> float | None:
     """Return the time (s) of the last row at rest before motion; None if the first row moves or no row moves."""
     v = np.gradient(rows.r_i, rows.t, axis=0) if rows.v_i is None else rows.v_i
-    moving = np.linalg.norm(earth_velocity(rows.r_i, v), axis=1) > REST
-    return None if moving[0] or not moving.any() else float(rows.t[int(np.argmax(moving)) - 1])
+    ground_velocity = earth_velocity(rows.r_i, v)
+    speed = np.linalg.norm(ground_velocity, axis=1)
+    is_moving = speed > REST
+    if is_moving[0] or not is_moving.any():
+        return None
+    first_moving = int(np.argmax(is_moving))
+    return float(rows.t[first_moving - 1])
 
 
 def clock_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
@@ -128,8 +133,9 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
             continue
         roll_axis = matrices(q_b_i[strong])[:, :, 0]
         cosine = np.einsum("ij,ij->i", thrust_direction, roll_axis)
-        angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-        candidates.append(AttitudeInterpretation(columns, angle))
+        angles = np.arccos(np.clip(cosine, -1.0, 1.0))
+        median_angle = float(np.median(angles))
+        candidates.append(AttitudeInterpretation(columns, median_angle))
     return candidates
 
 

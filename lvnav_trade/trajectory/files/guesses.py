@@ -126,8 +126,10 @@ def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] 
     near : ISO 8601 time in UTC that selects the era of a week number of ten bits.
     """
     content = {guess.part: guess.content for guess in guesses}
-    time, delimiter = content["time"], content.get("delimiter", ",")
-    liftoff = time.get("liftoff", 0.0) * parse(f"1 {time['unit']}", "s")
+    time = content["time"]
+    delimiter = content.get("delimiter", ",")
+    second = parse(f"1 {time['unit']}", "s")
+    liftoff = time.get("liftoff", 0.0) * second
     name = _parse_title(time["column"]).name
     if name in _SINCE_UNIX and liftoff > 0.0:
         return utc_after(UNIX_ORIGIN.isoformat(), liftoff), "from Unix time at lift-off"
@@ -151,11 +153,13 @@ def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] 
 def left_out(file: str, guesses: Sequence[Guess]) -> list[str]:
     """Return the titles of the columns of a file that no guess uses."""
     content = {guess.part: guess.content for guess in guesses}
-    used = {content["time"]["column"]}
+    guessed_titles = {content["time"]["column"]}
     for name in ("position", "velocity", "attitude"):
-        used.update(content.get(name, {}).get("columns", ()))
-    titles = column_names(file, content.get("delimiter", ","))
-    return [title for title in titles if title not in used]
+        columns = content.get(name, {}).get("columns", ())
+        guessed_titles.update(columns)
+    delimiter = content.get("delimiter", ",")
+    titles = column_names(file, delimiter)
+    return [title for title in titles if title not in guessed_titles]
 
 
 def guess(file: str, time_column: str | None = None) -> list[Guess]:
@@ -269,11 +273,14 @@ def _angle_unit(column: _Column, angles: Floats) -> str:
 
 def _height_unit(t: Floats, height: Floats) -> str:
     """Return the unit of heights (n,) at times t (n,) s: km if in metres the flight would be too slow, otherwise m."""
-    even = np.linspace(t[0], t[-1], _SPANS + 1)
-    step = max(float(even[1] - even[0]), 1e-9)
-    second_difference = np.diff(np.interp(even, t, height), 2)
-    acceleration = float(np.max(np.abs(second_difference))) / step**2
-    is_high_pad = height[0] == height[1] and abs(height[0]) > _HIGHEST_PAD
+    even_t = np.linspace(t[0], t[-1], _SPANS + 1)
+    even_height = np.interp(even_t, t, height)
+    step = max(float(even_t[1] - even_t[0]), 1e-9)
+    second_difference = np.diff(even_height, 2)
+    largest_difference = float(np.max(np.abs(second_difference)))
+    acceleration = largest_difference / step**2
+    first, second = height[0], height[1]
+    is_high_pad = first == second and abs(first) > _HIGHEST_PAD
     is_metres = acceleration > _QUIET or np.max(height) > _HIGHEST_KM or is_high_pad
     return "m" if is_metres else "km"
 
@@ -338,8 +345,10 @@ def _guess_frame(place: Floats, t: Floats) -> tuple[str, str]:
     place : (n, 3), m.
     t : (n,), s.
     """
-    speed = float(np.linalg.norm(place[1] - place[0]) / (t[1] - t[0]))
-    earth_speed = OMEGA * float(np.hypot(*place[0, :2]))
+    distance = np.linalg.norm(place[1] - place[0])
+    speed = float(distance / (t[1] - t[0]))
+    axis_distance = float(np.hypot(*place[0, :2]))
+    earth_speed = OMEGA * axis_distance
     if speed < 0.5 * earth_speed:
         return "ecef", f"the first rows move at {speed:.3g} m/s: fixed to the Earth"
     return "eci", f"the first rows move at {speed:.0f} m/s, as the Earth does there: inertial"

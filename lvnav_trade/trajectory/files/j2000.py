@@ -57,19 +57,26 @@ def rotation_to_date(epoch: str) -> Floats:
     """
     t = _centuries(epoch)
     longitude, obliquity, node = _nutation(t)
-    mean_obliquity = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * _ARCSEC
-    nutation = _about_x(-mean_obliquity - obliquity) @ _about_z(-longitude) @ _about_x(mean_obliquity)
+    obliquity_decrease = (46.8150 + (0.00059 - 0.001813 * t) * t) * t
+    mean_obliquity = (84381.448 - obliquity_decrease) * _ARCSEC
+    to_true_equator = _about_x(-mean_obliquity - obliquity)
+    to_ecliptic = _about_x(mean_obliquity)
+    nutation = to_true_equator @ _about_z(-longitude) @ to_ecliptic
     # Equation of the equinoxes, from the true to the mean equinox
     node_terms = 0.00264 * math.sin(node) + 0.000063 * math.sin(2.0 * node)
     equinoxes = longitude * math.cos(mean_obliquity) + node_terms * _ARCSEC
-    return np.asarray(_about_z(equinoxes) @ nutation @ _precession(t))
+    to_mean_equinox = _about_z(equinoxes)
+    return np.asarray(to_mean_equinox @ nutation @ _precession(t))
 
 
 def _precession(t: float) -> Floats:
     """Return the precession (3, 3) from J2000 to t centuries after it (Lieske 1977)."""
-    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * _ARCSEC
-    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * _ARCSEC
-    theta = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * _ARCSEC
+    zeta_arcsec = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t
+    z_arcsec = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t
+    theta_arcsec = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t
+    zeta = zeta_arcsec * _ARCSEC
+    z = z_arcsec * _ARCSEC
+    theta = theta_arcsec * _ARCSEC
     return np.asarray(_about_z(-z) @ _about_y(theta) @ _about_z(-zeta))
 
 
@@ -77,8 +84,11 @@ def _centuries(epoch: str) -> float:
     """Return the terrestrial time of an epoch (ISO 8601, UTC) in centuries after J2000."""
     moment = datetime.fromisoformat(epoch)
     utc = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
-    terrestrial = utc + timedelta(seconds=leap_seconds(utc) + _TT_AHEAD)
-    return (terrestrial - datetime(2000, 1, 1, 12, tzinfo=UTC)) / timedelta(days=36525)
+    ahead_of_utc = timedelta(seconds=leap_seconds(utc) + _TT_AHEAD)
+    terrestrial = utc + ahead_of_utc
+    j2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+    century = timedelta(days=36525)
+    return (terrestrial - j2000) / century
 
 
 def _nutation(t: float) -> tuple[float, float, float]:
@@ -91,8 +101,10 @@ def _nutation(t: float) -> tuple[float, float, float]:
     obliquity = 0.0
     for *multiples, sine, sine_rate, cosine, cosine_rate in _NUTATION:
         angle = sum(multiple * argument for multiple, argument in zip(multiples, arguments, strict=True))
-        longitude += (sine + sine_rate * t) * math.sin(angle) * 1e-4 * _ARCSEC
-        obliquity += (cosine + cosine_rate * t) * math.cos(angle) * 1e-4 * _ARCSEC
+        longitude_amplitude = sine + sine_rate * t
+        obliquity_amplitude = cosine + cosine_rate * t
+        longitude += longitude_amplitude * math.sin(angle) * 1e-4 * _ARCSEC
+        obliquity += obliquity_amplitude * math.cos(angle) * 1e-4 * _ARCSEC
     return longitude, obliquity, arguments[4]
 
 

@@ -62,11 +62,14 @@ def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str])
 
 def doubled(t: Floats, events: Mapping[str, float]) -> NDArray[np.bool_]:
     """Return which rows at times t (n,) s are the first of two rows at the time of an event, (n,) bool."""
-    first = np.append(np.diff(t) == 0.0, False)
+    is_repeated = np.diff(t) == 0.0
+    first = np.append(is_repeated, False)
     first[1:] &= ~first[:-1]  # a third row of a time repeats it
     event_times = np.array([*events.values()])
-    distance = np.min(np.abs(t[:, None] - event_times), axis=1, initial=math.inf)
-    return np.asarray(first & (distance < SAME))
+    time_from_events = np.abs(t[:, None] - event_times)
+    distance = np.min(time_from_events, axis=1, initial=math.inf)
+    is_at_event = distance < SAME
+    return np.asarray(first & is_at_event)
 
 
 def refuse_repeated(
@@ -116,12 +119,15 @@ def rounding(column: Floats) -> float:
     single = 0.0
     with np.errstate(over="ignore"):
         if np.all(column.astype(np.float32) == column):  # single precision, possibly with few digits as well
-            single = float(np.spacing(np.float32(largest))) / math.sqrt(12.0)
+            spacing = float(np.spacing(np.float32(largest)))
+            single = spacing / math.sqrt(12.0)
     for digits in range(-3, 10):
-        scaled = column * 10.0**digits
-        if largest * 10.0**digits > 2.0**40:  # a double has hardly a digit more to round
+        power = 10.0**digits
+        scaled = column * power
+        if largest * power > 2.0**40:  # a double has hardly a digit more to round
             break
-        is_whole = np.all(np.abs(scaled - np.rint(scaled)) < 1e-3)
+        remainder = np.abs(scaled - np.rint(scaled))
+        is_whole = np.all(remainder < 1e-3)
         if np.ptp(scaled) >= 1.0 and is_whole:
             return max(single, 10.0**-digits / math.sqrt(12.0))
     return single

@@ -70,7 +70,8 @@ def row_fit(card: TableTrajectory) -> RowFit:
     InputError
         The file cannot be read, contradicts itself grossly, or an event lies outside it.
     """
-    return _cached_fit((card.model_dump_json(), content_of(card.file)), card)
+    identity = (card.model_dump_json(), content_of(card.file))
+    return _cached_fit(identity, card)
 
 
 def content_of(file: str) -> str:
@@ -101,24 +102,29 @@ def _cached_fit(identity: tuple[str, str], card: TableTrajectory) -> RowFit:
     if rows.q_b_i is None:
         return path
     attitude = attitude_fit(rows, rows.t, rows.q_b_i)
-    size = angles_between(attitude(rows.t), rows.q_b_i)
+    fitted = attitude(rows.t)
+    size = angles_between(fitted, rows.q_b_i)
     worst = _worst_residuals("attitude", rows, edges, lambda indices: size[indices])
     return path._replace(residuals=path.residuals + worst)
 
 
 def event_marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
     """Return the times of the events with those of the file: start, lift-off if the rows contain it, and end."""
-    marks = {"start": float(t[0]), "end": float(t[-1])}
-    if t[0] <= SAME <= t[-1]:
-        marks["liftoff"] = max(0.0, float(t[0]))
-    return dict(sorted({**marks, **events}.items(), key=lambda item: item[1]))
+    first_t, last_t = float(t[0]), float(t[-1])
+    marks = {"start": first_t, "end": last_t}
+    if first_t <= SAME <= last_t:
+        marks["liftoff"] = max(0.0, first_t)
+    all_marks = {**marks, **events}
+    return dict(sorted(all_marks.items(), key=lambda item: item[1]))
 
 
 def _edges(marks: Mapping[str, float], t: Floats) -> list[float]:
     """Return start, events and end of the rows in order; events within `SAME` of the previous event are omitted."""
     edges = [float(t[0])]
     previous = None
-    for time in sorted({time for time in marks.values() if t[0] + SAME < time < t[-1] - SAME}):
+    earliest, latest = t[0] + SAME, t[-1] - SAME
+    inner_times = {time for time in marks.values() if earliest < time < latest}
+    for time in sorted(inner_times):
         if previous is None or time - previous > SAME:
             edges.append(time)
         previous = time
@@ -127,7 +133,11 @@ def _edges(marks: Mapping[str, float], t: Floats) -> list[float]:
 
 def _event_names(marks: Mapping[str, float], begin: float, end: float) -> str:
     """Return the names of the events between two times (s)."""
-    return ", ".join(name for name, time in marks.items() if begin < time <= end)
+    names = []
+    for name, time in marks.items():
+        if begin < time <= end:
+            names.append(name)
+    return ", ".join(names)
 
 
 def _fit_velocities(
@@ -141,18 +151,23 @@ def _fit_velocities(
     v_i = np.asarray(rows.v_i)
     velocity = fit(rows.t, v_i, edges[1:-1], 4, rows.noise[1]).spline
     position = velocity.antiderivative()
-    position.c = position.c + (rows.r_i[0] - position(rows.t[0]))
+    initial_position = rows.r_i[0] - position(rows.t[0])
+    position.c = position.c + initial_position
     difference = position(rows.t) - rows.r_i
     change = np.diff(difference, axis=0)  # from row to row: motion of the reference point, and contradictions
     jumps = _remove_movements(card, rows, change, marks)
     jumps += _remove_steps(card, rows, change, marks)
-    difference = np.concatenate([difference[:1], difference[:1] + np.cumsum(change, axis=0)])
+    first_difference = difference[:1]
+    later_differences = first_difference + np.cumsum(change, axis=0)
+    difference = np.concatenate([first_difference, later_differences])
 
     def position_residuals(indices: NDArray[np.int64]) -> Floats:
-        return np.asarray(np.linalg.norm(difference[indices] - difference[indices[0]], axis=1))
+        residual = difference[indices] - difference[indices[0]]
+        return np.asarray(np.linalg.norm(residual, axis=1))
 
     def velocity_residuals(indices: NDArray[np.int64]) -> Floats:
-        return np.asarray(np.linalg.norm(velocity(rows.t[indices]) - v_i[indices], axis=1))
+        residual = velocity(rows.t[indices]) - v_i[indices]
+        return np.asarray(np.linalg.norm(residual, axis=1))
 
     residuals = _worst_residuals("position", rows, edges, position_residuals)
     residuals += _worst_residuals("velocity", rows, edges, velocity_residuals)
@@ -185,7 +200,8 @@ def _fit_positions(
     jumps = []
     offset = np.zeros_like(rows.r_i)
     for time, shift in zip(step_times, fitted.steps, strict=True):
-        jumps.append(ReferencePointChange(_event_names(marks, time - SAME, time + SAME), time, shift))
+        names = _event_names(marks, time - SAME, time + SAME)
+        jumps.append(ReferencePointChange(name=names, time=time, shift=shift))
         offset = offset + np.outer(rows.t >= time, shift)
     difference = fitted.spline(rows.t) + offset - rows.r_i
     return RowFit(
@@ -241,7 +257,8 @@ def angles_between(p: Floats, q: Floats) -> Floats:
     Unit quaternions that differ by an angle a are 2 sin(a / 4) apart.
     """
     distance = np.linalg.norm(unit(p) - q, axis=1)
-    return np.asarray(4.0 * np.arcsin(np.minimum(1.0, 0.5 * distance)))
+    sine = np.minimum(1.0, 0.5 * distance)  # of a quarter of the angle
+    return np.asarray(4.0 * np.arcsin(sine))
 
 
 def _remove_movements(
@@ -259,11 +276,13 @@ def _remove_movements(
         begin, end = marks.get(first), marks.get(last)
         if begin is None or end is None or begin >= end:
             raise InputError(f"{card.name}: moving_reference: {first!r} does not come before {last!r} in {card.file}")
-        within = (rows.t[1:] > begin) & (rows.t[:-1] < end)
+        ends_after_begin = rows.t[1:] > begin
+        begins_before_end = rows.t[:-1] < end
+        within = ends_after_begin & begins_before_end
         # an interval with a step is treated by `_remove_steps`
         within &= np.linalg.norm(change, axis=1) < card.smallest_jump
         shift = -np.sum(change[within], axis=0)
-        jumps.append(ReferencePointChange(f"{first} to {last}", begin, shift))
+        jumps.append(ReferencePointChange(name=f"{first} to {last}", time=begin, shift=shift))
         change[within] = 0.0
     return jumps
 
@@ -285,7 +304,8 @@ def _remove_steps(
                 f"{card.file}: the position steps by {size[k]:.3g} m beside its velocity between {rows.t[k]:.9g} and "
                 f"{rows.t[k + 1]:.9g} s, where no event is declared: is one missing, or a frame or unit wrong?"
             )
-        jumps.append(ReferencePointChange(names, float(rows.t[k + 1]), -change[k]))
+        jump_time = float(rows.t[k + 1])
+        jumps.append(ReferencePointChange(name=names, time=jump_time, shift=-change[k]))
         change[k] = 0.0
     return jumps
 
@@ -294,7 +314,9 @@ def _misfit(rows: TrajectoryRows, difference: Floats) -> tuple[float, float, flo
     """Return RMS and largest length of differences (n, 3) m, and the time (s) of the largest."""
     size = np.linalg.norm(difference, axis=1)
     worst = int(np.argmax(size))
-    return float(np.sqrt(np.mean(size**2))), float(size[worst]), float(rows.t[worst])
+    mean_square = np.mean(size**2)
+    rms = float(np.sqrt(mean_square))
+    return rms, float(size[worst]), float(rows.t[worst])
 
 
 def path_forces(path: RowFit) -> tuple[Floats, Floats]:
@@ -302,9 +324,12 @@ def path_forces(path: RowFit) -> tuple[Floats, Floats]:
     times = []
     for begin, end in pairwise(path.edges):
         n_interval = max(8, int((end - begin) / 0.05))
-        times.append(np.linspace(begin, end, n_interval + 2)[1:-1])
+        even_t = np.linspace(begin, end, n_interval + 2)
+        times.append(even_t[1:-1])
     t = np.concatenate(times)
-    return t, path.position(t, 2) - gravity_along(path.position(t))
+    acceleration = path.position(t, 2)
+    gravity = gravity_along(path.position(t))
+    return t, acceleration - gravity
 
 
 def mean_forces(rows: TrajectoryRows) -> tuple[Floats, Floats, float]:
@@ -312,21 +337,27 @@ def mean_forces(rows: TrajectoryRows) -> tuple[Floats, Floats, float]:
 
     The velocities are those of the rows, or differences of positions at the times between the rows.
     """
-    t, r, v, noise = rows.t, rows.r_i, rows.v_i, rows.noise[1]
+    t, r, v = rows.t, rows.r_i, rows.v_i
+    noise = rows.noise[1]
     if v is None:
         interval = np.diff(t)
-        noise = 2.0 * rows.noise[0] / float(np.median(interval))
+        median_interval = float(np.median(interval))
+        noise = 2.0 * rows.noise[0] / median_interval
         v = np.diff(r, axis=0) / interval[:, None]
         t = _midpoints(t)
         r = _midpoints(r)
-    acceleration = np.diff(v, axis=0) / np.diff(t)[:, None]
-    force = acceleration - gravity_along(_midpoints(r))
+    velocity_gain = np.diff(v, axis=0)
+    acceleration = velocity_gain / np.diff(t)[:, None]
+    gravity = gravity_along(_midpoints(r))
+    force = acceleration - gravity
     return t, np.linalg.norm(force, axis=1), noise
 
 
 def _midpoints(values: Floats) -> Floats:
     """Return the means of successive values."""
-    return np.asarray(0.5 * (values[1:] + values[:-1]))
+    before = values[:-1]
+    after = values[1:]
+    return np.asarray(0.5 * (after + before))
 
 
 def attitude_fit(rows: TrajectoryRows, t: Floats, q_b_i: Floats) -> BSpline:
@@ -336,4 +367,5 @@ def attitude_fit(rows: TrajectoryRows, t: Floats, q_b_i: Floats) -> BSpline:
     t : (n,) s. Times.
     q_b_i : (n, 4). Quaternions from body to frame i, scalar first, of continuous sign.
     """
-    return fit(t, q_b_i, [], 5, rows.noise[2] * _COMPONENTS).spline
+    component_noise = rows.noise[2] * _COMPONENTS
+    return fit(t, q_b_i, [], 5, component_noise).spline

@@ -29,14 +29,17 @@ def pairs(card: TableTrajectory) -> list[float]:
         names += card.velocity.columns
     table, _ = read_columns(card.file, names, card.delimiter)
     table = table[~_repeats(table)]
-    repeated = np.flatnonzero(np.diff(table[:, 0]) == 0.0)
-    times = (table[repeated, 0] - card.time.liftoff) * si(card.time.unit, "s")
+    column = table[:, 0]
+    repeated = np.flatnonzero(np.diff(column) == 0.0)
+    since_liftoff = column[repeated] - card.time.liftoff
+    times = since_liftoff * si(card.time.unit, "s")
     return list(dict.fromkeys(times.tolist()))
 
 
 def _repeats(table: Floats) -> NDArray[np.bool_]:
     """Return which rows are equal to the row before, as in files whose phases end and begin with the same state."""
-    return np.append(False, np.all(table[1:] == table[:-1], axis=1))
+    is_equal = np.all(table[1:] == table[:-1], axis=1)
+    return np.append(False, is_equal)
 
 
 _NEAREST, _FARTHEST = 6.3e6, 1e9  # m from the centre of the Earth; positions outside have a wrong unit
@@ -134,7 +137,8 @@ def si(unit: str, base: str) -> float:
 
 def _largest_rounding(table: Floats, *factors: float) -> float:
     """Return the largest rounding of the columns of a table, times a factor for each."""
-    return max(rounding(column) * factor for column, factor in zip(table.T, factors, strict=True))
+    roundings = [rounding(column) * factor for column, factor in zip(table.T, factors, strict=True)]
+    return max(roundings)
 
 
 class _ColumnReader:
@@ -158,7 +162,8 @@ class _ColumnReader:
         table = table[~is_equal]
         self.file = card.file
         self.places = [place for place, drop in zip(places, is_equal, strict=True) if not drop]
-        last = self._read_times(card, table[:, names.index(card.time.column)])
+        time_column = table[:, names.index(card.time.column)]
+        last = self._read_times(card, time_column)
         if np.any(is_equal):
             number = int(np.sum(is_equal))
             rows = f"{number} row{'s' if number > 1 else ''}"
@@ -186,7 +191,8 @@ class _ColumnReader:
         if stamps.note:
             self.notes += [stamps.note]
         last = int(single[count - 1]) + 1
-        self.t, self.before = t[:last], before[:last]
+        self.t = t[:last]
+        self.before = before[:last]
         return last
 
     def inertial(self, v: Floats, frame: str) -> Floats:
@@ -226,15 +232,18 @@ class _ColumnReader:
         r_i, v_i, q_b_i = motion
         for k in np.flatnonzero(self.before).tolist():
             # difference of the Earth's velocity between two reference points
-            turned = OMEGA * float(np.linalg.norm(r_i[k + 1] - r_i[k]))
+            distance = float(np.linalg.norm(r_i[k + 1] - r_i[k]))
+            turned = OMEGA * distance
             if v_i is not None:
                 size = float(np.linalg.norm(v_i[k + 1] - v_i[k]))
-                if size > _JUMP + 10.0 * noise[1] + turned:
+                limit = _JUMP + 10.0 * noise[1] + turned
+                if size > limit:
                     self._refuse_jump(events, k, f"velocity jumps by {size:.3g} m/s")
             if q_b_i is not None:
                 cosine = min(1.0, abs(float(q_b_i[k + 1] @ q_b_i[k])))
                 size = 2.0 * math.acos(cosine)
-                if size > _JUMP + 10.0 * noise[2] + turned:
+                limit = _JUMP + 10.0 * noise[2] + turned
+                if size > limit:
                     self._refuse_jump(events, k, f"attitude jumps by {size:.3g} rad")
 
     def _refuse_jump(self, events: Mapping[str, float], k: int, jump: str) -> NoReturn:
@@ -251,8 +260,10 @@ class _ColumnReader:
 
         The rate in the gap is assumed to be the larger of those before and after it; t (n,) s, q_b_i (n, 4).
         """
-        cosine = np.abs(np.sum(q_b_i[1:] * q_b_i[:-1], axis=1))
-        rate = 2.0 * np.arccos(np.minimum(1.0, cosine)) / np.diff(t)
+        q, next_q = q_b_i[:-1], q_b_i[1:]
+        cosine = np.abs(np.sum(next_q * q, axis=1))
+        angle = 2.0 * np.arccos(np.minimum(1.0, cosine))
+        rate = angle / np.diff(t)
         for hole in self.holes:
             neighbours = [rate[k] for k in (hole.row - 1, hole.row + 1) if 0 <= k < rate.size]
             turn = hole.length * max(neighbours)
@@ -281,9 +292,12 @@ class _ColumnReader:
 
     def _geodetic_positions(self, columns: PositionColumns, table: Floats) -> tuple[Floats, float]:
         """Return r_i (n, 3) of latitude, longitude and height, and one sigma of its rounding."""
-        radian, metre = si(columns.unit, "rad"), si(columns.height_unit or "m", "m")
-        latitude, longitude, height = table[:, 0] * radian, table[:, 1] * radian, table[:, 2] * metre
         names, unit = columns.columns, columns.unit
+        radian = si(unit, "rad")
+        metre = si(columns.height_unit or "m", "m")
+        latitude = table[:, 0] * radian
+        longitude = table[:, 1] * radian
+        height = table[:, 2] * metre
         self.refuse(
             np.abs(latitude) > 0.5 * math.pi + 1e-12,
             lambda k: f"{names[0]}: {table[k, 0]:g} {unit} is no latitude",
@@ -292,7 +306,8 @@ class _ColumnReader:
             np.abs(longitude) > 2.0 * math.pi + 1e-12,
             lambda k: f"{names[1]}: {table[k, 1]:g} {unit} is no longitude",
         )
-        r_i = frames.eci_from_ecef(frames.ecef_from_geodetic(latitude, longitude, height), self.theta)
+        r_e = frames.ecef_from_geodetic(latitude, longitude, height)
+        r_i = frames.eci_from_ecef(r_e, self.theta)
         north = radian * SEMI_MAJOR
         east = north * float(np.cos(latitude[0]))
         return r_i, _largest_rounding(table, north, east, metre)
@@ -310,15 +325,18 @@ class _ColumnReader:
         r_e = frames.ecef_from_eci(r_i, self.theta)
         if columns.frame == "ned":
             latitude, longitude, _ = frames.geodetic_from_ecef(r_e)
-            v = np.einsum("kji,kj->ki", frames.rotation_e_n(latitude, longitude), v)
-        v_e = v + np.cross([0.0, 0.0, OMEGA], r_e)
-        return frames.eci_from_ecef(v_e, self.theta), noise
+            C_e_n = frames.rotation_e_n(latitude, longitude)
+            v = np.einsum("kji,kj->ki", C_e_n, v)
+        earth_rotation = np.cross([0.0, 0.0, OMEGA], r_e)
+        v_i = frames.eci_from_ecef(v + earth_rotation, self.theta)
+        return v_i, noise
 
     def attitudes(self, columns: AttitudeColumns, r_i: Floats) -> tuple[Floats, float]:
         """Return q_b_i (n, 4), of continuous sign, and one sigma of its rounding in rad."""
         C_body, noise = self._matrices(columns)
         if columns.frame in ("eci", "j2000"):
-            C_frame = np.broadcast_to(self.inertial(np.eye(3), columns.frame), C_body.shape)
+            inertial_axes = self.inertial(np.eye(3), columns.frame)
+            C_frame = np.broadcast_to(inertial_axes, C_body.shape)
         elif columns.frame == "ned":
             C_frame = frames.rotation_i_n(r_i, self.theta)
         else:
@@ -344,8 +362,10 @@ class _ColumnReader:
         else:
             C = table.reshape(-1, 3, 3)
             noise = _largest_rounding(table, *[1.0] * 9)
-            skew = np.max(np.abs(C @ np.swapaxes(C, 1, 2) - np.eye(3)), axis=(1, 2))
-            is_skewed = (skew > _SKEW) | (np.linalg.det(C) < 0.0)
+            square = C @ np.swapaxes(C, 1, 2)
+            skew = np.max(np.abs(square - np.eye(3)), axis=(1, 2))
+            is_mirrored = np.linalg.det(C) < 0.0
+            is_skewed = (skew > _SKEW) | is_mirrored
             self.refuse(is_skewed, lambda k: f"the matrix is no rotation (off by {skew[k]:.3g})")
         if columns.turns != "body_to_frame":
             C = np.swapaxes(C, 1, 2)

@@ -55,16 +55,22 @@ class _FitProblem(NamedTuple):
 
     def solve(self, log_weight: float) -> tuple[Floats, float]:
         """Return the coefficients for a weight of the roughness (log10), and the RMS misfit."""
-        rough = 10.0 ** (0.5 * log_weight) * self.rough
-        normal = csc_array(self.values.T @ self.values + rough.T @ rough)
+        values, data = self.values, self.data
+        weight_root = 10.0 ** (0.5 * log_weight)
+        rough = weight_root * self.rough
+        normal = csc_array(values.T @ values + rough.T @ rough)
         # The matrix is nearly singular if a step hardly differs from a bend of the spline.
-        factors = splu(csc_array(normal + 1e-14 * diags_array(normal.diagonal())))
-        c = np.zeros((normal.shape[0], self.data.shape[1]))
+        diagonal = diags_array(normal.diagonal())
+        regularised = csc_array(normal + 1e-14 * diagonal)
+        factors = splu(regularised)
+        c = np.zeros((normal.shape[0], data.shape[1]))
         for _ in range(1 + _REFINEMENTS):
-            residual = self.data - self.values @ c
-            gradient = self.values.T @ residual - rough.T @ (rough @ c)
+            residual = data - values @ c
+            roughness = rough @ c
+            gradient = values.T @ residual - rough.T @ roughness
             c += factors.solve(gradient)
-        misfit = np.sqrt(np.mean((self.values @ c - self.data) ** 2))
+        difference = values @ c - data
+        misfit = np.sqrt(np.mean(difference**2))
         return c, float(misfit)
 
 
@@ -100,7 +106,9 @@ def fit(
 
     def solution(log_weight: float) -> SplineFit:
         c, misfit = problem.solve(log_weight)
-        return SplineFit(BSpline(knots, c[:n_coefficient], degree), c[n_coefficient:], misfit)
+        spline = BSpline(knots, c[:n_coefficient], degree)
+        step_sizes = c[n_coefficient:]
+        return SplineFit(spline, step_sizes, misfit)
 
     def excess_misfit(log_weight: float) -> float:
         _, misfit = problem.solve(log_weight)
@@ -126,7 +134,8 @@ def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
         if number > 0:
             inner += [begin] * 4
         last = begin
-        for time in t[(t > begin) & (t < end)]:
+        inner_times = t[(t > begin) & (t < end)]
+        for time in inner_times:
             is_far = time - last > 0.99 * _CLOSEST and end - time > 0.5 * _CLOSEST
             if is_far:
                 inner.append(float(time))
@@ -149,23 +158,26 @@ def _fit_problem(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequen
     nodes, cell = _quadrature(knots)
     blocks = []
     for order, weight in ((degree - 1, 1.0), (degree - 2, _TIE)):
-        scale = weight * np.sqrt(cell * interval ** (2 * order - 1))
+        interval_power = interval ** (2 * order - 1)
+        scale = weight * np.sqrt(cell * interval_power)
         derivative = _derivative(knots, degree, order, nodes)
         blocks.append([diags_array(scale) @ derivative])
     rough = block_array(blocks)
     if steps:
-        is_after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
+        is_after = t[:, None] >= np.asarray(steps)
+        step_values = csr_array(is_after.astype(float))
         no_roughness = csr_array((rough.shape[0], len(steps)))
-        values = csr_array(block_array([[values, is_after]]))
+        values = csr_array(block_array([[values, step_values]]))
         rough = block_array([[rough, no_roughness]])
-    return _FitProblem(values, csr_array(rough), y)
+    return _FitProblem(values=values, rough=csr_array(rough), data=y)
 
 
 def _quadrature(knots: Floats) -> tuple[Floats, Floats]:
     """Return nodes and weights (n,) of the Gauss-Legendre quadrature of an integral between knots."""
     ends = np.unique(knots)
     half_length = 0.5 * np.diff(ends)[:, None]
-    nodes = ends[:-1, None] + half_length * (1.0 + _NODES)
+    distance = half_length * (1.0 + _NODES)
+    nodes = ends[:-1, None] + distance
     weights = half_length * _WEIGHTS
     return nodes.ravel(), weights.ravel()
 
@@ -180,12 +192,15 @@ def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array
     for k in range(degree, degree - order, -1):
         size = len(knots) - k - 1
         span = knots[k + 1 : -1] - knots[1:size]
-        slope = np.divide(float(k), span, out=np.zeros_like(span), where=span > 0.0)  # zero for coincident knots
-        step = csr_array(diags_array([-slope, slope], offsets=[0, 1], shape=(size - 1, size)))
+        coincident_slope = np.zeros_like(span)
+        slope = np.divide(float(k), span, out=coincident_slope, where=span > 0.0)
+        differences = diags_array([-slope, slope], offsets=[0, 1], shape=(size - 1, size))
+        step = csr_array(differences)
         lower = step if lower is None else csr_array(step @ lower)
         knots = knots[1:-1]
     assert lower is not None
-    return csr_array(csr_array(BSpline.design_matrix(at, knots, degree - order)) @ lower)
+    basis = csr_array(BSpline.design_matrix(at, knots, degree - order))
+    return csr_array(basis @ lower)
 
 
 _SLOW, _FAST = 1.0, 20.0  # m/s; upright below, along the velocity above, blended between
@@ -221,8 +236,10 @@ def along_path(
     right_e = _right_direction(position, edges, theta0)
     if hold > 0.0:
         pad_t = pad_times(edges[0], hold)[:-1]
-        x_e = frames.ecef_from_eci(x[0], frames.earth_angle(theta0, edges[0]))
-        pad_x = frames.eci_from_ecef(x_e, frames.earth_angle(theta0, pad_t))
+        first_theta = frames.earth_angle(theta0, edges[0])
+        pad_theta = frames.earth_angle(theta0, pad_t)
+        x_e = frames.ecef_from_eci(x[0], first_theta)
+        pad_x = frames.eci_from_ecef(x_e, pad_theta)
         x = np.concatenate([pad_x, x])
         t = np.concatenate([pad_t, t])
     return ascent_attitude(t, x, right_e, theta0, roll)
@@ -239,9 +256,11 @@ def _along_force(position: BSpline, times: list[Floats]) -> Floats:
     thrusts: list[BSpline | None] = []
     for t in times:
         inside = np.clip(t, t[0] + _EDGE, t[-1] - _EDGE)
-        force = position(inside, 2) - gravity_along(position(inside))
-        size = float(np.median(np.linalg.norm(force, axis=1)))
-        thrusts.append(make_interp_spline(t, frames.unit(force), k=5) if size > _COAST else None)
+        gravity = gravity_along(position(inside))
+        force = position(inside, 2) - gravity
+        size = np.linalg.norm(force, axis=1)
+        is_powered = float(np.median(size)) > _COAST
+        thrusts.append(make_interp_spline(t, frames.unit(force), k=5) if is_powered else None)
     if all(thrust is None for thrust in thrusts):
         raise InputError("there is no thrust to point along: give columns of attitude, or pointing: velocity")
     directions = thrust_directions(times, thrusts)
@@ -262,20 +281,28 @@ def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
     v = frames.earth_velocity(r, position(t, 1))
     speed = np.linalg.norm(v, axis=1)
     theta = frames.earth_angle(theta0, t)
-    latitude, longitude, _ = frames.geodetic_from_ecef(frames.ecef_from_eci(r, theta))
-    up_e = -frames.rotation_e_n(latitude, longitude)[:, 2]
+    r_e = frames.ecef_from_eci(r, theta)
+    latitude, longitude, _ = frames.geodetic_from_ecef(r_e)
+    C_e_n = frames.rotation_e_n(latitude, longitude)
+    up_e = -C_e_n[:, 2]
     up = frames.eci_from_ecef(up_e, theta)
-    weight = smoothsteps((speed - _SLOW) / (_FAST - _SLOW))[:, None]
-    return frames.unit((1.0 - weight) * up + weight * v / np.maximum(speed, _SLOW)[:, None])
+    progress = smoothsteps((speed - _SLOW) / (_FAST - _SLOW))
+    weight = progress[:, None]
+    divisor = np.maximum(speed, _SLOW)[:, None]
+    blend = (1.0 - weight) * up + weight * v / divisor
+    return frames.unit(blend)
 
 
 def _right_direction(position: BSpline, edges: list[float], theta0: float) -> Floats:
     """Return the unit vector (3,), frame e, to the right of the path; for a vertical path it points south."""
     first_t, last_t = edges[0], edges[-1]
-    first = frames.ecef_from_eci(position(first_t), frames.earth_angle(theta0, first_t))
-    last = frames.ecef_from_eci(position(last_t), frames.earth_angle(theta0, last_t))
+    first_theta = frames.earth_angle(theta0, first_t)
+    last_theta = frames.earth_angle(theta0, last_t)
+    first = frames.ecef_from_eci(position(first_t), first_theta)
+    last = frames.ecef_from_eci(position(last_t), last_theta)
+    path = last - first
     latitude, longitude, _ = frames.geodetic_from_ecef(first)
     north, _, down = frames.rotation_e_n(latitude, longitude)
-    right = np.cross(last - first, -down)
+    right = np.cross(path, -down)
     length = float(np.linalg.norm(right))
     return np.asarray(right / length if length > 1.0 else -north)

@@ -72,8 +72,20 @@ def from_table(card: TableTrajectory) -> Trajectory:
     for begin, end in pairwise(edges):
         names = [name for name, time in marks.items() if abs(time - begin) < SAME]
         name = names[0] if names else "start"
-        phases.append(Phase(f"from {name}", begin, end, path.position, attitude))
-    flight = Trajectory(tuple(phases), _flight_events(marks, card.events), rows.theta0, card.epoch)
+        phase = Phase(
+            name=f"from {name}",
+            start=begin,
+            end=end,
+            position=path.position,
+            attitude=attitude,
+        )
+        phases.append(phase)
+    flight = Trajectory(
+        phases=tuple(phases),
+        events=_flight_events(marks, card.events),
+        theta0=rows.theta0,
+        epoch=card.epoch,
+    )
     warnings = [
         path.missing,
         clock_remark(card, rows),
@@ -91,7 +103,8 @@ def _interpretation_remark(card: TableTrajectory, path: RowFit) -> str:
     rows = path.rows
     if rows.q_b_i is None:
         return ""
-    force = path.position(rows.t, 2) - gravity_along(path.position(rows.t))
+    gravity = gravity_along(path.position(rows.t))
+    force = path.position(rows.t, 2) - gravity
     is_strong = np.linalg.norm(force, axis=1) > STANDARD_GRAVITY
     return better(card, compared(card, rows.r_i, force, is_strong))
 
@@ -108,8 +121,10 @@ def suggested(card: TableTrajectory) -> dict[str, str]:
     """
     rows = read_rows(card)
     t, force, noise = mean_forces(rows)
-    events = suggested_events(t, force, event_marks({}, rows.t), COARSEST, noise)
-    near = 2.0 * float(np.median(np.diff(rows.t)))
+    marks = event_marks({}, rows.t)
+    events = suggested_events(t, force, marks, COARSEST, noise)
+    interval = float(np.median(np.diff(rows.t)))
+    near = 2.0 * interval
     for number, time in enumerate(card.events.values(), start=1):
         name = f"two_states_{number}"
         for jump, jump_time in events.items():
@@ -124,10 +139,12 @@ def at_rest(card: TableTrajectory) -> bool:
     """Whether the first row is at rest on the Earth, so that time on the pad may precede it."""
     rows = read_rows(card)
     if rows.v_i is None:
-        v_i = (rows.r_i[1] - rows.r_i[0]) / (rows.t[1] - rows.t[0])
+        interval = rows.t[1] - rows.t[0]
+        v_i = (rows.r_i[1] - rows.r_i[0]) / interval
     else:
         v_i = rows.v_i[0]
-    return float(np.linalg.norm(earth_velocity(rows.r_i[0], v_i))) <= REST
+    ground_velocity = earth_velocity(rows.r_i[0], v_i)
+    return float(np.linalg.norm(ground_velocity)) <= REST
 
 
 def residuals(card: TableTrajectory) -> tuple[Residual, ...]:
@@ -160,14 +177,17 @@ def _attitude(card: TableTrajectory, path: RowFit, hold: float) -> BSpline:
     t, q = rows.t, rows.q_b_i
     if hold > 0.0:
         # same interval as the rows, because the roughness of the spline is weighted by it
-        step = min(PAD_STEP, max(_CLOSEST, float(np.median(np.diff(t)))))
-        before = pad_times(t[0], hold, step)[:-1]
+        interval = float(np.median(np.diff(t)))
+        step = min(PAD_STEP, max(_CLOSEST, interval))
+        pad_t = pad_times(t[0], hold, step)[:-1]
         # the body's axes, by rows, turn with the Earth
-        axes_e = ecef_from_eci(matrices(q[0]).T, earth_angle(rows.theta0, t[0]))
-        theta = earth_angle(rows.theta0, before)
-        axes_i = np.stack([eci_from_ecef(axis, theta) for axis in axes_e], axis=-1)
-        t = np.concatenate([before, t])
-        q = quaternions(np.concatenate([axes_i, matrices(q)]))
+        first_theta = earth_angle(rows.theta0, t[0])
+        pad_theta = earth_angle(rows.theta0, pad_t)
+        axes_e = ecef_from_eci(matrices(q[0]).T, first_theta)
+        pad_axes = np.stack([eci_from_ecef(axis, pad_theta) for axis in axes_e], axis=-1)
+        t = np.concatenate([pad_t, t])
+        row_axes = matrices(q)
+        q = quaternions(np.concatenate([pad_axes, row_axes]))
     return attitude_fit(rows, t, q)
 
 
@@ -193,12 +213,12 @@ def _facts(card: TableTrajectory, path: RowFit, flight: Trajectory) -> dict[str,
         facts[change] = jump.name
         facts[f"{change}_at_s"] = jump.time
         facts[f"{change}_m"] = float(np.linalg.norm(jump.shift))
-    for what, si_unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
-        of_kind = [residual for residual in path.residuals if residual.what == what]
-        if of_kind:
-            worst = max(of_kind, key=lambda residual: residual.size)
-            facts[f"residual_{what}_worst_{si_unit}"] = worst.size
-            facts[f"residual_{what}_worst_at_s"] = worst.time
+    for quantity, si_unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
+        residuals = [residual for residual in path.residuals if residual.what == quantity]
+        if residuals:
+            worst = max(residuals, key=lambda residual: residual.size)
+            facts[f"residual_{quantity}_worst_{si_unit}"] = worst.size
+            facts[f"residual_{quantity}_worst_at_s"] = worst.time
     is_strong = load > STANDARD_GRAVITY
     return facts | _attitude_facts(card, path, flight, t[is_strong], force[is_strong])
 

@@ -60,12 +60,15 @@ def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
         if first == t.size:
             continue
         after = slice(first, None)
-        next_q = frames.quaternions(mode.axes(t[after], y[after]))
+        next_axes = mode.axes(t[after], y[after])
+        next_q = frames.quaternions(next_axes)
         if mode.slew > 0.0:
-            progress = smoothsteps((t[after] - mode.start) / mode.slew)
+            span = t[after] - mode.start
+            progress = smoothsteps(span / mode.slew)
         else:
             progress = np.ones(t.size - first)
-        q[after] = product(q[after], _partial_rotation(q[after], next_q, progress))
+        rotation = _partial_rotation(q[after], next_q, progress)
+        q[after] = product(q[after], rotation)
     return q
 
 
@@ -78,11 +81,14 @@ def _partial_rotation(q: Floats, next_q: Floats, progress: Floats) -> Floats:
     inverse = q * [1.0, -1.0, -1.0, -1.0]
     rotation = product(inverse, next_q)
     rotation *= np.where(rotation[0, 0] < 0.0, -1.0, 1.0)  # the shorter way at the first time
-    scalar, vector = rotation[:, 0].copy(), rotation[:, 1:]
+    scalar = rotation[:, 0].copy()
+    vector = rotation[:, 1:]
     length = np.linalg.norm(vector, axis=1)
     angle = 2.0 * np.arctan2(length, scalar)
-    axis = vector / np.where(length > 0.0, length, 1.0)[:, None]
-    return rotation_quaternions((progress * angle)[:, None] * axis)
+    divisor = np.where(length > 0.0, length, 1.0)
+    axis = vector / divisor[:, None]
+    partial_angle = progress * angle
+    return rotation_quaternions(partial_angle[:, None] * axis)
 
 
 def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
@@ -92,7 +98,8 @@ def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
     t : s since lift-off
     y : (6 or more,) m, m/s. Position and velocity, frame i.
     """
-    times, states = np.array([t]), y[None]
+    times = np.array([t])
+    states = y[None]
     begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
     latest = begun[-1]
     has_turned = len(begun) == 1 or t >= latest.start + latest.slew
@@ -115,7 +122,9 @@ def along_airspeed(right_e: Floats, theta0: float, at_rest: Floats | None = None
         theta = frames.earth_angle(theta0, t)
         airspeed = frames.earth_velocity(y[:, :3], y[:, 3:6])
         x = frames.unit(airspeed) if at_rest is None else frames.eci_from_ecef(at_rest, theta)
-        return body_axes(x, frames.eci_from_ecef(right_e, theta), np.zeros(t.size))
+        right = frames.eci_from_ecef(right_e, theta)
+        no_roll = np.zeros(t.size)
+        return body_axes(x, right, no_roll)
 
     return axes
 
@@ -129,16 +138,25 @@ def along_velocity(sign: float = 1.0) -> Axes:
     """Return the attitude law with the x axis along (sign 1) or against (-1) the inertial velocity, z axis down."""
 
     def axes(t: Floats, y: Floats) -> Floats:
-        across = frames.unit(np.cross(y[:, 3:6], y[:, :3]))  # v x r points to the right of forward flight
-        return body_axes(sign * frames.unit(y[:, 3:6]), sign * across, np.zeros(t.size))
+        r = y[:, :3]
+        v = y[:, 3:6]
+        across = frames.unit(np.cross(v, r))  # v x r points to the right of forward flight
+        x = sign * frames.unit(v)
+        right = sign * across
+        no_roll = np.zeros(t.size)
+        return body_axes(x, right, no_roll)
 
     return axes
 
 
 def level(t: Floats, y: Floats) -> Floats:
     """Return the attitude (n, 3, 3) with x axis horizontal in the orbital plane, forward, and z axis to the centre."""
-    across = frames.unit(np.cross(y[:, 3:6], y[:, :3]))
-    return body_axes(frames.unit(np.cross(y[:, :3], across)), across, np.zeros(t.size))
+    r = y[:, :3]
+    v = y[:, 3:6]
+    across = frames.unit(np.cross(v, r))
+    forward = frames.unit(np.cross(r, across))
+    no_roll = np.zeros(t.size)
+    return body_axes(forward, across, no_roll)
 
 
 def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
@@ -151,7 +169,8 @@ def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
         return axes
     yaw_rotation = rotation_quaternions(np.array([[0.0, 0.0, yaw]]))
     pitch_rotation = rotation_quaternions(np.array([[0.0, pitch, 0.0]]))
-    offset = frames.matrices(product(yaw_rotation, pitch_rotation))[0]
+    rotation = product(yaw_rotation, pitch_rotation)
+    offset = frames.matrices(rotation)[0]
     return lambda t, y: axes(t, y) @ offset
 
 
@@ -201,34 +220,43 @@ def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
     needs_pressure = thrust is not None and thrust.exit_area > 0.0
 
     def rate(t: float, y: Floats) -> Floats:
-        acceleration = np.array(gravity_j4(y[0], y[1], y[2]))
+        r, v, mass = y[:3], y[3:6], y[6]
+        acceleration = np.array(gravity_j4(r[0], r[1], r[2]))
         mass_rate = 0.0
         pressure = 0.0
         if air is not None or needs_pressure:
             density, pressure, _, sound = atmosphere(height(t, y, theta0))
             if air is not None and density > 0.0:
-                airspeed = frames.earth_velocity(y[:3], y[3:6])
+                airspeed = frames.earth_velocity(r, v)
                 speed = float(np.linalg.norm(airspeed))
-                coefficient = np.interp(speed / sound, air.mach, air.coefficient)
-                acceleration += -0.5 * density * speed * coefficient * air.area / y[6] * airspeed
+                mach = speed / sound
+                coefficient = np.interp(mach, air.mach, air.coefficient)
+                drag_per_airspeed = -0.5 * density * speed * coefficient * air.area / mass
+                acceleration += drag_per_airspeed * airspeed
         if thrust is not None:
             force = thrust.vacuum - pressure * thrust.exit_area
-            acceleration += force / y[6] * thrust.direction(t, y)
+            direction = thrust.direction(t, y)
+            acceleration += force / mass * direction
             mass_rate = -thrust.flow
-        return np.concatenate([y[3:6], acceleration, [mass_rate]])
+        return np.concatenate([v, acceleration, [mass_rate]])
 
     return rate
 
 
 def height(t: float, y: Floats, theta0: float) -> float:
     """Return the height (m) above the ellipsoid at time t (s) and state y; theta0 : rad, Earth angle at lift-off."""
-    r_e = frames.ecef_from_eci(y[:3], frames.earth_angle(theta0, t))
-    return float(frames.geodetic_from_ecef(r_e)[2])
+    theta = frames.earth_angle(theta0, t)
+    r_e = frames.ecef_from_eci(y[:3], theta)
+    _, _, geodetic_height = frames.geodetic_from_ecef(r_e)
+    return float(geodetic_height)
 
 
 def climb(y: Floats) -> float:
     """Return the rate of climb (m/s) along the radius at a state."""
-    return float(y[:3] @ y[3:6] / np.linalg.norm(y[:3]))
+    r = y[:3]
+    v = y[3:6]
+    radius = np.linalg.norm(r)
+    return float(r @ v / radius)
 
 
 def fly(
@@ -279,9 +307,11 @@ def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly 
     """
     result = []
     for stretch in stretches:
-        t, r = stretch.t, stretch.y[:, :3]
+        t = stretch.t
+        r = stretch.y[:, :3]
         end_rates = np.array([stretch.rate(float(t[k]), stretch.y[k]) for k in (0, -1)])
-        v_ends, a_ends = end_rates[:, :3], end_rates[:, 3:6]
+        v_ends = end_rates[:, :3]
+        a_ends = end_rates[:, 3:6]
         result.append(splined(stretch.name, t, r, v_ends, a_ends, attitude, spin))
     return result
 
@@ -298,17 +328,23 @@ def greatest_load(stretches: Sequence[IntegratedPhase]) -> float:
     accelerations, positions = [], []
     for stretch in stretches:
         for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
-            accelerations.append(stretch.rate(t, y)[3:6])
+            rate = stretch.rate(t, y)
+            accelerations.append(rate[3:6])
             positions.append(y[:3])
-    force = np.array(accelerations) - gravity_along(np.array(positions))
-    return float(np.max(np.linalg.norm(force, axis=1)))
+    gravity = gravity_along(np.array(positions))
+    force = np.array(accelerations) - gravity
+    load = np.linalg.norm(force, axis=1)
+    return float(np.max(load))
 
 
 class FlightIntegration:
     """A flight during its integration: time (s), state y (7,), attitude laws (`modes`), phases and events (s)."""
 
     def __init__(self, theta0: float, y: Floats, air: Drag | None) -> None:
-        self.t, self.theta0, self.y, self.air = 0.0, theta0, y, air
+        self.t = 0.0
+        self.theta0 = theta0
+        self.y = y
+        self.air = air
         self.modes: list[AttitudeLaw] = []
         self.stretches: list[IntegratedPhase] = []
         self.events: dict[str, float] = {}
@@ -324,7 +360,10 @@ class FlightIntegration:
 
     def axes(self, modes: Sequence[AttitudeLaw] = ()) -> Floats:
         """Return the present attitude C_b_i (3, 3), by the laws of the flight or other laws."""
-        return np.asarray(frames.matrices(attitude(modes or self.modes, np.array([self.t]), self.y[None]))[0])
+        laws = modes or self.modes
+        q_b_i = attitude(laws, np.array([self.t]), self.y[None])
+        C_b_i = frames.matrices(q_b_i)[0]
+        return np.asarray(C_b_i)
 
     def ahead(
         self, name: str, longest: float, step: float, thrust: Thrust | None = None, until: Condition | None = None
@@ -333,16 +372,23 @@ class FlightIntegration:
 
         thrust : burning motor; None: coast
         """
-        return fly(name, self.t, self.y, newton(self.air, thrust, self.theta0), longest, step, until)
+        rate = newton(self.air, thrust, self.theta0)
+        return fly(name, self.t, self.y, rate, longest, step, until)
 
     def keep(self, stretch: IntegratedPhase) -> None:
         """Append a phase and advance to its end."""
         self.stretches.append(stretch)
-        self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()
+        self.t = float(stretch.t[-1])
+        self.y = stretch.y[-1].copy()
 
     def thrust(self, vacuum: float, flow: float, exit_area: float = 0.0) -> Thrust:
         """Return a burning motor with thrust along the body x axis.
 
         vacuum, flow, exit_area : N, kg/s, m^2. Vacuum thrust, mass flow and exit area.
         """
-        return Thrust(vacuum, flow, exit_area, lambda t, y: nose(self.modes, t, y))
+        return Thrust(
+            vacuum=vacuum,
+            flow=flow,
+            exit_area=exit_area,
+            direction=lambda t, y: nose(self.modes, t, y),
+        )

@@ -118,7 +118,8 @@ class Descent(Card):
 
     def _faults(self) -> Iterator[str]:
         marks = [canopy.below for canopy in self.parachutes] + [self.altitude]
-        if any(later >= earlier for earlier, later in pairwise(marks)):
+        is_unordered = any(later >= earlier for earlier, later in pairwise(marks))
+        if is_unordered:
             yield "parachutes open one below the other, above the altitude of the end"
 
 
@@ -145,8 +146,9 @@ class OrbitalFlight(FlightCard):
     def _faults(self) -> list[str]:
         refuse_drag_table(self.mach, self.drag_coefficient)
         burnt = sum(leg.flow * leg.duration for leg in self.legs)
+        names = {leg.name for leg in self.legs}
         rules = {
-            "two legs have the same name": len({leg.name for leg in self.legs}) < len(self.legs),
+            "two legs have the same name": len(names) < len(self.legs),
             "slew of the first leg has no effect: no leg comes before it; leave it out": self.legs[0].slew != _SLEW,
             f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg": burnt >= self.mass,
         }
@@ -190,15 +192,22 @@ class _OrbitalIntegration(FlightIntegration):
     def __init__(self, card: OrbitalFlight) -> None:
         self.card = card
         theta0 = gmst(card.epoch)
-        r_i, v_i = state_from_elements(_initial_elements(card.orbit, theta0))
+        elements = _initial_elements(card.orbit, theta0)
+        r_i, v_i = state_from_elements(elements)
+        y = np.concatenate([r_i, v_i, [card.mass]])
         air = None
         if card.reference_area > 0.0:
-            air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
-        super().__init__(theta0, np.concatenate([r_i, v_i, [card.mass]]), air)
+            air = Drag(
+                area=card.reference_area,
+                mach=np.array(card.mach),
+                coefficient=np.array(card.drag_coefficient),
+            )
+        super().__init__(theta0, y, air)
 
     def point(self, leg: OrbitalLeg | Descent) -> None:
         """Turn to the attitude law of a leg at the present time; the first law applies from the start."""
-        start, slew = (self.t, leg.slew) if self.modes else (-math.inf, 0.0)
+        start = self.t if self.modes else -math.inf
+        slew = leg.slew if self.modes else 0.0
         axes = turned(self._law(leg.attitude), leg.pitch, leg.yaw)
         self.modes.append(AttitudeLaw(start, slew, axes))
 
@@ -237,8 +246,11 @@ class _OrbitalIntegration(FlightIntegration):
 
     def _turn(self) -> float:
         """Return the angle (rad) from the present attitude to that of the latest law."""
-        rotation = self.axes().T @ self.axes(self.modes[-1:])
-        cosine = 0.5 * (float(np.trace(rotation)) - 1.0)
+        present_axes = self.axes()
+        latest_axes = self.axes(self.modes[-1:])
+        rotation = present_axes.T @ latest_axes
+        trace = float(np.trace(rotation))
+        cosine = 0.5 * (trace - 1.0)
         return math.acos(min(1.0, max(-1.0, cosine)))
 
     def _marks(self, card: Descent) -> list[tuple[float, Canopy | None]]:
@@ -263,17 +275,23 @@ class _OrbitalIntegration(FlightIntegration):
             if above(self.t, self.y) <= 0.0:
                 raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
             stretch = self.ahead("descent", _LONGEST, step, until=above)
-            if above(float(stretch.t[-1]), stretch.y[-1]) > 1.0:
+            end = stretch.t[-1]
+            if above(float(end), stretch.y[-1]) > 1.0:
                 raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
             if mark == card.altitude:  # a whole second is the end of a tick at every rate
-                stretch = self.ahead("descent", math.floor(stretch.t[-1]) - self.t, step)
+                duration = math.floor(end) - self.t
+                stretch = self.ahead("descent", duration, step)
             self.keep(stretch)
             step = _POWERED
             if mark == _ENTRY:
                 self.events["entry"] = self.t
             if canopy is not None:
                 self.events[canopy.name] = self.t
-                self.air = Drag(canopy.drag_area, np.array([0.0, 1.0]), np.ones(2))
+                self.air = Drag(
+                    area=canopy.drag_area,
+                    mach=np.array([0.0, 1.0]),
+                    coefficient=np.ones(2),
+                )
                 self.keep(self.ahead("opening", 4.0, _CANOPY))
 
 

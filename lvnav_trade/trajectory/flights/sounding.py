@@ -2,20 +2,18 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
-from scipy.interpolate import PPoly
+from pydantic import Field
 from scipy.optimize import brentq
 
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
-from lvnav_trade.quantities.conditions import Instant, resolve
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant, TurnRate
+from lvnav_trade.quantities.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.launch import pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import pad_state, site_axes
@@ -37,17 +35,11 @@ from lvnav_trade.trajectory.flights.free_flight import (
     newton,
     phases,
 )
+from lvnav_trade.trajectory.flights.spin import SpinStep, spin_angle
 from lvnav_trade.trajectory.truth import Trajectory, attitude_spline
 
 _STEP = 0.25  # s between knots
 _LONGEST = 3600.0  # s; longest coast: a rocket that has not come down by then is in orbit
-
-
-def _turns(value: Any) -> Any:
-    """Refuse an angle per time, because as a frequency it would be read as turns per time, 6 times too fast."""
-    if isinstance(value, str) and ("rad" in value or "deg" in value):
-        raise ValueError(f"{value!r}: give the turns per second, in Hz")
-    return value
 
 
 class SolidMotor(Card):
@@ -80,16 +72,6 @@ class Rail(Card):
         None, description="elevation of the rail; none: solved for the apogee"
     )
     length: Annotated[Length, Field(gt=0.0)]
-
-
-class SpinStep(Card):
-    """A smooth change of the spin rate, for example due to canted fins or a yo-yo despin."""
-
-    at: Instant = Field(description="event, also with a duration added, or a time since lift-off")
-    frequency: Annotated[TurnRate, BeforeValidator(_turns)] = Field(
-        description="spin rate about the x axis from that time, in turns per second"
-    )
-    over: TimeConstant
 
 
 class SoundingFlight(FlightCard):
@@ -144,35 +126,6 @@ class SoundingFlight(FlightCard):
                 yield f"stage {stage.name!r} is turned within turn_time, longer than its ignition_delay"
 
 
-def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: float, end: float) -> PPoly | None:
-    """Return the roll angle (rad) from start to end (s) with an initial spin of zero; None without any spin.
-
-    The spin rate is constant between the steps. In a step it changes to the next rate by 6 x^5 - 15 x^4 + 10 x^3.
-    """
-    if not steps:
-        return None
-    times = [start - 1.0]
-    coefficients = []  # of the spin rate (Hz) in each interval, from the highest power of time down
-    rate = 0.0
-    for step in steps:
-        begin = resolve(step.at, events)
-        if begin < times[-1] or begin + step.over > end:
-            raise InputError(f"spin: the step at {step.at!r} overlaps the one before, or lies outside the flight")
-        change, span = step.frequency - rate, step.over
-        quintic = [6.0 * change / span**5, -15.0 * change / span**4, 10.0 * change / span**3, 0.0, 0.0, rate]
-        coefficients += [_constant(rate), quintic]
-        times += [begin, begin + span]
-        rate = step.frequency
-    coefficients.append(_constant(rate))
-    angular_rate = PPoly(2.0 * math.pi * np.array(coefficients).T, np.array([*times, end + 1.0]))
-    return angular_rate.antiderivative()
-
-
-def _constant(rate: float) -> list[float]:
-    """Return the coefficients of a constant, as a polynomial of fifth degree."""
-    return [0.0] * 5 + [rate]
-
-
 def launch(card: SoundingFlight) -> Trajectory:
     """Return the true trajectory of a sounding rocket; InputError if it does not rise or cannot reach its apogee."""
     rail_elevation, turn_elevation = _solve(card)
@@ -198,14 +151,22 @@ def launch(card: SoundingFlight) -> Trajectory:
 class _SoundingIntegration(FlightIntegration):
     def __init__(self, card: SoundingFlight, elevation: float) -> None:
         up, downrange, right = site_axes(card.site, card.rail.azimuth)
-        self.card, self.elevation, self.right_e = card, elevation, right
+        self.card = card
+        self.elevation = elevation
+        self.right_e = right
         self.rail_e = math.cos(elevation) * downrange + math.sin(elevation) * up
         self.is_held = False  # whether spin stabilises the attitude
         theta0 = frames.gmst(card.epoch)
-        r_i, v_i = pad_state(card.site, float(frames.earth_angle(theta0, 0.0)))
+        liftoff_theta = float(frames.earth_angle(theta0, 0.0))
+        r_i, v_i = pad_state(card.site, liftoff_theta)
         mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
-        drag = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
-        super().__init__(theta0, np.concatenate([r_i, v_i, [mass]]), drag)
+        y = np.concatenate([r_i, v_i, [mass]])
+        drag = Drag(
+            area=card.reference_area,
+            mach=np.array(card.mach),
+            coefficient=np.array(card.drag_coefficient),
+        )
+        super().__init__(theta0, y, drag)
         on_rail = along_airspeed(right, theta0, at_rest=self.rail_e)
         self.modes.append(AttitudeLaw(start=-math.inf, slew=0.0, axes=on_rail))
         self.events["liftoff"] = 0.0
@@ -222,18 +183,24 @@ class _SoundingIntegration(FlightIntegration):
 
         def rate(t: float, y: Floats) -> Floats:
             out = free(t, y)
-            rail = frames.eci_from_ecef(self.rail_e, frames.earth_angle(self.theta0, t))
+            theta = frames.earth_angle(self.theta0, t)
+            rail = frames.eci_from_ecef(self.rail_e, theta)
             # Centripetal and Coriolis acceleration of a point on the rotating rail
             velocity = frames.earth_velocity(y[:3], y[3:6])
-            frame_acceleration = _centripetal_acceleration(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], velocity)
-            out[3:6] = rail * (rail @ (out[3:6] - frame_acceleration)) + frame_acceleration
+            coriolis = 2.0 * np.cross([0.0, 0.0, OMEGA], velocity)
+            frame_acceleration = _centripetal_acceleration(y) + coriolis
+            relative_acceleration = out[3:6] - frame_acceleration
+            along_rail = rail @ relative_acceleration
+            out[3:6] = rail * along_rail + frame_acceleration
             return out
 
         def distance_to_end(t: float, y: Floats) -> float:
-            way = frames.ecef_from_eci(y[:3], frames.earth_angle(self.theta0, t)) - start_e
+            theta = frames.earth_angle(self.theta0, t)
+            way = frames.ecef_from_eci(y[:3], theta) - start_e
             return float(self.rail_e @ way) - self.card.rail.length
 
-        acceleration = rate(0.0, self.y)[3:6] - _centripetal_acceleration(self.y)
+        start_rate = rate(0.0, self.y)
+        acceleration = start_rate[3:6] - _centripetal_acceleration(self.y)
         acceleration_e = frames.rotation_i_e(self.theta0) @ acceleration
         if float(self.rail_e @ acceleration_e) < 0.5:
             raise InputError(f"{self.card.name}: the thrust of {stage.name!r} does not lift the rocket off its rail")
@@ -243,14 +210,18 @@ class _SoundingIntegration(FlightIntegration):
 
     def nose_first(self, slew: float) -> None:
         """Turn the x axis along the airspeed, within `slew` seconds."""
-        self.modes.append(AttitudeLaw(self.t, slew, along_airspeed(self.right_e, self.theta0)))
+        axes = along_airspeed(self.right_e, self.theta0)
+        self.modes.append(AttitudeLaw(start=self.t, slew=slew, axes=axes))
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
         """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
-        end, above = self.t + duration, self.above(self.card.held_above)
+        end = self.t + duration
+        above = self.above(self.card.held_above)
         while end - self.t > 1e-9:
             has_crossing = not self.is_held and above(self.t, self.y) < 0.0
-            self.keep(self.ahead(name, end - self.t, _STEP, thrust, above if has_crossing else None))
+            until = above if has_crossing else None
+            stretch = self.ahead(name, end - self.t, _STEP, thrust, until)
+            self.keep(stretch)
             if not self.is_held and above(self.t, self.y) >= -1e-6:
                 self.hold(self.axes())
 
@@ -258,17 +229,22 @@ class _SoundingIntegration(FlightIntegration):
         """Keep an inertial attitude from `start` (s) on; None: from the present time on."""
         self.is_held = True
         law_start = self.t if start is None else start
-        self.modes.append(AttitudeLaw(law_start, self.card.turn_time, fixed_to_stars(C_b_i)))
+        axes = fixed_to_stars(C_b_i)
+        self.modes.append(AttitudeLaw(start=law_start, slew=self.card.turn_time, axes=axes))
 
     def turn(self, elevation: float, coast: float) -> None:
         """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
-        ahead = self.ahead("", coast, _STEP)
-        end, y = ahead.t[-1], ahead.y[-1]
+        coast_ahead = self.ahead("", coast, _STEP)
+        end = coast_ahead.t[-1]
+        y = coast_ahead.y[-1]
         r_i, v_i = y[:3], y[3:6]
         theta = frames.earth_angle(self.theta0, end)
         C_i_n = frames.rotation_i_n(r_i[None], np.array(theta))[0]
-        v_n = C_i_n @ frames.earth_velocity(r_i, v_i)
-        horizontal = v_n[:2] / np.hypot(*v_n[:2]) * math.cos(elevation)
+        airspeed_i = frames.earth_velocity(r_i, v_i)
+        v_n = C_i_n @ airspeed_i
+        horizontal_v = v_n[:2]
+        heading = horizontal_v / np.hypot(*horizontal_v)
+        horizontal = heading * math.cos(elevation)
         x_n = np.array([*horizontal, -math.sin(elevation)])
         x = C_i_n.T @ x_n
         right = frames.eci_from_ecef(self.right_e, theta)
@@ -305,9 +281,11 @@ class _SoundingIntegration(FlightIntegration):
         if self.height - card.end_altitude < 1.0:
             raise InputError(f"{card.name}: the apogee is not above end_altitude")
         if card.end_altitude < card.held_above < self.height:
-            self.keep(self.ahead("descent", _LONGEST, _STEP, until=self.above(card.held_above)))
+            above_air = self.above(card.held_above)
+            self.keep(self.ahead("descent", _LONGEST, _STEP, until=above_air))
             self.nose_first(card.turn_time)
-        stretch = self.ahead("descent", _LONGEST, _STEP, until=self.above(card.end_altitude))
+        above_end = self.above(card.end_altitude)
+        stretch = self.ahead("descent", _LONGEST, _STEP, until=above_end)
         # a whole second is the end of a tick at every rate
         end = max(math.floor(stretch.t[-1]), math.ceil(self.t + 1e-6))
         self.keep(self.ahead("descent", end - self.t, _STEP))
@@ -316,7 +294,8 @@ class _SoundingIntegration(FlightIntegration):
 
 def _centripetal_acceleration(y: Floats) -> Floats:
     """Return the acceleration (3,) of a point at rest on the rotating Earth, at the position of a state."""
-    return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
+    factor = -OMEGA * OMEGA
+    return np.array([factor * y[0], factor * y[1], 0.0])
 
 
 def _simulate(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _SoundingIntegration:
@@ -375,7 +354,8 @@ def _max_q(flight: _SoundingIntegration) -> tuple[float, float]:
             continue
         for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
             density = atmosphere(height(t, y, flight.theta0))[0]
-            square_speed = float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2))
+            airspeed = frames.earth_velocity(y[:3], y[3:6])
+            square_speed = float(np.sum(airspeed**2))
             q = 0.5 * density * square_speed
             if (q, t) > (max_q, max_q_time):
                 max_q, max_q_time = q, t
@@ -386,12 +366,16 @@ def _facts(card: SoundingFlight, flight: _SoundingIntegration, max_q: float) -> 
     """Return the facts of a flight for the report, SI."""
     apogee_time = flight.events["apogee"]
     apogee = next(stretch for stretch in flight.stretches if stretch.t[-1] == apogee_time)
+    apogee_height = height(float(apogee.t[-1]), apogee.y[-1], flight.theta0)
     begin_y = flight.stretches[0].y[0]
-    begin_e = frames.ecef_from_eci(begin_y[:3], frames.earth_angle(flight.theta0, 0.0))
-    end_e = frames.ecef_from_eci(flight.y[:3], frames.earth_angle(flight.theta0, flight.t))
-    central_angle = math.acos(float(frames.unit(begin_e) @ frames.unit(end_e)))
+    begin_theta = frames.earth_angle(flight.theta0, 0.0)
+    end_theta = frames.earth_angle(flight.theta0, flight.t)
+    begin_e = frames.ecef_from_eci(begin_y[:3], begin_theta)
+    end_e = frames.ecef_from_eci(flight.y[:3], end_theta)
+    cosine = float(frames.unit(begin_e) @ frames.unit(end_e))
+    central_angle = math.acos(cosine)
     return {
-        "apogee_m": height(float(apogee.t[-1]), apogee.y[-1], flight.theta0),
+        "apogee_m": apogee_height,
         "rail_elevation_rad": flight.elevation,
         "azimuth_rad": card.rail.azimuth,
         "downrange_m": SEMI_MAJOR * central_angle,

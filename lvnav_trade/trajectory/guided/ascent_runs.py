@@ -98,7 +98,8 @@ def _make_pilot(
     if control is None:
         return GuidedPilot(plan, vehicle, run_deviations, navigation)
     # The excluded settings change the runs, but not the launch that they have in common.
-    launch = _cached_launch(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
+    content = plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"})
+    launch = _cached_launch(content, plan.card)
     draws = draws or DrawKeys(np.uint64(0), np.uint64(0), np.uint64(0))
     density = density_of(plan.card, sigmas)
     turning = turning_of(launch, control.feedback, draws, by_run=True, density=density)

@@ -31,12 +31,15 @@ def nozzle_step(angle, command, time_constant, rate_limit, h):
         Length of the step (s).
     """
     distance = command - angle
-    knee = rate_limit * time_constant  # distance at which the lag asks for the rate limit
+    knee = rate_limit * time_constant  # distance at which the lag requires the rate limit
     if abs(distance) > knee:
         limited_time = (abs(distance) - knee) / rate_limit
         if h <= limited_time:
-            return angle + math.copysign(rate_limit * h, distance)
-        return command - math.copysign(knee, distance) * math.exp(-(h - limited_time) / time_constant)
+            movement = math.copysign(rate_limit * h, distance)
+            return angle + movement
+        lag_time = h - limited_time
+        lag_distance = math.copysign(knee, distance)
+        return command - lag_distance * math.exp(-lag_time / time_constant)
     return command - distance * math.exp(-h / time_constant)
 
 
@@ -63,7 +66,9 @@ def lag_step(value, drive, time_constant, h):
     value, drive : output at the start, and input
     time_constant, h : s. Time constant of the lag, and length of the step.
     """
-    return drive + (value - drive) * math.exp(-h / time_constant)
+    distance = value - drive
+    decay = math.exp(-h / time_constant)
+    return drive + distance * decay
 
 
 @jit
@@ -84,15 +89,20 @@ def gust_step(first, second, x, n0, n1):
     """
     decay = math.exp(-x)
     square = decay * decay
+    # Stationary covariance propagated over the step, without its decay
+    propagated_12 = _ROOT_2 * x + 1.0 / _ROOT_2
+    propagated_22 = 1.0 + 2.0 * x + 2.0 * x * x
     # Covariance of the process noise over the step, and its Cholesky factor
     q11 = 1.0 - square
-    q12 = 1.0 / _ROOT_2 - square * (_ROOT_2 * x + 1.0 / _ROOT_2)
-    q22 = 1.0 - square * (1.0 + 2.0 * x + 2.0 * x * x)
+    q12 = 1.0 / _ROOT_2 - square * propagated_12
+    q22 = 1.0 - square * propagated_22
     l11 = math.sqrt(q11)
     l21 = q12 / l11 if l11 > 0.0 else 0.0
-    l22 = math.sqrt(max(0.0, q22 - l21 * l21))
+    remaining_variance = q22 - l21 * l21
+    l22 = math.sqrt(max(0.0, remaining_variance))
     next_first = decay * first + l11 * n0
-    next_second = decay * (second + _ROOT_2 * x * first) + l21 * n0 + l22 * n1
+    second_and_coupling = second + _ROOT_2 * x * first
+    next_second = decay * second_and_coupling + l21 * n0 + l22 * n1
     return next_first, next_second
 
 
@@ -121,16 +131,28 @@ def body_step(angle, rate, drift, push, mid, end, coefficients, h):
     h : float
         Length of the step (s).
     """
+    half = 0.5 * h
+    # Angular acceleration a, lateral acceleration b
     a1, b1 = _rates(angle, drift, push, coefficients)
-    r2 = rate + 0.5 * h * a1
-    a2, b2 = _rates(angle + 0.5 * h * rate, drift + 0.5 * h * b1, mid, coefficients)
-    r3 = rate + 0.5 * h * a2
-    a3, b3 = _rates(angle + 0.5 * h * r2, drift + 0.5 * h * b2, mid, coefficients)
-    r4 = rate + h * a3
-    a4, b4 = _rates(angle + h * r3, drift + h * b3, end, coefficients)
-    next_angle = angle + h / 6.0 * (rate + 2.0 * (r2 + r3) + r4)
-    next_rate = rate + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
-    next_drift = drift + h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
+    angle2 = angle + half * rate
+    rate2 = rate + half * a1
+    drift2 = drift + half * b1
+    a2, b2 = _rates(angle2, drift2, mid, coefficients)
+    angle3 = angle + half * rate2
+    rate3 = rate + half * a2
+    drift3 = drift + half * b2
+    a3, b3 = _rates(angle3, drift3, mid, coefficients)
+    angle4 = angle + h * rate3
+    rate4 = rate + h * a3
+    drift4 = drift + h * b3
+    a4, b4 = _rates(angle4, drift4, end, coefficients)
+    sixth = h / 6.0
+    rate_sum = rate + 2.0 * (rate2 + rate3) + rate4
+    a_sum = a1 + 2.0 * (a2 + a3) + a4
+    b_sum = b1 + 2.0 * (b2 + b3) + b4
+    next_angle = angle + sixth * rate_sum
+    next_rate = rate + sixth * a_sum
+    next_drift = drift + sixth * b_sum
     return next_angle, next_rate, next_drift
 
 
@@ -142,17 +164,17 @@ def _rates(angle, drift, nozzle, coefficients):
     """
     effectiveness, thrust_load, moment, force, airspeed, wind, acceleration = coefficients
     crosswind = airspeed * angle - drift + wind
-    return (
-        acceleration - effectiveness * nozzle + moment * crosswind,
-        thrust_load * (nozzle + angle) + force * crosswind,
-    )
+    angular_acceleration = acceleration - effectiveness * nozzle + moment * crosswind
+    drift_rate = thrust_load * (nozzle + angle) + force * crosswind
+    return angular_acceleration, drift_rate
 
 
 @jit
 def lateral_force(angle, drift, nozzle, coefficients):
     """Return the lateral specific force (m/s^2) on the body; the arguments are those of `_rates`."""
     _, thrust_load, _, force, airspeed, wind, _ = coefficients
-    return thrust_load * nozzle + force * (airspeed * angle - drift + wind)
+    crosswind = airspeed * angle - drift + wind
+    return thrust_load * nozzle + force * crosswind
 
 
 @jit

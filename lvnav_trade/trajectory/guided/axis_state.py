@@ -1,10 +1,38 @@
-"""State of the axes of a turning launcher from tick to tick: its numbers, initial draws, ignition of a motor."""
+"""State of the axes of a turning launcher from tick to tick: its numbers, initial draws, ignition, records and sums."""
 
 import numpy as np
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.random import normals, source_word
-from lvnav_trade.trajectory.guided.autopilot import JUST_IGNITED, MOTOR, NEXT, STACK
+from lvnav_trade.trajectory.guided.autopilot import (
+    AIR,
+    ANGLE,
+    ERROR,
+    FORCE,
+    FORMAL,
+    INSIDE_JERK,
+    INSIDE_TURNING,
+    JERK,
+    JERK_BOUND,
+    JERK_RATIO,
+    JUST_IGNITED,
+    MOTOR,
+    MOVED,
+    NEXT,
+    NOZZLE,
+    NOZZLE_COMMAND,
+    RATE,
+    RATE_ERROR,
+    SQUARE_ERROR,
+    SQUARE_RATE,
+    STACK,
+    STEPPED,
+    TICKS,
+    TURNING,
+    TURNING_BOUND,
+    TURNING_RATIO,
+    AxisMotion,
+)
 
 # State of an axis from tick to tick.
 (
@@ -64,16 +92,18 @@ def draw_pair(control, source, number):
 @jit
 def begin(control):
     """Draw the initial state of a run; memory and counters of `control` are set."""
-    memory, course, feed = control.memory, control.course, control.settings.feed
+    memory = control.memory
+    course = control.course
+    feed = control.settings.feed
     k0, k1, run = control.draws
     memory[:] = 0.0
     # Both states of the Dryden filter have unit variance and a correlation of 1 / sqrt(2).
     g0, g1, g2, g3 = normals(k0, k1, GUSTS, run, _ZERO, _ZERO)
-    half = np.sqrt(0.5)
+    correlation = np.sqrt(0.5)
     memory[0, GUST_1] = g0
-    memory[0, GUST_2] = half * (g0 + g1)
+    memory[0, GUST_2] = correlation * (g0 + g1)
     memory[1, GUST_1] = g2
-    memory[1, GUST_2] = half * (g2 + g3)
+    memory[1, GUST_2] = correlation * (g2 + g3)
     bias_pitch, bias_yaw = draw_pair(control, _GYRO_BIAS, _ZERO)
     memory[0, BIAS] = feed.bias * bias_pitch
     memory[1, BIAS] = feed.bias * bias_yaw
@@ -81,9 +111,10 @@ def begin(control):
     memory[0, NAVIGATED_ANGLE] = feed.start * angle_pitch
     memory[1, NAVIGATED_ANGLE] = feed.start * angle_yaw
     for axis in range(2):
-        memory[axis, COMMANDED_RATE] = course.rate[0, axis] + course.turn_rate[0, axis]
+        nominal_rate = course.rate[0, axis]
+        memory[axis, COMMANDED_RATE] = nominal_rate + course.turn_rate[0, axis]
         memory[axis, RATE_VARIANCE] = feed.gyro**2
-        memory[axis, RATE_ESTIMATE] = course.rate[0, axis]
+        memory[axis, RATE_ESTIMATE] = nominal_rate
     control.counts[NEXT] = 0
     control.counts[MOTOR] = -1
     control.counts[JUST_IGNITED] = 0
@@ -116,3 +147,72 @@ def ignite(control, motor, up, right):
         memory[1, MISALIGNMENT_NOW] = plant.misalignment * draw_yaw + right
     control.counts[MOTOR] = motor
     control.counts[JUST_IGNITED] = 1
+
+
+@inlined
+def record(control, due, axis, rate_step, force, wind):
+    """Write the record of an axis at a tick, if this tick is recorded.
+
+    due : index of the tick
+    rate_step : rad/s. Step of the commanded rate.
+    force, wind : m/s^2, m/s. Lateral specific force, and lateral wind without gusts.
+    """
+    if due % control.every != 0 or due // control.every >= control.history.shape[0]:
+        return
+    state = control.memory[axis]
+    number = due // control.every
+    row = control.history[number, axis]
+    row[NOZZLE] = state[NOZZLE_NOW]
+    row[NOZZLE_COMMAND] = state[COMMAND_NOW]
+    row[MOVED] = state[NOZZLE_TRAVEL]
+    row[ERROR] = state[ERROR_NOW]
+    row[RATE_ERROR] = state[RATE_ERROR_NOW]
+    row[TURNING_BOUND] = state[TURNING_BOUND_NOW]
+    row[JERK] = state[JERK_NOW]
+    row[JERK_BOUND] = state[JERK_BOUND_NOW]
+    row[AIR] = wind + state[GUST_NOW]
+    row[FORMAL] = np.sqrt(state[RATE_VARIANCE])
+    row[ANGLE] = state[ANGLE_NOW]
+    row[RATE] = state[RATE_NOW]
+    row[FORCE] = force
+    row[STEPPED] = rate_step
+
+
+@inlined
+def _accumulate(sums, motion):
+    """Add the motion of a tick to the sums (N_SUM,) of an axis in a phase."""
+    turning = abs(motion.turning)
+    jerk = abs(motion.jerk)
+    sums[TICKS] += 1.0
+    sums[INSIDE_TURNING] += 1.0 if turning <= motion.turning_bound else 0.0
+    sums[INSIDE_JERK] += 1.0 if jerk <= motion.jerk_bound else 0.0
+    sums[TURNING_RATIO] = max(sums[TURNING_RATIO], turning / motion.turning_bound)
+    sums[JERK_RATIO] = max(sums[JERK_RATIO], jerk / motion.jerk_bound)
+    sums[SQUARE_ERROR] += motion.error * motion.error
+    sums[SQUARE_RATE] += motion.rate_error * motion.rate_error
+
+
+@inlined
+def close(control):
+    """Add the previous tick to the sums; its angular acceleration is not available before its end."""
+    course, before = control.course, control.counts[NEXT] - 1
+    last = course.t.size - 1
+    if before < 0 or before >= last:
+        return
+    dt = course.t[1] - course.t[0]
+    number = before // control.every
+    for axis in range(2):
+        state = control.memory[axis]
+        rate = course.rate[before + 1, axis] + state[RATE_NOW]
+        turning = (rate - state[PREVIOUS_RATE]) / dt
+        motion = AxisMotion(
+            turning=turning,
+            turning_bound=state[TURNING_BOUND_NOW],
+            jerk=state[JERK_NOW],
+            jerk_bound=state[JERK_BOUND_NOW],
+            error=state[ERROR_NOW],
+            rate_error=state[RATE_ERROR_NOW],
+        )
+        _accumulate(control.sums[axis, course.phase[before]], motion)
+        if before % control.every == 0 and number < control.history.shape[0]:
+            control.history[number, axis, TURNING] = turning

@@ -35,8 +35,10 @@ def flown_ascent(card: VehicleAscent) -> Trajectory:
     """
     if card.control is None or card.guidance != "nominal":
         return build_ascent(card)
-    ascent = _cached_ascent(card.model_dump_json(exclude={"control", "named_times", "oscillation"}), card)
-    return fly_launch(ascent, launch_along(ascent, card.control), card.control)
+    content = card.model_dump_json(exclude={"control", "named_times", "oscillation"})
+    ascent = _cached_ascent(content, card)
+    launch = launch_along(ascent, card.control)
+    return fly_launch(ascent, launch, card.control)
 
 
 def fly_launch(ascent: SolvedAscent, launch: Launch, card: SteeredCard) -> Trajectory:
@@ -84,14 +86,16 @@ def _phases(nominal: Trajectory, pilot: TurningPilot) -> Iterator[Phase]:
     for segment in pilot.stretches:
         inside = _inner_ticks(segment, ticks)
         first_t, last_t = segment.t[:1], segment.t[1:]
-        first_r, last_r = segment.y[:1, :3], segment.y[1:, :3]
+        end_r = segment.y[:, :3]
+        end_v = segment.y[:, 3:6]
+        first_r, last_r = end_r[:1], end_r[1:]
         t = np.concatenate([first_t, ticks[inside], last_t])
         r = np.concatenate([first_r, path[inside, :3], last_r])
         yield Phase(
             name=segment.name,
             start=float(t[0]),
             end=float(t[-1]),
-            position=position_spline(t, r, segment.y[:, 3:6], segment.a),
+            position=position_spline(t, r, end_v, segment.a),
             attitude=_turned_attitude(nominal, t, angle_spline(t)),
         )
 
@@ -103,25 +107,34 @@ def _turned_attitude(nominal: Trajectory, t: Floats, angles: Floats) -> BSpline:
     angles : (n, 2) rad. Pitch up and yaw to the right.
     """
     # rotation vectors: pitching up is about the y axis, yawing right about z
-    turns = np.concatenate([np.zeros((t.size, 1)), angles], axis=1)
-    nominal_q = motion(nominal, np.clip(t, 0.0, nominal.end)).q_b_i
-    return attitude_spline(t, product(nominal_q, rotation_quaternions(turns)))
+    no_roll = np.zeros((t.size, 1))
+    turns = np.concatenate([no_roll, angles], axis=1)
+    nominal_t = np.clip(t, 0.0, nominal.end)
+    nominal_q = motion(nominal, nominal_t).q_b_i
+    q_b_i = product(nominal_q, rotation_quaternions(turns))
+    return attitude_spline(t, q_b_i)
 
 
 def _inner_ticks(segment: PathSegment, ticks: Floats) -> Floats:
     """Return which ticks lie between the ends of a segment, no nearer to them than half a tick."""
-    half = 0.5 * (ticks[1] - ticks[0])
-    return (ticks > segment.t[0] + half) & (ticks < segment.t[1] - half)
+    interval = ticks[1] - ticks[0]
+    half = 0.5 * interval
+    is_after_start = ticks > segment.t[0] + half
+    is_before_end = ticks < segment.t[1] - half
+    return is_after_start & is_before_end
 
 
 def _facts(flight: Trajectory) -> dict[str, float | str]:
     """Return the facts of a launch: its orbit at the end of the last burn, and its largest load."""
     injection = motion(flight, [flight.events["injection"]])
-    t = np.linspace(0.0, flight.end, int(flight.end / _LOAD_STEP) + 1)
+    injection_state = np.concatenate([injection.r_i[0], injection.v_i[0]])
+    n_load = int(flight.end / _LOAD_STEP) + 1
+    t = np.linspace(0.0, flight.end, n_load)
     load = np.linalg.norm(motion(flight, t).f_b, axis=1)
-    max_q = flight.course.sampled(np.array([flight.events["max_q"]]))[2, 0]
+    max_q_time = np.array([flight.events["max_q"]])
+    max_q = flight.course.sampled(max_q_time)[2, 0]
     return {
-        **achieved(np.concatenate([injection.r_i[0], injection.v_i[0]])),
+        **achieved(injection_state),
         "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
         "max_dynamic_pressure_pa": float(max_q),
     }

@@ -42,12 +42,23 @@ class SolvedAscent(NamedTuple):
 def ascend(card: VehicleAscent) -> SolvedAscent:
     """Return the solved ascent of a vehicle card; InputError if the orbit is out of reach."""
     vehicle, aim, flight = dispersed_ascent(card)
-    return SolvedAscent(vehicle, build_ascent(card), plan_along(card, aim, flight), flight.legs)
+    trajectory = build_ascent(card)
+    plan = plan_along(card, aim, flight)
+    return SolvedAscent(
+        card=vehicle,
+        trajectory=trajectory,
+        plan=plan,
+        legs=flight.legs,
+    )
 
 
 def changes(trajectory: Trajectory) -> Floats:
     """Return the times (k,) in s of lift-off and of every ignition, cut-off and separation of a stage, in order."""
-    return np.array([t for name, t in trajectory.events.items() if name == "liftoff" or _CHANGE.match(name)])
+    times = []
+    for name, t in trajectory.events.items():
+        if name == "liftoff" or _CHANGE.match(name):
+            times.append(t)
+    return np.array(times)
 
 
 def course_along(
@@ -95,19 +106,24 @@ def course_along(
 def _burning(legs: list[AscentLeg], t: Floats) -> Floats:
     """Return whether a motor burns at times t (n,)."""
     starts = [leg.t[0] for leg in legs]
-    index = np.maximum(np.searchsorted(starts, t, side="right") - 1, 0)
-    is_burn = np.array([_BURN.match(leg.name) is not None for leg in legs])
+    are_burns = [_BURN.match(leg.name) is not None for leg in legs]
+    n_begun = np.searchsorted(starts, t, side="right")
+    index = np.maximum(n_begun - 1, 0)
+    is_burn = np.array(are_burns)
     return is_burn[index]
 
 
 def _turns(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
     """Return angle (rad) and rate (rad/s) of the turn manoeuvres at times t (n,), (n, 2) each."""
-    angle, rate = np.zeros((t.size, 2)), np.zeros((t.size, 2))
+    angle = np.zeros((t.size, 2))
+    rate = np.zeros((t.size, 2))
     for turn in controller.turns:
         axis = PITCH if turn.axis == "pitch" else YAW
         start = resolve(turn.start, trajectory.events)
         x = np.clip((t - start) / turn.duration, 0.0, 1.0)
         angle[:, axis] += turn.angle * smoothsteps(x)
         # The derivative of the quintic 10 x^3 - 15 x^4 + 6 x^5 is 30 (x (1 - x))^2.
-        rate[:, axis] += turn.angle / turn.duration * 30.0 * (x * (1.0 - x)) ** 2
+        mean_rate = turn.angle / turn.duration
+        root = x * (1.0 - x)
+        rate[:, axis] += mean_rate * 30.0 * root**2
     return angle, rate

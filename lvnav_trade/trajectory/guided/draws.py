@@ -79,7 +79,8 @@ def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
         if run >= 0 and name in dispersion.drawn and getattr(spreads, name) > 0.0:
             sigmas[name] = _standard_normals(name, n_draw, seed, run)
         if name in dispersion.sigmas:
-            sigmas[name] = sigmas.get(name, np.zeros(n_draw)) + dispersion.sigmas[name]
+            drawn_sigmas = sigmas.get(name, np.zeros(n_draw))
+            sigmas[name] = drawn_sigmas + dispersion.sigmas[name]
     return sigmas
 
 
@@ -113,7 +114,9 @@ def vehicle_of(card: VehicleAscent, sigmas: Sigmas) -> VehicleAscent:
     for k, group in enumerate(vehicle.boosters):
         boosters.append(_disperse_motor(group, spreads, sigmas, n_stage + k))
     # Drag is proportional to the product of coefficient and density.
-    drag_factor = _factor(spreads, sigmas, "drag", 0) * _factor(spreads, sigmas, "density", 0)
+    coefficient_factor = _factor(spreads, sigmas, "drag", 0)
+    density_factor = _factor(spreads, sigmas, "density", 0)
+    drag_factor = coefficient_factor * density_factor
     update = {
         "stages": tuple(stages),
         "boosters": tuple(boosters),
@@ -186,9 +189,12 @@ def wind_of(sigmas: Floats | None, spreads: DispersionsCard | None) -> Wind:
     if sigmas is None or spreads is None:
         return Wind(WIND_STEP, np.zeros((1, 2)))
     white = sigmas.reshape(-1, 2)
-    speed = np.empty((len(sigmas) // 2, 2))
+    n_height = len(sigmas) // 2
+    speed = np.empty((n_height, 2))
     decay = np.exp(-WIND_STEP / spreads.wind_length)
+    noise_sigma = np.sqrt(1.0 - decay * decay)
     speed[0] = white[0]
     for k in range(1, len(speed)):
-        speed[k] = decay * speed[k - 1] + np.sqrt(1.0 - decay * decay) * white[k]
+        noise = noise_sigma * white[k]
+        speed[k] = decay * speed[k - 1] + noise
     return Wind(WIND_STEP, speed * spreads.wind)

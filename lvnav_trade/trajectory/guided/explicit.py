@@ -54,19 +54,23 @@ def _integrate_free_fall(r: Floats, v: Floats, span: float) -> tuple[Floats, Flo
     """Return position and velocity (3,) after a span (s) of free fall, by the classical Runge-Kutta method."""
     n_step = max(1, math.ceil(span / _COAST_STEP))
     h = span / n_step
+    half = 0.5 * h
+    sixth = h / 6.0
     for _ in range(n_step):
         a1 = np.array(gravity_j4(r[0], r[1], r[2]))
-        r2 = r + 0.5 * h * v
-        v2 = v + 0.5 * h * a1
+        r2 = r + half * v
+        v2 = v + half * a1
         a2 = np.array(gravity_j4(r2[0], r2[1], r2[2]))
-        r3 = r + 0.5 * h * v2
-        v3 = v + 0.5 * h * a2
+        r3 = r + half * v2
+        v3 = v + half * a2
         a3 = np.array(gravity_j4(r3[0], r3[1], r3[2]))
         r4 = r + h * v3
         v4 = v + h * a3
         a4 = np.array(gravity_j4(r4[0], r4[1], r4[2]))
-        r = r + h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
-        v = v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        v_sum = v + 2.0 * (v2 + v3) + v4
+        a_sum = a1 + 2.0 * (a2 + a3) + a4
+        r = r + sixth * v_sum
+        v = v + sixth * a_sum
     return r, v
 
 
@@ -78,10 +82,15 @@ def schuler_coast(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
     The frequency w is that of a Schuler pendulum at r, the root of gravity over radius.
     """
     gravity = np.array(gravity_j4(r[0], r[1], r[2]))
-    w = (np.dot(gravity, gravity) / np.dot(r, r)) ** 0.25
-    cosine = math.cos(w * span)
-    sine = math.sin(w * span)
-    return cosine * r + sine / w * v, cosine * v - w * sine * r
+    square_gravity = np.dot(gravity, gravity)
+    square_radius = np.dot(r, r)
+    w = (square_gravity / square_radius) ** 0.25
+    phase = w * span
+    cosine = math.cos(phase)
+    sine = math.sin(phase)
+    end_r = cosine * r + sine / w * v
+    end_v = cosine * v - w * sine * r
+    return end_r, end_v
 
 
 @jit
@@ -97,7 +106,8 @@ def integrals(acceleration: float, exhaust: float, span: float) -> ThrustIntegra
     """
     tau = exhaust / acceleration
     half = 0.5 * exhaust * span * span
-    L = -exhaust * math.log(1.0 - span / tau)
+    burnt = span / tau  # share of the mass
+    L = -exhaust * math.log(1.0 - burnt)
     J = L * tau - exhaust * span
     H = J * tau - half
     S = L * span - J
@@ -114,13 +124,18 @@ def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
     r, v : (3,) m, m/s. Navigated position and velocity, frame i.
     """
     law_state[:] = 0.0
-    radial = target.place / np.linalg.norm(target.place)
+    radius = np.linalg.norm(target.place)
+    radial = target.place / radius
     downrange = np.cross(target.normal, radial)
-    target_velocity = target.speed * (math.sin(target.climb) * radial + math.cos(target.climb) * downrange)
+    sine = math.sin(target.climb)
+    cosine = math.cos(target.climb)
+    direction = sine * radial + cosine * downrange
+    target_velocity = target.speed * direction
     law_state[VGO : VGO + 3] = target_velocity - v
     law_state[RD : RD + 3] = target.place
     # The integral of gravity grows with the square of the time to go: that of one second is scaled in the first pass.
-    law_state[RGRAV : RGRAV + 3] = 0.5 * np.array(gravity_j4(r[0], r[1], r[2]))
+    gravity = np.array(gravity_j4(r[0], r[1], r[2]))
+    law_state[RGRAV : RGRAV + 3] = 0.5 * gravity
     law_state[BEFORE] = 1.0
 
 
@@ -139,8 +154,11 @@ def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal:
     iy = -normal  # against the angular momentum
     ix = rd / np.linalg.norm(rd)
     iz = np.cross(ix, iy)
-    rgo_xy = rgo - np.dot(iz, rgo) * iz
-    rgo_z = (S - np.dot(lambda_v, rgo_xy)) / np.dot(lambda_v, iz)
+    downrange = np.dot(iz, rgo)
+    rgo_xy = rgo - downrange * iz
+    along_xy = np.dot(lambda_v, rgo_xy)
+    along_z = np.dot(lambda_v, iz)
+    rgo_z = (S - along_xy) / along_z
     return rgo_xy + rgo_z * iz
 
 
@@ -157,16 +175,23 @@ def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegral
     L, J, H, S, Q, P = thrust
     start = lambda_v - lambda_dot * (J / L)
     start = start / np.linalg.norm(start)
-    phi = math.acos(min(1.0, max(-1.0, float(np.dot(start, lambda_v)))))
+    cosine = float(np.dot(start, lambda_v))
+    phi = math.acos(min(1.0, max(-1.0, cosine)))
     phi_dot = -phi * L / J
+    # Along lambda_v: integrals of the cosine, 1 - (phi + phi_dot t)^2 / 2
     vthrust_along = L - 0.5 * L * phi * phi - J * phi * phi_dot - 0.5 * H * phi_dot * phi_dot
     rthrust_along = S - 0.5 * S * phi * phi - Q * phi * phi_dot - 0.5 * P * phi_dot * phi_dot
     vthrust = vthrust_along * lambda_v
     rthrust = rthrust_along * lambda_v
     turn_norm = np.linalg.norm(lambda_dot)
     if turn_norm > 0.0:
-        vthrust = vthrust - (L * phi + J * phi_dot) * lambda_dot / turn_norm
-        rthrust = rthrust - (S * phi + Q * phi_dot) * lambda_dot / turn_norm
+        # Along the turn: integrals of the sine, phi + phi_dot t
+        vthrust_turn = L * phi + J * phi_dot
+        rthrust_turn = S * phi + Q * phi_dot
+        turned_v = vthrust_turn * lambda_dot / turn_norm
+        turned_r = rthrust_turn * lambda_dot / turn_norm
+        vthrust = vthrust - turned_v
+        rthrust = rthrust - turned_r
     return vthrust, rthrust
 
 
@@ -189,7 +214,9 @@ def _gravity_over_burn(
         r2, v2 = schuler_coast(r1, v1, tgo)
     else:
         r2, v2 = _integrate_free_fall(r1, v1, tgo)
-    return v2 - v1, r2 - r1 - v1 * tgo
+    vgrav = v2 - v1
+    rgrav = r2 - r1 - v1 * tgo
+    return vgrav, rgrav
 
 
 @making_arrays
@@ -211,27 +238,37 @@ def _refine(
     vgo = law_state[VGO : VGO + 3].copy()
     vgo_norm = np.linalg.norm(vgo)
     # Rocket equation with constant mass flow: tgo = (exhaust / acceleration) (1 - exp(-vgo / exhaust))
-    tgo = exhaust / acceleration * -math.expm1(-vgo_norm / exhaust)
+    burnt = -math.expm1(-vgo_norm / exhaust)
+    tgo = exhaust / acceleration * burnt
     thrust = integrals(acceleration, exhaust, tgo)
     L, J, _, S, Q, _ = thrust
     lambda_v = vgo / vgo_norm
-    rgrav = law_state[RGRAV : RGRAV + 3] * (tgo / law_state[BEFORE]) ** 2
+    time_ratio = tgo / law_state[BEFORE]
+    rgrav = law_state[RGRAV : RGRAV + 3] * time_ratio**2
     rd = law_state[RD : RD + 3]
-    rgo = rd - (r + v * tgo + rgrav)
-    rgo = _position_to_go(lambda_v, S, rgo, rd, target.normal) + law_state[RBIAS : RBIAS + 3]
+    coast_position = r + v * tgo + rgrav
+    rgo = rd - coast_position
+    rbias = law_state[RBIAS : RBIAS + 3]
+    rgo = _position_to_go(lambda_v, S, rgo, rd, target.normal) + rbias
     # Direction of the thrust: lambda_v + lambda_dot (time - reference), with the reference time t + J / L
-    lambda_dot = (rgo - S * lambda_v) / (Q - S * J / L)
+    turning_distance = rgo - S * lambda_v
+    lambda_dot = turning_distance / (Q - S * J / L)
     vthrust, rthrust = _turning_thrust(lambda_v, lambda_dot, thrust)
     vbias = vgo - vthrust
     vgrav, rgrav = _gravity_over_burn(r, v, tgo, vthrust, rthrust, schuler)
     # Velocity at the predicted cut-off, in the plane of the target
     iy = -target.normal
     rp = r + v * tgo + rgrav + rthrust
-    rp = rp - np.dot(rp, iy) * iy
+    out_of_plane = np.dot(rp, iy)
+    rp = rp - out_of_plane * iy
     ix = rp / np.linalg.norm(rp)
     iz = np.cross(ix, iy)
-    vd = target.speed * (math.sin(target.climb) * ix + math.cos(target.climb) * iz)
+    sine = math.sin(target.climb)
+    cosine = math.cos(target.climb)
+    vd_direction = sine * ix + cosine * iz
+    vd = target.speed * vd_direction
     new_vgo = vd - v - vgrav + vbias
+    vgo_change = new_vgo - vgo
 
     law_state[VGO : VGO + 3] = new_vgo
     law_state[RGRAV : RGRAV + 3] = rgrav
@@ -242,7 +279,7 @@ def _refine(
     law_state[TGO] = tgo
     law_state[BEFORE] = tgo
     law_state[REFERENCE] = t + J / L
-    return float(np.linalg.norm(new_vgo - vgo))
+    return float(np.linalg.norm(vgo_change))
 
 
 @making_arrays
@@ -281,7 +318,9 @@ def steer(
         # The velocity gained by thrust since the last pass is the change of velocity without that by gravity.
         gravity = np.array(gravity_j4(r[0], r[1], r[2]))
         span = t - law_state[TIME]
-        law_state[VGO : VGO + 3] -= v - law_state[VELOCITY : VELOCITY + 3] - span * gravity
+        last_velocity = law_state[VELOCITY : VELOCITY + 3]
+        gained_by_thrust = v - last_velocity - span * gravity
+        law_state[VGO : VGO + 3] -= gained_by_thrust
         change = _refine(law_state, t, r, v, acceleration, exhaust, target, schuler)
         limit = _JUMP
     law_state[VELOCITY : VELOCITY + 3] = v

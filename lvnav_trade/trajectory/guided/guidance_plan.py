@@ -58,7 +58,8 @@ def steering_times(plan: GuidancePlan, t: Floats) -> slice:
     It ends at the nominal cut-off. A run that burns longer keeps the errors of that time, because the nominal vehicle
     has no thrust afterwards and its navigation errors develop differently.
     """
-    return slice(0, int(np.searchsorted(t, plan.cutoff + 1e-6, side="right")))
+    count = np.searchsorted(t, plan.cutoff + 1e-6, side="right")
+    return slice(0, int(count))
 
 
 def plan_of(card: VehicleAscent) -> GuidancePlan:
@@ -132,8 +133,11 @@ def _programme(flight: SimulatedAscent) -> AttitudeProgramme:
     t = np.arange(0.0, flight.legs[-1].t[-1], _STEP)
     y = np.empty((t.size, 6))
     for leg in flight.legs:
-        inside = (t >= leg.t[0]) & (t <= leg.t[-1])
-        r, v = leg.y[:, :3], leg.y[:, 3:6]
+        is_begun = t >= leg.t[0]
+        is_before_end = t <= leg.t[-1]
+        inside = is_begun & is_before_end
+        r = leg.y[:, :3]
+        v = leg.y[:, 3:6]
         position = CubicHermiteSpline(leg.t, r, v)
         velocity = CubicSpline(leg.t, v)
         y[inside, :3] = position(t[inside])

@@ -18,8 +18,8 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import (
 )
 from lvnav_trade.trajectory.ascent.steering_law import smoothstep
 from lvnav_trade.trajectory.guided.explicit import LAMBDA, REFERENCE, STARTED, TGO, TURN, Target, steer
+from lvnav_trade.trajectory.guided.vectors import Vector, blend, cross, unit_vector
 
-Vector = tuple[float, float, float]
 WHOLE, CUT_OFF, EMPTY, DIVERGED = 0, 1, 2, 3
 """End of a piece: at its planned time, at the cut-off, out of propellant, or because guidance diverges."""
 _REFINED = 4  # secant steps to the cut-off within a step
@@ -140,47 +140,35 @@ def error_at(t: float, navigation: NavigationErrors) -> Floats:
     """Return the navigation errors (9,) at a time (s)."""
     k = _entry_index(t, navigation)
     out = navigation.error[k].copy()
+    span = max(0.0, t - navigation.t[k])
     for i in range(3):
-        out[6 + i] += max(0.0, t - navigation.t[k]) * out[3 + i]
+        out[6 + i] += span * out[3 + i]
     return out
 
 
 @jit
-def _unit(x: float, y: float, z: float) -> Vector:
-    """Return the unit vector along (x, y, z)."""
-    norm = math.sqrt(x * x + y * y + z * z)
-    return x / norm, y / norm, z / norm
-
-
-@jit
-def _blend(weight: float, a: Vector, b: Vector) -> Vector:
-    """Return the unit vector along a + weight (b - a)."""
-    x = a[0] + weight * (b[0] - a[0])
-    y = a[1] + weight * (b[1] - a[1])
-    z = a[2] + weight * (b[2] - a[2])
-    return _unit(x, y, z)
-
-
-@jit
 def commanded(t: float, inputs: AscentInputs) -> Vector:
-    """Return the direction (frame i) in which guidance wants the thrust at a time (s)."""
+    """Return the direction (frame i) of the thrust that guidance commands at a time (s)."""
     programme, law = inputs.programme, inputs.law
     last = programme.u.shape[0] - 1
     x = min(max(t / programme.step, 0.0), last - 1e-9)
     k = int(x)
-    before, after = programme.u[k], programme.u[k + 1]
-    programmed = _blend(x - k, (before[0], before[1], before[2]), (after[0], after[1], after[2]))
+    u, next_u = programme.u[k], programme.u[k + 1]
+    before = (u[0], u[1], u[2])
+    after = (next_u[0], next_u[1], next_u[2])
+    programmed = blend(x - k, before, after)
     if law.state[STARTED] == 0.0:
         return programmed
     state = law.state
     span = t - state[REFERENCE]
     # Linear-tangent law: lambda + lambda_dot (t - t_reference)
-    explicit = _unit(
+    explicit = unit_vector(
         state[LAMBDA] + span * state[TURN],
         state[LAMBDA + 1] + span * state[TURN + 1],
         state[LAMBDA + 2] + span * state[TURN + 2],
     )
-    return _blend(smoothstep((t - law.start) / law.slew), programmed, explicit)
+    weight = smoothstep((t - law.start) / law.slew)
+    return blend(weight, programmed, explicit)
 
 
 @jit
@@ -191,7 +179,7 @@ def held_direction(t: float, inputs: AscentInputs) -> Vector:
     """
     u = commanded(t, inputs)
     error = attitude_error_at(t, inputs.navigation)
-    return _unit(
+    return unit_vector(
         u[0] + error[1] * u[2] - error[2] * u[1],
         u[1] + error[2] * u[0] - error[0] * u[2],
         u[2] + error[0] * u[1] - error[1] * u[0],
@@ -199,21 +187,16 @@ def held_direction(t: float, inputs: AscentInputs) -> Vector:
 
 
 @jit
-def _cross(a: Vector, b: Vector) -> Vector:
-    """Return the vector product a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@jit
 def misaligned(u: Vector, r: Vector, misalignment: Floats) -> Vector:
     """Return the direction of the thrust of a body that points along u: turned down and to the right by (2,) rad."""
-    down, right = misalignment[0], misalignment[1]
+    down = misalignment[0]
+    right = misalignment[1]
     if down == 0.0 and right == 0.0:
         return u
-    across = _cross(u, r)
-    right_axis = _unit(across[0], across[1], across[2])
-    up_axis = _cross(right_axis, u)
-    return _unit(
+    across = cross(u, r)
+    right_axis = unit_vector(across[0], across[1], across[2])
+    up_axis = cross(right_axis, u)
+    return unit_vector(
         u[0] + right * right_axis[0] - down * up_axis[0],
         u[1] + right * right_axis[1] - down * up_axis[1],
         u[2] + right * right_axis[2] - down * up_axis[2],
@@ -235,17 +218,20 @@ def velocity_of_air(r: Vector, wind: Wind) -> Vector:
         return 0.0, 0.0, 0.0
     x = max(x, 0.0)
     k = int(x)
-    east = wind.speed[k, 0] + (x - k) * (wind.speed[k + 1, 0] - wind.speed[k, 0])
-    north = wind.speed[k, 1] + (x - k) * (wind.speed[k + 1, 1] - wind.speed[k, 1])
+    weight = x - k
+    below, above = wind.speed[k], wind.speed[k + 1]
+    east = below[0] + weight * (above[0] - below[0])
+    north = below[1] + weight * (above[1] - below[1])
     # Unit vectors on a sphere: east (-y, x, 0) / axial, north (-z x / axial, -z y / axial, axial) / radius
-    axial = math.sqrt(r[0] * r[0] + r[1] * r[1])
-    radius = math.sqrt(axial * axial + r[2] * r[2])
-    east_x = -r[1] / axial
-    east_y = r[0] / axial
-    inward = north * r[2] / radius
+    x_i, y_i, z_i = r[0], r[1], r[2]
+    axial = math.sqrt(x_i * x_i + y_i * y_i)
+    radius = math.sqrt(axial * axial + z_i * z_i)
+    east_x = -y_i / axial
+    east_y = x_i / axial
+    inward = north * z_i / radius
     return (
-        east * east_x - inward * r[0] / axial,
-        east * east_y - inward * r[1] / axial,
+        east * east_x - inward * x_i / axial,
+        east * east_y - inward * y_i / axial,
         north * axial / radius,
     )
 
@@ -274,7 +260,7 @@ def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floa
         body = (y[7], y[8], y[9])
         for i in range(3):
             out[7 + i] = (command[i] - body[i]) / inputs.lag
-        direction = misaligned(_unit(body[0], body[1], body[2]), r, inputs.misalignment)
+        direction = misaligned(unit_vector(body[0], body[1], body[2]), r, inputs.misalignment)
     elif thrust > 0.0:
         direction = thrust_direction(t, r, inputs)
     for i in range(3):
@@ -287,11 +273,15 @@ def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floa
 @making_arrays
 def step(t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
     """Return y (7 or 10,) advanced by h with the classical Runge-Kutta step of fourth order."""
+    half = 0.5 * h
+    mid_t = t + half
+    end_t = t + h
     k1 = rates(t, y, engine, inputs)
-    k2 = rates(t + 0.5 * h, y + 0.5 * h * k1, engine, inputs)
-    k3 = rates(t + 0.5 * h, y + 0.5 * h * k2, engine, inputs)
-    k4 = rates(t + h, y + h * k3, engine, inputs)
-    return y + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+    k2 = rates(mid_t, y + half * k1, engine, inputs)
+    k3 = rates(mid_t, y + half * k2, engine, inputs)
+    k4 = rates(end_t, y + h * k3, engine, inputs)
+    slope = k1 + 2.0 * (k2 + k3) + k4
+    return y + h / 6.0 * slope
 
 
 @making_arrays
@@ -300,7 +290,9 @@ def navigated_energy(t: float, y: Floats, navigation: NavigationErrors) -> float
     error = error_at(t, navigation)
     v = y[3:6] - error[3:6]
     r = y[:3] - error[6:9]
-    return 0.5 * np.dot(v, v) - GM / math.sqrt(np.dot(r, r))
+    kinetic = 0.5 * np.dot(v, v)
+    radius = math.sqrt(np.dot(r, r))
+    return kinetic - GM / radius
 
 
 @making_arrays
@@ -323,9 +315,10 @@ def guide(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> bool
         return True
     slope = rates(t, y, engine, inputs)
     gravity = gravity_j4(y[0], y[1], y[2])
-    specific_force = math.sqrt(
-        (slope[3] - gravity[0]) ** 2 + (slope[4] - gravity[1]) ** 2 + (slope[5] - gravity[2]) ** 2
-    )
+    force_x = slope[3] - gravity[0]
+    force_y = slope[4] - gravity[1]
+    force_z = slope[5] - gravity[2]
+    specific_force = math.sqrt(force_x**2 + force_y**2 + force_z**2)
     navigated_r = y[:3] - error[6:9]
     navigated_v = y[3:6] - error[3:6]
     return steer(law.state, t, navigated_r, navigated_v, specific_force, law.exhaust, law.target, law.schuler)
@@ -361,15 +354,16 @@ def _step_to_end(
         after = _distance_to_end(t, length, state, inputs, cutoff, end)
         if after > 0.0:
             continue
-        part = length * before / (before - after)
+        trial_length = length * before / (before - after)
         for _ in range(_REFINED):
-            trial = step(t, part, y, engine, inputs)
-            after = _distance_to_end(t, part, trial, inputs, cutoff, end)
+            trial = step(t, trial_length, y, engine, inputs)
+            after = _distance_to_end(t, trial_length, trial, inputs, cutoff, end)
             if before == after:
                 break
-            part = min(length, max(0.0, part * before / (before - after)))
-        length = part
-        state = step(t, part, y, engine, inputs)
+            secant = trial_length * before / (before - after)
+            trial_length = min(length, max(0.0, secant))
+        length = trial_length
+        state = step(t, trial_length, y, engine, inputs)
         outcome = end
     return length, state, outcome
 

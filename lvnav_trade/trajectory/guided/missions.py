@@ -103,19 +103,34 @@ def prepare_launch(
         if len(entries) != n_stage:
             raise InputError(f"{owner.name}: {len(entries)} {name}, {vehicle.name} has {n_stage} stages")
     course = course_along(ascent, controller, envelope, imu.rate)
-    return Launch(ascent, course, rotation, controller, wind, imu, envelope)
+    return Launch(
+        ascent=ascent,
+        course=course,
+        rotation=rotation,
+        controller=controller,
+        wind=wind,
+        imu=imu,
+        envelope=envelope,
+    )
 
 
 def launch_along(ascent: SolvedAscent, card: SteeredCard) -> Launch:
     """Return the launch of an ascent that a card steers."""
-    wind = card.wind or STILL
-    return prepare_launch(ascent, card.rotation, card.controller, wind, card.imu, card.envelope)
+    return prepare_launch(
+        ascent,
+        card.rotation,
+        card.controller,
+        card.wind or STILL,
+        card.imu,
+        card.envelope,
+    )
 
 
 def with_rate_gain(launch: Launch, factor: float) -> Launch:
     """Return the launch with the rate gain of every stage times a factor."""
     gains = tuple(stage.model_copy(update={"rate": stage.rate * factor}) for stage in launch.controller.gains)
-    return launch._replace(controller=launch.controller.model_copy(update={"gains": gains}))
+    controller = launch.controller.model_copy(update={"gains": gains})
+    return launch._replace(controller=controller)
 
 
 def fly_missions(
@@ -147,11 +162,17 @@ def fly_missions(
     movement = np.empty((runs, 2))
     for n in range(runs):
         draws = autopilot.DrawKeys(*seed_words(seed), np.uint64(first_run + n))
-        control = fly_mission(launch, feedback, draws, every).turning.control
+        pilot = fly_mission(launch, feedback, draws, every)
+        control = pilot.turning.control
         history[n] = control.history
         sums[n] = control.sums
         movement[n] = loop.movement(control)
-    return Missions(launch.course.t[:n_tick:every], history, movement, sums)
+    return Missions(
+        t=launch.course.t[:n_tick:every],
+        history=history,
+        movement=movement,
+        sums=sums,
+    )
 
 
 def fly_mission(
@@ -258,9 +279,15 @@ def _heights(card: WindCard) -> Floats:
 def _gusts(card: WindCard) -> Gusts:
     """Return the gusts of a card on even heights; there are none above the highest."""
     height = _heights(card)
+    height_and_above = np.append(height, np.inf)
     sigma = np.interp(height, card.height, card.gust, right=0.0)
-    length = np.interp(np.append(height, np.inf), card.height, card.gust_length)
-    return Gusts(_AIR_STEP, np.append(sigma, 0.0), length)
+    sigma_and_above = np.append(sigma, 0.0)
+    length = np.interp(height_and_above, card.height, card.gust_length)
+    return Gusts(
+        step=_AIR_STEP,
+        sigma=sigma_and_above,
+        length=length,
+    )
 
 
 def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> Wind:
@@ -277,17 +304,21 @@ def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> 
     """
     card = launch.wind
     draw_along, draw_across = axis_state.profile_draws(draws)
-    top = max(card.height[-1], further.step * (len(further.speed) - 1))
+    n_further = len(further.speed)
+    further_top = further.step * (n_further - 1)
+    top = max(card.height[-1], further_top)
     height = np.arange(0.0, top + _AIR_STEP, _AIR_STEP)
     profile = np.interp(height, card.height, card.speed, right=0.0)
     along = 1.0 + card.spread * draw_along
     across = card.spread * draw_across
     # The direction is that from which the wind blows, clockwise from north.
-    east = -math.sin(card.direction) * along - math.cos(card.direction) * across
-    north = -math.cos(card.direction) * along + math.sin(card.direction) * across
+    sine = math.sin(card.direction)
+    cosine = math.cos(card.direction)
+    east = -sine * along - cosine * across
+    north = -cosine * along + sine * across
     speed = np.outer(profile, [east, north])
-    if len(further.speed) > 1:
-        further_height = further.step * np.arange(len(further.speed))
+    if n_further > 1:
+        further_height = further.step * np.arange(n_further)
         components = [np.interp(height, further_height, component, right=0.0) for component in further.speed.T]
         speed += np.stack(components, axis=1)
     return Wind(_AIR_STEP, speed)

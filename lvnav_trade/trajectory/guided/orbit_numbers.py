@@ -5,6 +5,7 @@ import numpy as np
 from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.quantities.frames import elements_from_state
 from lvnav_trade.quantities.records import ORBIT, Floats
+from lvnav_trade.trajectory.guided.piece_derivatives import MOTION_STEPS
 
 CIRCULAR = 1e-4
 """Eccentricity below which perigee and apogee have no derivative worth the name: 0.7 km of either height."""
@@ -17,18 +18,28 @@ def orbit_of(y: Floats) -> Floats:
     """Return the numbers of `ORBIT` of the osculating orbits of states y (n, 6 or more), (n, n_orbit)."""
     elements = elements_from_state(y[:, :3], y[:, 3:6])
     a, e = elements.semi_major_axis, elements.eccentricity
+    argument = elements.perigee_argument
     perigee = a * (1.0 - e) - SEMI_MAJOR
     apogee = a * (1.0 + e) - SEMI_MAJOR
-    along_node = e * np.cos(elements.perigee_argument)
-    ahead_of_node = e * np.sin(elements.perigee_argument)
-    orbit = [a, perigee, apogee, along_node, ahead_of_node, elements.inclination, elements.node]
+    along_node = e * np.cos(argument)
+    ahead_of_node = e * np.sin(argument)
+    orbit = [
+        a,
+        perigee,
+        apogee,
+        along_node,
+        ahead_of_node,
+        elements.inclination,
+        elements.node,
+    ]
     return np.stack(orbit, axis=1)
 
 
 def orbit_difference(first: Floats, second: Floats) -> Floats:
     """Return numbers of orbits (n, n_orbit) less others, angles of the node the short way round."""
     difference = first - second
-    difference[:, NODE] = np.remainder(difference[:, NODE] + np.pi, 2.0 * np.pi) - np.pi
+    from_half_turn = difference[:, NODE] + np.pi
+    difference[:, NODE] = np.remainder(from_half_turn, 2.0 * np.pi) - np.pi
     return np.asarray(difference)
 
 
@@ -49,3 +60,14 @@ def with_apsides(change: Floats, target: Floats) -> Floats:
     complete[:, PERIGEE] = a_change * (1.0 - e) - a * e_change
     complete[:, APOGEE] = a_change * (1.0 + e) + a * e_change
     return np.asarray(complete)
+
+
+def orbit_derivative(y: Floats, target: Floats) -> Floats:
+    """Return the derivative (n_orbit, 6) of an orbit by position and velocity."""
+    steps = MOTION_STEPS[:6]
+    moves = np.diag(steps)
+    high = orbit_of(y[:6] + moves)
+    low = orbit_of(y[:6] - moves)
+    change = with_apsides(orbit_difference(high, low), target)
+    derivative = change / (2.0 * steps[:, None])
+    return np.asarray(derivative.T)

@@ -7,7 +7,8 @@ import numpy as np
 
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
+from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion, height_above
+from lvnav_trade.trajectory.guided.draws import WIND_TOP
 from lvnav_trade.trajectory.guided.explicit import LAMBDA, N_LAW_STATE, REFERENCE, STARTED, TURN
 from lvnav_trade.trajectory.guided.guided_dynamics import AscentInputs, guide, step
 
@@ -70,8 +71,10 @@ def final_state(piece: Piece, y: Floats, law_state: Floats) -> Floats:
     piece.inputs.law.state[:] = law_state
     span = piece.end - piece.begin
     n_step = max(1, math.ceil(span / piece.longest - 1e-9))
+    length = span / n_step
     for k in range(n_step):
-        y = step(piece.begin + k * span / n_step, span / n_step, y, piece.engine, piece.inputs)
+        t = piece.begin + k * span / n_step
+        y = step(t, length, y, piece.engine, piece.inputs)
     return y
 
 
@@ -194,3 +197,25 @@ def table_derivatives(piece: Piece, law_state: Floats, table: Floats, rows: tupl
             derivative[row - first, column] = (high - low) / (2.0 * size)
             table[row, column] = nominal
     return derivative
+
+
+def turns_body(piece: Piece) -> bool:
+    """Return whether an attitude error changes the motion: under thrust, and with a lag in coasts as well."""
+    engine = piece.engine
+    return engine.thrust > 0.0 or engine.beside.thrust > 0.0 or piece.inputs.lag > 0.0
+
+
+def wind_rows(piece: Piece, law_state: Floats) -> tuple[int, int] | None:
+    """Return the first and the last entry of the wind that a piece depends on; None for none."""
+    wind = piece.inputs.wind
+    end_y = final_state(piece, piece.y, law_state)
+    begin_height = height_above(*piece.y[:3])
+    end_height = height_above(*end_y[:3])
+    low = min(begin_height, end_height)
+    high = max(begin_height, end_height)
+    if low >= WIND_TOP or len(wind.speed) <= 1:
+        return None
+    last = len(wind.speed) - 1
+    first_row = min(max(0, math.floor(low / wind.step)), last)
+    last_row = min(max(0, math.ceil(high / wind.step)), last)
+    return first_row, last_row

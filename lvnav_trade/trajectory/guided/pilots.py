@@ -7,7 +7,8 @@ import numpy as np
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
-from lvnav_trade.trajectory.ascent.legs import COASTING, STEP, Pilot, cuts, engine
+from lvnav_trade.trajectory.ascent.legs import COASTING, STEP, Pilot
+from lvnav_trade.trajectory.ascent.motors import cuts, engine
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.autopilot import STACK
 from lvnav_trade.trajectory.guided.draws import Deviations
@@ -77,7 +78,8 @@ class GuidedPilot(Pilot):
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         """Simulate a stretch without a jump for a duration (s)."""
         if duration > 0.0:
-            self.y = fly_piece(self.t, self.t + duration, self.longest, self.y, engine, self.inputs)
+            end = self.t + duration
+            self.y = fly_piece(self.t, end, self.longest, self.y, engine, self.inputs)
             self.t += duration
 
     def ignite_after(self, number: int) -> None:
@@ -94,7 +96,8 @@ class GuidedPilot(Pilot):
     def push(self, speed: float) -> None:
         """Add a speed (m/s) along the thrust."""
         if speed != 0.0:
-            self.y[3:6] += speed * np.array(commanded(self.t, self.inputs))
+            direction = np.array(commanded(self.t, self.inputs))
+            self.y[3:6] += speed * direction
 
     def last_burn(self) -> str:
         """Simulate the last stage to its cut-off; return the outcome."""

@@ -15,11 +15,11 @@ import numpy as np
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats
-from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion, height_above
+from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
 from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.ascent_runs import Injection, empty_mass, inject
-from lvnav_trade.trajectory.guided.draws import NO_RUN, WIND_TOP, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
+from lvnav_trade.trajectory.guided.draws import NO_RUN, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
 from lvnav_trade.trajectory.guided.explicit import N_LAW_STATE
 from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
 from lvnav_trade.trajectory.guided.guided_dynamics import (
@@ -29,17 +29,18 @@ from lvnav_trade.trajectory.guided.guided_dynamics import (
     fly_last,
     rates,
 )
-from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of, with_apsides
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_derivative, orbit_difference, orbit_of, with_apsides
 from lvnav_trade.trajectory.guided.piece_derivatives import (
     ERROR_STEPS,
     MASS,
-    MOTION_STEPS,
     Piece,
     final_state,
     guidance_pass,
     pass_derivatives,
     state_derivatives,
     table_derivatives,
+    turns_body,
+    wind_rows,
 )
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot
 
@@ -74,14 +75,16 @@ class _ReferencePilot(GuidedPilot):
     """Pilot of the reference flight, which records its pieces."""
 
     def __init__(self, plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors) -> None:
-        super().__init__(plan, vehicle_of(plan.card, sigmas), deviations(plan.card, sigmas), navigation)
+        vehicle = vehicle_of(plan.card, sigmas)
+        super().__init__(plan, vehicle, deviations(plan.card, sigmas), navigation)
         self.pieces: list[Piece] = []
 
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
         if duration <= 0.0:
             return
         n_piece = max(1, math.ceil(duration / _CHUNK))
-        edges = np.linspace(self.t, self.t + duration, n_piece + 1).tolist()
+        leg_end = self.t + duration
+        edges = np.linspace(self.t, leg_end, n_piece + 1).tolist()
         for begin, end in pairwise(edges):
             piece = self._record(begin, end, engine)
             self.y = final_state(piece, piece.y, piece.law_state)
@@ -139,7 +142,8 @@ def sensitivity(plan: GuidancePlan, t: Floats) -> InjectionSensitivity:
     plan : GuidancePlan
     t : (n_t,) s since lift-off. Times at which navigation errors are known.
     """
-    return _cached_sensitivity((plan.card.model_dump_json(exclude={"named_times"}), t.tobytes()), plan.card)
+    content = plan.card.model_dump_json(exclude={"named_times"})
+    return _cached_sensitivity((content, t.tobytes()), plan.card)
 
 
 @remembered(4)
@@ -202,38 +206,34 @@ def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _C
     y : (n_motion,). True state at the cut-off.
     target : (n_orbit,). Target orbit, SI.
     """
-    last, plan = pilot.pieces[-1], pilot.plan
+    last = pilot.pieces[-1]
     slope = rates(pilot.t, y, last.engine, last.inputs)
     # Delay of the cut-off (s) by the navigated position and velocity: -(dE/dx) / (dE/dt), with E = v^2 / 2 - GM / r
     delay = np.zeros(6)
-    if plan.by_energy:
-        energy_gradient = np.concatenate([GM / np.linalg.norm(y[:3]) ** 3 * y[:3], y[3:6]])
-        delay = -energy_gradient / (energy_gradient @ slope[:6])
+    if pilot.plan.by_energy:
+        r, v = y[:3], y[3:6]
+        energy_gradient = np.concatenate([GM / np.linalg.norm(r) ** 3 * r, v])
+        energy_rate = energy_gradient @ slope[:6]
+        delay = -energy_gradient / energy_rate
     pilot.push(pilot.deviations.tail_off)
-    orbit = _orbit_derivative(pilot.y, target)
-    by_delay = np.append(orbit @ slope[:6], [1.0, slope[MASS]])
+    orbit = orbit_derivative(pilot.y, target)
+    orbit_by_delay = orbit @ slope[:6]
+    by_delay = np.append(orbit_by_delay, [1.0, slope[MASS]])
     by_state = np.zeros((len(INJECTION), y.size))
     by_state[: len(ORBIT), :6] = orbit
     by_state[_PROPELLANT_LEFT, MASS] = 1.0
     by_state[:, :6] += np.outer(by_delay, delay)
     # A navigated state is the true state less the error. Errors are in the order attitude, velocity, position.
-    delay_by_error = np.concatenate([np.zeros(3), delay[3:], delay[:3]])
-    knowledge = np.concatenate([np.zeros((len(ORBIT), 3)), orbit[:, 3:], orbit[:, :3]], axis=1)
+    delay_by_r, delay_by_v = delay[:3], delay[3:]
+    delay_by_error = np.concatenate([np.zeros(3), delay_by_v, delay_by_r])
+    orbit_by_r, orbit_by_v = orbit[:, :3], orbit[:, 3:]
+    no_attitude = np.zeros((len(ORBIT), 3))
+    knowledge = np.concatenate([no_attitude, orbit_by_v, orbit_by_r], axis=1)
     return _CutoffDerivatives(
         by_state=by_state,
         by_error=-np.outer(by_delay, delay_by_error),
         knowledge=knowledge,
     )
-
-
-def _orbit_derivative(y: Floats, target: Floats) -> Floats:
-    """Return the derivative (n_orbit, 6) of an orbit by position and velocity."""
-    steps = MOTION_STEPS[:6]
-    moves = np.diag(steps)
-    high = orbit_of(y[:6] + moves)
-    low = orbit_of(y[:6] - moves)
-    change = with_apsides(orbit_difference(high, low), target)
-    return np.asarray((change / (2.0 * steps[:, None])).T)
 
 
 def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Floats) -> tuple[Floats, Floats]:
@@ -258,30 +258,37 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
     (n_height, 2, n_number)
         By the wind (m/s) at the heights of its table; zero at heights that the flight does not pass.
     """
+    n_number = len(INJECTION)
     n_motion = at_cutoff.by_state.shape[1]
-    by_end = np.zeros((len(INJECTION), n_motion + N_LAW_STATE))  # by motion and state of guidance
+    by_end = np.zeros((n_number, n_motion + N_LAW_STATE))  # by motion and state of guidance
     by_end[:, :n_motion] = at_cutoff.by_state
-    navigation = np.zeros((t.size, len(INJECTION), ERROR_STEPS.size))
-    gusts = np.zeros((*pieces[0].inputs.wind.speed.shape, len(INJECTION)))
+    navigation = np.zeros((t.size, n_number, ERROR_STEPS.size))
+    wind_shape = pieces[0].inputs.wind.speed.shape
+    gusts = np.zeros((*wind_shape, n_number))
     for piece in reversed(pieces):
-        by_motion, by_law = by_end[:, :n_motion], by_end[:, n_motion:]
+        by_motion = by_end[:, :n_motion]
+        by_law = by_end[:, n_motion:]
         law_state = guidance_pass(piece, piece.y, piece.law_state)
-        motion = state_derivatives(piece, law_state)
+        derivatives = state_derivatives(piece, law_state)
+        end_by_motion = derivatives[:, :n_motion]
+        end_by_law = derivatives[:, n_motion:]
         entry = _entry_index(t, piece.begin)
-        if _turns_body(piece):
-            last = _entry_index(t, piece.end + 1e-9)  # a step reads the error at its end too
+        if turns_body(piece):
+            last_entry = _entry_index(t, piece.end + 1e-9)  # a step reads the error at its end too
             error = piece.inputs.navigation.error
-            by_tilt = table_derivatives(piece, law_state, error, (entry, last), ERROR_STEPS[:3])
-            navigation[entry : last + 1, :, :3] += np.einsum("kes,ns->kne", by_tilt, by_motion)
-        rows = _wind_rows(piece, law_state)
+            by_tilt = table_derivatives(piece, law_state, error, (entry, last_entry), ERROR_STEPS[:3])
+            navigation[entry : last_entry + 1, :, :3] += np.einsum("kes,ns->kne", by_tilt, by_motion)
+        rows = wind_rows(piece, law_state)
         if rows is not None:
+            first, last = rows
             wind_steps = np.full(2, _WIND_STEP)
-            by_wind = table_derivatives(piece, law_state, piece.inputs.wind.speed, rows, wind_steps)
-            gusts[rows[0] : rows[1] + 1] += np.einsum("kes,ns->ken", by_wind, by_motion)
+            wind = piece.inputs.wind.speed
+            by_wind = table_derivatives(piece, law_state, wind, rows, wind_steps)
+            gusts[first : last + 1] += np.einsum("kes,ns->ken", by_wind, by_motion)
         by_begin = np.zeros_like(by_end)
-        by_begin[:, :n_motion] = by_motion @ motion[:, :n_motion]
+        by_begin[:, :n_motion] = by_motion @ end_by_motion
         if piece.steers:
-            by_pass = by_law + by_motion @ motion[:, n_motion:]
+            by_pass = by_law + by_motion @ end_by_law
             pass_by_state, pass_by_error = pass_derivatives(piece, entry)
             by_begin += by_pass @ pass_by_state
             navigation[entry] += by_pass @ pass_by_error.T
@@ -289,29 +296,10 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
     return navigation, gusts
 
 
-def _turns_body(piece: Piece) -> bool:
-    """Return whether an attitude error changes the motion: under thrust, and with a lag in coasts as well."""
-    engine = piece.engine
-    return engine.thrust > 0.0 or engine.beside.thrust > 0.0 or piece.inputs.lag > 0.0
-
-
-def _wind_rows(piece: Piece, law_state: Floats) -> tuple[int, int] | None:
-    """Return the first and the last entry of the wind that a piece depends on; None for none."""
-    wind = piece.inputs.wind
-    begin_height = height_above(*piece.y[:3])
-    end_height = height_above(*final_state(piece, piece.y, law_state)[:3])
-    low, high = min(begin_height, end_height), max(begin_height, end_height)
-    if low >= WIND_TOP or len(wind.speed) <= 1:
-        return None
-    last = len(wind.speed) - 1
-    first_row = min(max(0, math.floor(low / wind.step)), last)
-    last_row = min(max(0, math.ceil(high / wind.step)), last)
-    return first_row, last_row
-
-
 def _entry_index(t: Floats, time: float) -> int:
     """Return the index of the times whose error applies at a time."""
-    return max(0, int(np.searchsorted(t, time, side="right")) - 1)
+    count = int(np.searchsorted(t, time, side="right"))
+    return max(0, count - 1)
 
 
 def _spread_over_times(t: Floats, time: float, by_error: Floats) -> Floats:
@@ -331,7 +319,8 @@ def _spread_over_times(t: Floats, time: float, by_error: Floats) -> Floats:
     k = _entry_index(t, time)
     derivative[k] = by_error
     # the position error grows by the velocity error
-    derivative[k, :, 3:6] += max(0.0, time - t[k]) * by_error[:, 6:]
+    span = max(0.0, time - t[k])
+    derivative[k, :, 3:6] += span * by_error[:, 6:]
     return derivative
 
 
@@ -360,7 +349,8 @@ def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[li
         for side, sign in zip(ends, (1.0, -1.0), strict=True):
             sigmas = fixed.get(name, np.zeros(n_draw)).copy()
             sigmas[k] += sign
-            injection = inject(plan, {**fixed, name: sigmas})
+            draws = {**fixed, name: sigmas}
+            injection = inject(plan, draws)
             if injection.outcome != INJECTED:
                 source = name.replace("_", " ")
                 return f"with {sign:+.0f} sigma of {source} the flight ends as {injection.outcome!r}"
@@ -371,9 +361,10 @@ def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[li
 def _changes(injections: list[Injection], reference: Floats) -> Floats:
     """Return the differences (n, n_number) of injections from the reference."""
     states = np.stack([injection.y for injection in injections])
-    orbit = orbit_difference(orbit_of(states), reference[: len(ORBIT)])
+    reference_orbit, reference_end = np.split(reference, [len(ORBIT)])
+    orbit = orbit_difference(orbit_of(states), reference_orbit)
     time_and_propellant = np.array([(injection.t, injection.left) for injection in injections])
-    return np.column_stack([orbit, time_and_propellant - reference[len(ORBIT) :]])
+    return np.column_stack([orbit, time_and_propellant - reference_end])
 
 
 def _wind_changes(card: VehicleAscent, gusts: Floats) -> Floats:
@@ -382,5 +373,6 @@ def _wind_changes(card: VehicleAscent, gusts: Floats) -> Floats:
     gusts : (n_height, 2, n_number). Derivative by the wind (m/s).
     """
     unit_draws = np.eye(numbers(card)["wind"])
-    winds = np.array([wind_of(draws, card.vehicle.dispersions).speed for draws in unit_draws])
+    spreads = card.vehicle.dispersions
+    winds = np.array([wind_of(draws, spreads).speed for draws in unit_draws])
     return np.einsum("dhe,hen->dn", winds, gusts)

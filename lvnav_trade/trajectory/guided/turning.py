@@ -39,7 +39,12 @@ from lvnav_trade.trajectory.guided.guided_dynamics import (
 from lvnav_trade.trajectory.guided.loop import move, tick
 
 _REFINED = 3  # secant steps to the cut-off within a tick
-NEVER = Cutoff(False, 0.0, math.inf, 0.0)
+NEVER = Cutoff(
+    by_energy=False,
+    energy=0.0,
+    time=math.inf,
+    empty=0.0,
+)
 """A piece without cut-off, and without an empty stage."""
 
 
@@ -93,8 +98,10 @@ def _gust_statistics(height, gusts):
     below = min(int(x), max(last - 1, 0))
     above = min(below + 1, last)
     weight = x - below
-    sigma = gusts.sigma[below] + weight * (gusts.sigma[above] - gusts.sigma[below])
-    length = gusts.length[below] + weight * (gusts.length[above] - gusts.length[below])
+    sigma_below = gusts.sigma[below]
+    length_below = gusts.length[below]
+    sigma = sigma_below + weight * (gusts.sigma[above] - sigma_below)
+    length = length_below + weight * (gusts.length[above] - length_below)
     return sigma, length
 
 
@@ -124,7 +131,8 @@ def axes_at(t, course):
 
     After the last tick, the directions of that tick are returned.
     """
-    x = t / (course.t[1] - course.t[0])
+    interval = course.t[1] - course.t[0]
+    x = t / interval
     k = min(int(x + 1e-6), course.t.size - 2)
     weight = min(max(x - k, 0.0), 1.0)
     ahead = _interpolate_axis(course.ahead, k, weight)
@@ -146,16 +154,27 @@ def forces_and_rates(t, y, engine, inputs, turning):
 
     Long because force, moment and derivative share every intermediate quantity.
     """
-    control, craft = turning.control, turning.craft
-    r, mass = (y[0], y[1], y[2]), y[6]
+    control = turning.control
+    craft = turning.craft
+    r = (y[0], y[1], y[2])
+    mass = y[6]
     air = velocity_of_air(r, inputs.wind)
-    ground = (y[3] + OMEGA * r[1], y[4] - OMEGA * r[0], y[5])
-    airspeed = (ground[0] - air[0], ground[1] - air[1], ground[2] - air[2])
+    ground = (
+        y[3] + OMEGA * r[1],
+        y[4] - OMEGA * r[0],
+        y[5],
+    )
+    airspeed = (
+        ground[0] - air[0],
+        ground[1] - air[1],
+        ground[2] - air[2],
+    )
     speed = math.sqrt(_dot(airspeed, airspeed))
     height = height_above(r[0], r[1], r[2])
     density, pressure, _, sound = atmosphere(height)
     area = inputs.drag.area
-    drag_per_speed = 0.5 * density * speed * coefficient_at(speed / sound, inputs.drag) * area
+    drag_coefficient = coefficient_at(speed / sound, inputs.drag)
+    drag_per_speed = 0.5 * density * speed * drag_coefficient * area
     motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
     thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
     thrust += motor_thrust
@@ -167,7 +186,8 @@ def forces_and_rates(t, y, engine, inputs, turning):
     nozzle_arm = craft.stacks[stack, 1]
     normal_slope = craft.stacks[stack, 2]
     pressure_arm = craft.stacks[stack, 3]
-    normal_force = 0.5 * craft.density * density * speed * area * normal_slope / mass
+    half_density = 0.5 * craft.density * density
+    normal_force = half_density * speed * area * normal_slope / mass
     gust_sigma, gust_length = _gust_statistics(height, turning.gusts)
     slip = (_dot(ground, up), _dot(ground, right))
     wind = (_dot(air, up), _dot(air, right))
@@ -176,12 +196,16 @@ def forces_and_rates(t, y, engine, inputs, turning):
     pitch, yaw = control.memory[0], control.memory[1]
     thrust_up = pitch[ANGLE_NOW] + pitch[NOZZLE_NOW] + pitch[MISALIGNMENT_NOW]
     thrust_right = yaw[ANGLE_NOW] + yaw[NOZZLE_NOW] + yaw[MISALIGNMENT_NOW]
-    thrust_ahead = thrust / mass / math.sqrt(1.0 + thrust_up * thrust_up + thrust_right * thrust_right)
+    thrust_norm = math.sqrt(1.0 + thrust_up * thrust_up + thrust_right * thrust_right)
+    thrust_load = thrust / mass
+    thrust_ahead = thrust_load / thrust_norm
     drag = drag_per_speed / mass
     calm_up = speed * pitch[ANGLE_NOW] + wind[0] - slip[0]  # lateral airspeed without gusts
     calm_right = speed * yaw[ANGLE_NOW] + wind[1] - slip[1]
-    lift_up = thrust_ahead * thrust_up + normal_force * (calm_up + pitch[GUST_NOW]) - drag * calm_up
-    lift_right = thrust_ahead * thrust_right + normal_force * (calm_right + yaw[GUST_NOW]) - drag * calm_right
+    gusty_up = calm_up + pitch[GUST_NOW]
+    gusty_right = calm_right + yaw[GUST_NOW]
+    lift_up = thrust_ahead * thrust_up + normal_force * gusty_up - drag * calm_up
+    lift_right = thrust_ahead * thrust_right + normal_force * gusty_right - drag * calm_right
     gravity = gravity_j4(r[0], r[1], r[2])
     slope = (
         y[3],
@@ -192,12 +216,17 @@ def forces_and_rates(t, y, engine, inputs, turning):
         gravity[2] + thrust_ahead * ahead[2] + lift_up * up[2] + lift_right * right[2] - drag * airspeed[2],
         -engine.mass_flow * throttle - motor_flow,
     )
-    tick_index = min(control.counts[NEXT], control.course.t.size - 1)
-    nominal = control.course.velocity[tick_index]
-    deviation = (y[3] - nominal[0], y[4] - nominal[1], y[5] - nominal[2])
+    course = control.course
+    tick_index = min(control.counts[NEXT], course.t.size - 1)
+    nominal = course.velocity[tick_index]
+    deviation = (
+        y[3] - nominal[0],
+        y[4] - nominal[1],
+        y[5] - nominal[2],
+    )
     forces = LateralForces(
-        effectiveness=thrust / mass * nozzle_arm / square_gyration,
-        thrust_load=thrust / mass,
+        effectiveness=thrust_load * nozzle_arm / square_gyration,
+        thrust_load=thrust_load,
         moment=normal_force * pressure_arm / square_gyration,
         force=normal_force,
         airspeed=speed,
@@ -223,7 +252,9 @@ def _attitude_error(t, inputs, turning):
         error[2] * ahead[0] - error[0] * ahead[2],
         error[0] * ahead[1] - error[1] * ahead[0],
     )
-    return _dot(nose_motion, up), _dot(nose_motion, right)
+    error_up = _dot(nose_motion, up)
+    error_right = _dot(nose_motion, right)
+    return error_up, error_right
 
 
 @making_arrays
@@ -231,16 +262,19 @@ def _set_targets(t, inputs, turning):
     """Set the targets of both axes to the direction of explicit guidance, after its first pass."""
     if inputs.law.state[STARTED] == 0.0:
         return
+    control = turning.control
     command = commanded(t, inputs)
-    ahead, up, right = axes_at(t, turning.control.course)
+    ahead, up, right = axes_at(t, control.course)
     along = _dot(command, ahead)
-    turning.control.memory[0, TARGET] = _dot(command, up) / along
-    turning.control.memory[1, TARGET] = _dot(command, right) / along
+    command_up = _dot(command, up)
+    command_right = _dot(command, right)
+    control.memory[0, TARGET] = command_up / along
+    control.memory[1, TARGET] = command_right / along
 
 
 @inlined
 def _advance(t, h, y, engine, inputs, turning, end):
-    """Turn the body and move it over h seconds.
+    """Turn the body about both axes and move it over h seconds.
 
     The velocity changes by the mean of the accelerations at both ends (Heun). The second acceleration is evaluated at
     the state predicted with the first.
@@ -248,20 +282,25 @@ def _advance(t, h, y, engine, inputs, turning, end):
     t, h : s. Time since lift-off, and length of the step.
     y, end : (7,). State at the start, and at the end (set).
     """
-    forces, before = forces_and_rates(t, y, engine, inputs, turning)
+    half = 0.5 * h
+    forces, slope = forces_and_rates(t, y, engine, inputs, turning)
     move(turning.control, forces, h)
     for i in range(3):
-        velocity, acceleration = y[3 + i], before[3 + i]
-        end[i] = y[i] + h * (velocity + 0.5 * h * acceleration)
+        velocity = y[3 + i]
+        acceleration = slope[3 + i]
+        mean_velocity = velocity + half * acceleration
+        end[i] = y[i] + h * mean_velocity
         end[3 + i] = velocity + h * acceleration
-    end[6] = y[6] + h * before[6]
-    _, after = forces_and_rates(t + h, end, engine, inputs, turning)
+    end[6] = y[6] + h * slope[6]
+    _, next_slope = forces_and_rates(t + h, end, engine, inputs, turning)
     for i in range(3):
-        velocity, acceleration = y[3 + i], before[3 + i]
-        next_acceleration = after[3 + i]
-        end[i] = y[i] + h * (velocity + h / 6.0 * (2.0 * acceleration + next_acceleration))
-        end[3 + i] = velocity + 0.5 * h * (acceleration + next_acceleration)
-    end[6] = y[6] + 0.5 * h * (before[6] + after[6])
+        velocity = y[3 + i]
+        acceleration = slope[3 + i]
+        next_acceleration = next_slope[3 + i]
+        mean_velocity = velocity + h / 6.0 * (2.0 * acceleration + next_acceleration)
+        end[i] = y[i] + h * mean_velocity
+        end[3 + i] = velocity + half * (acceleration + next_acceleration)
+    end[6] = y[6] + half * (slope[6] + next_slope[6])
 
 
 @making_arrays
@@ -304,8 +343,9 @@ def turn_piece(
         ignite(control, motor, -inputs.misalignment[0], inputs.misalignment[1])
     next_pass = t
     has_cutoff = cutoff.by_energy or cutoff.time < math.inf or cutoff.empty > 0.0
+    is_guided = law.start < math.inf
     while t < end - 1e-9:
-        if law.start < math.inf and t >= next_pass - 1e-9:
+        if is_guided and t >= next_pass - 1e-9:
             if not guide(t, y, engine, inputs):
                 return t, y, DIVERGED
             next_pass = t + law.cycle
@@ -314,7 +354,8 @@ def turn_piece(
             _set_targets(t, inputs, turning)
             if count[NEXT] < turning.path.shape[0]:
                 turning.path[count[NEXT]] = y
-            tick(control, forces, _attitude_error(t, inputs, turning))
+            tilt = _attitude_error(t, inputs, turning)
+            tick(control, forces, tilt)
         h = min(count[NEXT] * dt, end) - t
         memory_before[:] = memory
         _advance(t, h, y, engine, inputs, turning, next_y)
@@ -327,15 +368,16 @@ def turn_piece(
                 continue
             before = _distance_to_end(t, y, inputs, cutoff, burn_end)
             outcome = burn_end
-            part = h
+            length = h
             for _ in range(_REFINED):  # secant on the length of the step
                 if before == after:
                     break
-                part = min(h, max(0.0, part * before / (before - after)))
+                secant = length * before / (before - after)
+                length = min(h, max(0.0, secant))
                 memory[:] = memory_before
-                _advance(t, part, y, engine, inputs, turning, next_y)
-                after = _distance_to_end(t + part, next_y, inputs, cutoff, burn_end)
-            h = part
+                _advance(t, length, y, engine, inputs, turning, next_y)
+                after = _distance_to_end(t + length, next_y, inputs, cutoff, burn_end)
+            h = length
         t += h
         y[:] = next_y
         if outcome != WHOLE:

@@ -118,7 +118,7 @@ def _fly(control, body):
         )
         loop.tick(control, met, (0.0, 0.0))
         loop.move(control, met, control.course.t[1] - control.course.t[0])
-    loop.close(control)
+    axis_state.close(control)
 
 
 def fly_steady(
