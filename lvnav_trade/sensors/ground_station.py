@@ -166,12 +166,16 @@ class StationCard(SensorCard, SightConditions):
         azimuth = np.mod(np.arctan2(e, n), 2.0 * np.pi)
         elevation = np.arctan2(u, level)
         # derivatives by position: along the line, across it in the horizontal plane, and across it in the vertical one
-        azimuth_partial = (n[:, None] * east - e[:, None] * north) / level[:, None] ** 2
-        ahead = (n[:, None] * north + e[:, None] * east) / level[:, None]
-        elevation_partial = (level[:, None] * up - u[:, None] * ahead) / distance[:, None] ** 2
+        across = n[:, None] * east - e[:, None] * north
+        azimuth_partial = across / level[:, None] ** 2
+        horizontal = n[:, None] * north + e[:, None] * east
+        ahead = horizontal / level[:, None]
+        vertical = level[:, None] * up - u[:, None] * ahead
+        elevation_partial = vertical / distance[:, None] ** 2
+        range_partial = line / distance[:, None]
         return StationSight(
             values=np.stack([distance, azimuth, elevation], axis=1),
-            partials=np.stack([line / distance[:, None], azimuth_partial, elevation_partial], axis=1),
+            partials=np.stack([range_partial, azimuth_partial, elevation_partial], axis=1),
             place=place,
             north=north,
             east=east,
@@ -207,10 +211,13 @@ class StationCard(SensorCard, SightConditions):
         """Return the parameters of the station and the reference of its angles, (n_epoch, 14): `PLACE` to `WHICH`."""
         look = self.look(flight)
         _, azimuth, elevation = look.values.T
-        ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
+        northward = np.cos(azimuth)[:, None] * look.north
+        eastward = np.sin(azimuth)[:, None] * look.east
+        ahead = northward + eastward
         angles = np.stack([azimuth, elevation, np.cos(elevation), np.sin(elevation)], axis=1)
         mask = sum(2**k for k in self._indices)
-        return np.hstack([look.place, ahead, look.up, angles, np.full((flight.t.size, 1), mask)])
+        masks = np.full((flight.t.size, 1), mask)
+        return np.hstack([look.place, ahead, look.up, angles, masks])
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return biases, survey error and residual refraction."""
@@ -301,8 +308,12 @@ def fill(H, z, at, observed, nav, known):
     y = nav[R + 1] - known[PLACE + 1]
     w = nav[R + 2] - known[PLACE + 2]
     # axes: horizontal reference direction f, g to its right, up u
-    fx, fy, fz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2]
-    ux, uy, uz = known[UP], known[UP + 1], known[UP + 2]
+    fx = known[AHEAD]
+    fy = known[AHEAD + 1]
+    fz = known[AHEAD + 2]
+    ux = known[UP]
+    uy = known[UP + 1]
+    uz = known[UP + 2]
     gx, gy, gz = cross(fx, fy, fz, ux, uy, uz)
     forward = x * fx + y * fy + w * fz
     right = x * gx + y * gy + w * gz
@@ -312,37 +323,53 @@ def fill(H, z, at, observed, nav, known):
     distance_square = level_square + up * up
     distance = sqrt(distance_square)
     which = int(known[WHICH])
-    row, k = at, 0
-    if which % 2 == 1:
-        clear(H[row])
-        H[row, H_POS] = x / distance
-        H[row, H_POS + 1] = y / distance
-        H[row, H_POS + 2] = w / distance
+    measures_range = which % 2 == 1
+    measures_azimuth = which // 2 % 2 == 1
+    measures_elevation = which >= 4
+    row = at
+    k = 0
+    if measures_range:
+        h_range = H[row]
+        clear(h_range)
+        h_range[H_POS] = x / distance
+        h_range[H_POS + 1] = y / distance
+        h_range[H_POS + 2] = w / distance
         z[row] = observed[k] - distance
-        row, k = row + 1, k + 1
-    if which // 2 % 2 == 1:
+        row = row + 1
+        k = k + 1
+    if measures_azimuth:
         # tan(azimuth - reference) = right / forward
-        clear(H[row])
-        p = forward / level_square
-        q = right / level_square
-        H[row, H_POS] = p * gx - q * fx
-        H[row, H_POS + 1] = p * gy - q * fy
-        H[row, H_POS + 2] = p * gz - q * fz
+        by_right = forward / level_square
+        by_forward = right / level_square
+        h_azimuth = H[row]
+        clear(h_azimuth)
+        h_azimuth[H_POS] = by_right * gx - by_forward * fx
+        h_azimuth[H_POS + 1] = by_right * gy - by_forward * fy
+        h_azimuth[H_POS + 2] = by_right * gz - by_forward * fz
         offset = observed[k] - known[AZIMUTH]
         wrapped = where(offset < -math.pi, offset + 2.0 * math.pi, offset)
         wrapped = where(offset > math.pi, offset - 2.0 * math.pi, wrapped)
         z[row] = wrapped - angle_of(right, forward)
-        row, k = row + 1, k + 1
-    if which >= 4:
-        # tan(elevation) = up / level
-        clear(H[row])
-        p = level / distance_square
-        q = up / (level * distance_square)
-        H[row, H_POS] = p * ux - q * (forward * fx + right * gx)
-        H[row, H_POS + 1] = p * uy - q * (forward * fy + right * gy)
-        H[row, H_POS + 2] = p * uz - q * (forward * fz + right * gz)
-        c, s = known[COSINE], known[SINE]
-        z[row] = observed[k] - known[ELEVATION] - angle_of(up * c - level * s, level * c + up * s)
+        row = row + 1
+        k = k + 1
+    if measures_elevation:
+        # tan(elevation) = up / level; the horizontal part of the line has length `level`
+        level_x = forward * fx + right * gx
+        level_y = forward * fy + right * gy
+        level_z = forward * fz + right * gz
+        by_up = level / distance_square
+        by_level = up / (level * distance_square)
+        h_elevation = H[row]
+        clear(h_elevation)
+        h_elevation[H_POS] = by_up * ux - by_level * level_x
+        h_elevation[H_POS + 1] = by_up * uy - by_level * level_y
+        h_elevation[H_POS + 2] = by_up * uz - by_level * level_z
+        # the predicted elevation less that of the reference, from both tangents
+        c = known[COSINE]
+        s = known[SINE]
+        opposite = up * c - level * s
+        adjacent = level * c + up * s
+        z[row] = observed[k] - known[ELEVATION] - angle_of(opposite, adjacent)
 
 
 SENSORS = (
