@@ -173,7 +173,7 @@ def fill(H, z, at, observed, nav, known):
         opposite = sine * ahead - cosine * side
         adjacent = cosine * ahead + sine * side
         z[at + scalar] = angle_of(opposite, adjacent)
-        # derivative of the angle ay the Sun's direction
+        # derivative of the angle by the Sun's direction
         scale = 1.0 / (side * side + ahead * ahead)
         by_side = ahead * scale
         by_ahead = side * scale
