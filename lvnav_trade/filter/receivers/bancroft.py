@@ -96,10 +96,11 @@ def _clear(receiver):
 @jit
 def _add_row(receiver, weight, row, first, second):
     """Add a weighted row (4,) to the normal matrix and its two right-hand sides."""
+    sides = receiver.sides
     for i in range(4):
         weighted = weight * row[i]
-        receiver.sides[0, i] = receiver.sides[0, i] + weighted * first
-        receiver.sides[1, i] = receiver.sides[1, i] + weighted * second
+        sides[0, i] = sides[0, i] + weighted * first
+        sides[1, i] = sides[1, i] + weighted * second
         for j in range(i + 1):
             receiver.normal[i, j] = receiver.normal[i, j] + weighted * row[j]
 
@@ -294,8 +295,9 @@ def fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
         NO_FIX, INCONSISTENT (residuals), UNTESTED (four satellites), or CONSISTENT.
     """
     count, least = _closed_form(receiver, satellite, used, n_used, ranges)
-    sound = (count >= 4.0) & (least > _SINGULAR)
-    sound = sound & _choose(receiver, satellite, used, n_used, ranges)
+    has_real_roots = _choose(receiver, satellite, used, n_used, ranges)
+    is_regular = (count >= 4.0) & (least > _SINGULAR)
+    sound = is_regular & has_real_roots
     for _ in range(model.refinements):
         _refine(receiver, satellite, satellite_velocity, used, n_used, ranges)
     least = _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)

@@ -76,11 +76,12 @@ def _count_down(monitor, ends):
 def _exclude(monitor, tests, selected, n_kind, epoch, channel):
     """Exclude the satellite of a channel in the runs where `selected` is 1, and clear its stored innovations."""
     first = channel - channel % n_kind
+    is_excluded = selected > 0.0
     for c in range(first, first + n_kind):
-        monitor.out[c] = where(selected > 0.0, tests.hold, monitor.out[c])
-        monitor.excluded[epoch, c] = where(selected > 0.0, 1.0, monitor.excluded[epoch, c])
+        monitor.out[c] = where(is_excluded, tests.hold, monitor.out[c])
+        monitor.excluded[epoch, c] = where(is_excluded, 1.0, monitor.excluded[epoch, c])
         for k in range(monitor.recent_squares.shape[1]):
-            monitor.recent_squares[c, k] = where(selected > 0.0, 0.0, monitor.recent_squares[c, k])
+            monitor.recent_squares[c, k] = where(is_excluded, 0.0, monitor.recent_squares[c, k])
 
 
 @jit
