@@ -39,7 +39,8 @@ class FieldReads:
             values: dict[str, Any] = {}
             for name, item in value.__dict__.items():
                 if name != _NOTES:
-                    values[name] = self._copy(item, f"{prefix}{_key(value, name)}.")
+                    key = _key(value, name)
+                    values[name] = self._copy(item, f"{prefix}{key}.")
             values[_NOTES] = _Notes(self.paths, prefix)
             return _recording_copy(value, values)
         if isinstance(value, Mapping):

@@ -104,13 +104,15 @@ def noise_factor(tables: Sequence[NoiseFactor], measurement: str, at: Dynamics) 
         for name in QUANTITIES:
             points = getattr(table, name)
             if points:
-                factor = factor * np.interp(getattr(at, name), points, table.factor)
+                values = getattr(at, name)
+                factor = factor * np.interp(values, points, table.factor)
     return factor
 
 
 def idle_tables(tables: Sequence[NoiseFactor], measured: Collection[str]) -> list[int]:
     """Return the indices of the tables whose measurements the filter does not use."""
-    return [number for number, table in enumerate(tables) if not set(table.of) & set(measured)]
+    processed = set(measured)
+    return [number for number, table in enumerate(tables) if not set(table.of) & processed]
 
 
 class EnvelopeCard(units.Card):
@@ -157,7 +159,8 @@ def steady_ratio(driving: float, noise: float) -> float:
     noise : Variance of a measurement.
     """
     x = driving / noise
-    return 0.5 * (math.sqrt(x * x + 4.0 * x) - x)
+    root = math.sqrt(x * x + 4.0 * x)
+    return 0.5 * (root - x)
 
 
 class Resources(units.Card):

@@ -76,7 +76,8 @@ class ErrorTerm(NamedTuple):
     @property
     def varies(self) -> bool:
         """Whether the error is not zero on every axis."""
-        return max(*axes(self.sigma), *axes(self.walk)) > 0.0
+        sizes = (*axes(self.sigma), *axes(self.walk))
+        return max(sizes) > 0.0
 
 
 # Every kind of extra state, shared by several measurements: SI unit, display unit, factor to the display unit.
@@ -215,7 +216,8 @@ def state_names(layout: StateLayout) -> tuple[str, ...]:
     Navigation states are resolved in frame i, IMU parameters in body axes.
     """
     names = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
-    for output in state_outputs(layout, "inertial")[len(names) :]:
+    further_states = state_outputs(layout, "inertial")[len(names) :]
+    for output in further_states:
         names.append(f"{output.quantity} {output.axis}")
     for clone, state in enumerate(layout.cloned, start=layout.clone):
         names[clone] = f"delayed_{names[state]}"
@@ -254,15 +256,18 @@ def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
         _, drivers, unit, label_unit, factor = PARAMETERS[block.name]
         suffix = "" if len(drivers) == 1 else str(block.part + 1)
         for i, axis in enumerate("xyz"):
-            table[block.offset + i] = Output(block.name, axis + suffix, unit, label_unit, factor)
+            state = block.offset + i
+            table[state] = Output(block.name, axis + suffix, unit, label_unit, factor)
     if layout.clock >= 0:
         table[layout.clock] = Output("clock_bias", "time", "m", "m", 1.0)
         table[layout.clock + 1] = Output("clock_drift", "rate", "m/s", "m/s", 1.0)
     for extra in layout.extras:
         for i, label in enumerate(extra.labels):
-            table[extra.offset + i] = Output(extra.name, label or "all", *extra.unit)
+            state = extra.offset + i
+            table[state] = Output(extra.name, label or "all", *extra.unit)
     if layout.motion >= 0:
-        table.update(enumerate(_motion_outputs(""), start=layout.motion))
+        motion = enumerate(_motion_outputs(""), start=layout.motion)
+        table.update(motion)
     for clone, state in enumerate(layout.cloned, start=layout.clone):
         table[clone] = table[state]
     return [table[i] for i in range(layout.n_state)]
@@ -298,7 +303,8 @@ BACKUP = "backup_"
 def backup_outputs(frame: str) -> tuple[Output, ...]:
     """Return the outputs of the backup strapdown, which the filter never corrects; they follow all other outputs."""
     attitude = [Output(f"{BACKUP}attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
-    return (*attitude, *_trajectory_outputs(BACKUP, frame))
+    trajectory = _trajectory_outputs(BACKUP, frame)
+    return (*attitude, *trajectory)
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:

@@ -189,11 +189,13 @@ def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
     usual = float(np.median(intervals))
     if usual < _CLEAR * apart:
         return None
-    count = np.concatenate([[0.0], np.cumsum(np.rint(intervals / usual))])
+    steps = np.rint(intervals / usual)
+    count = np.concatenate([[0.0], np.cumsum(steps)])
     if count[-1] < 1.0:
         return None
-    slope, base = np.polyfit(count, column - column[0], 1)
-    grid = column[0] + base + slope * count
+    start = column[0]
+    slope, base = np.polyfit(count, column - start, 1)
+    grid = start + base + slope * count
     return grid if np.all(np.abs(grid - column) <= near) else None
 
 

@@ -97,7 +97,9 @@ def _no_quantity(text: str, unit: str) -> str:
     number, _, _ = text.partition(" ")
     foreign = [char for char in number if not char.isascii() and char not in "\u00b1\u00b0\u00b5\u03bc"]
     if foreign:
-        named = f"U+{ord(foreign[0]):04X} {unicodedata.name(foreign[0], 'without a name')}"
+        character = foreign[0]
+        name = unicodedata.name(character, "without a name")
+        named = f"U+{ord(character):04X} {name}"
         return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
     if _BARE.fullmatch(text):
         return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
@@ -114,7 +116,8 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
             raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
         return value + _LEVELS[unit][spelled]
     try:
-        source, target = product(spelled), product(unit)
+        source = product(spelled)
+        target = product(unit)
     except UnknownUnitError as error:
         if error.remedy:
             raise ValueError(f"{text!r}: {error.part!r} {error.remedy}") from None
@@ -122,7 +125,8 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
     if source.dimension != target.dimension:
         raise ValueError(f"{text!r} has the wrong unit; expected {example(unit)}")
     try:
-        return value * conversion(source, target) + source.offset
+        factor = conversion(source, target)
+        return value * factor + source.offset
     except OverflowError:
         return math.inf
 
@@ -192,7 +196,8 @@ def at_most(annotation: Any, largest: float, written: str) -> Any:
     """Return the annotation of a quantity of at most `largest` (SI), which messages print as `written`."""
 
     def check(value: Any) -> Any:
-        if max(value if isinstance(value, tuple) else (value,)) > largest * (1.0 + 1e-9):
+        values = value if isinstance(value, tuple) else (value,)
+        if max(values) > largest * (1.0 + 1e-9):
             raise ValueError(f"is too large for such a device; at most {written}")
         return value
 
@@ -241,7 +246,8 @@ def _plain_number(value: Any) -> Any:
         raise ValueError(f"should be a number, not {str(value).lower()}")
     if isinstance(value, str) and not is_plain(value):
         raise ValueError(f"{quoted(value)} is not a decimal number: digits 0 to 9 without separators")
-    if (isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))) and abs(value) > LARGEST_ELSE:
+    is_finite = isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
+    if is_finite and abs(value) > LARGEST_ELSE:
         raise ValueError(f"{quoted(value)} is too large; at most {LARGEST_ELSE:g}")
     return value
 
@@ -310,7 +316,9 @@ def _share(value: Any) -> Any:
         return value
     fraction = parse(value, "dimensionless")
     number, _, unit = with_ascii_minus(value).partition(" ")
-    return float(Decimal(number).scaleb(-2)) if unit in ("%", "percent") else fraction  # 99.73 % is 0.9973 to the bit
+    if unit in ("%", "percent"):
+        return float(Decimal(number).scaleb(-2))  # 99.73 % is 0.9973 to the bit
+    return fraction
 
 
 Share = Annotated[
