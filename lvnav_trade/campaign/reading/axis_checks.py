@@ -128,7 +128,8 @@ def equal_cases(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield an input error if two cases of a design have the same label, or two cases of a zip are equal."""
     axes = campaign.axes
     if campaign.design == "zip":
-        cases = list(zip(*(axis.values or () for axis in axes), strict=True))
+        columns = [axis.values or () for axis in axes]
+        cases = list(zip(*columns, strict=True))
         for index, values in enumerate(cases):
             first = cases.index(values)
             if first < index:
@@ -160,7 +161,8 @@ def _selection_errors(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield the unknown axes and levels in `when` and `exclude`, and exclusions that name no axis."""
     levels_of = {}
     for name, axis in zip(axis_names(campaign.axes), campaign.axes, strict=True):
-        levels_of[name] = [level_label(axis, index) for index in range(len(axis.values or ()))]
+        n_level = len(axis.values or ())
+        levels_of[name] = [level_label(axis, index) for index in range(n_level)]
     selections = [(f"axes.{k}.when", axis.when) for k, axis in enumerate(campaign.axes)]
     selections += [(f"exclude.{k}", levels) for k, levels in enumerate(campaign.exclude)]
     for path, levels in selections:

@@ -277,7 +277,8 @@ class Effects:
         """
         chosen = self.levels[case.id]
         if root.axis >= 0 and chosen[root.axis] != root.level:
-            is_value = not setting.is_whole and setting.path == ".".join(self.steps[root.axis])
+            varied_path = ".".join(self.steps[root.axis])
+            is_value = not setting.is_whole and setting.path == varied_path
             if not is_value or chosen[root.axis] is None or self.campaign.design == "zip":
                 return False
         for axis in range(root.axis + 1, len(chosen)):
@@ -297,7 +298,8 @@ class Effects:
 
 def _is_within(path: str, steps: Sequence[str]) -> bool:
     """Whether a path is at or below the field with these steps."""
-    return path.split(".")[: len(steps)] == [*steps]
+    leading_steps = path.split(".")[: len(steps)]
+    return leading_steps == [*steps]
 
 
 def _level(case: Case, name: str, axis: Axis) -> int | None:
@@ -313,15 +315,22 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
     base = tree.find(written.root, ["base"]) if written.root is not None else None
     if base is None or written.root is None:
         return
-    is_resolved = {*written.root.value} >= {*Campaign.model_fields} and {*base.value} >= {*Scenario.model_fields}
-    reader = _SettingReader((HERE,) if is_resolved else (HERE, written.root.place.file))
+    has_all_sections = {*written.root.value} >= {*Campaign.model_fields}
+    is_resolved = has_all_sections and {*base.value} >= {*Scenario.model_fields}
+    files = (HERE,) if is_resolved else (HERE, written.root.place.file)
+    reader = _SettingReader(files)
     base_setting = reader.stated(base, Scenario, "", base.place, is_free=False)
-    filled = {".".join(axis.steps) for axis in campaign.axes} & written.filled
-    yield _Root(-1, 0, base_setting._replace(within=tuple(_without(base_setting.within, filled))))
-    for number, (axis, levels) in enumerate(zip(campaign.axes, written.levels, strict=True)):
-        kind = _kind_at(base, axis.steps)
+    varied_paths = {".".join(axis.steps) for axis in campaign.axes}
+    filled = varied_paths & written.filled
+    given = tuple(_without(base_setting.within, filled))
+    yield _Root(-1, 0, base_setting._replace(within=given))
+    axis_levels = zip(campaign.axes, written.levels, strict=True)
+    for number, (axis, levels) in enumerate(axis_levels):
+        annotation = _kind_at(base, axis.steps)
+        path = ".".join(axis.steps)
         for level, (node, place) in enumerate(levels):
-            yield _Root(number, level, reader.stated(node, kind, ".".join(axis.steps), place))
+            setting = reader.stated(node, annotation, path, place)
+            yield _Root(number, level, setting)
 
 
 def _kind_at(base: Node, steps: Sequence[str]) -> Any:

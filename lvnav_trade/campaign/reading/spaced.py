@@ -257,8 +257,11 @@ def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
         if not is_power_of_two:
             next_power = 2 ** count.bit_length()
             raise ValueError(f"{count} samples; Sobol's sequence is even for a power of two, such as {next_power}")
-        return np.asarray(qmc.Sobol(dimensions, scramble=True, seed=seed).random_base2(count.bit_length() - 1))
-    return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(count))
+        sequence = qmc.Sobol(dimensions, scramble=True, seed=seed)
+        exponent = count.bit_length() - 1
+        return np.asarray(sequence.random_base2(exponent))
+    hypercube = qmc.LatinHypercube(dimensions, seed=seed)
+    return np.asarray(hypercube.random(count))
 
 
 def _box_behnken(dimensions: int) -> Floats:
@@ -278,7 +281,8 @@ def _box_behnken(dimensions: int) -> Floats:
 
 def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
     """Return the axes with one value per point of a sampled design."""
-    samples, seed = find(root, ["samples"]), find(root, ["seed"])
+    samples = find(root, ["samples"])
+    seed = find(root, ["seed"])
     try:
         if kind == "box_behnken" and samples is not None:
             raise ValueError("no effect: the number of axes decides how many points a Box-Behnken design has")
@@ -290,7 +294,11 @@ def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
         unit_cube = points(kind, len(axes), count, seed_number)
     except ValueError as error:
         raise InputError(records=[mistake_at(root, "samples", str(error))]) from None
-    return [_sampled_axis(axis, index, unit_cube[:, index]) for index, axis in enumerate(axes)]
+    sampled_axes = []
+    for index, axis in enumerate(axes):
+        coordinates = unit_cube[:, index]
+        sampled_axes.append(_sampled_axis(axis, index, coordinates))
+    return sampled_axes
 
 
 def _sampled_axis(axis: Node, index: int, fraction: Floats) -> Node:
@@ -305,10 +313,12 @@ def _sampled_axis(axis: Node, index: int, fraction: Floats) -> Node:
             if not isinstance(limits, list) or len(limits) != 2:
                 raise ValueError("should be [least, largest]")
             ends = ends_of(limits)._replace(whole=False)
-            values = between(fraction, ends, bool(log is not None and log.value))
+            is_log = bool(log is not None and log.value)
+            values = between(fraction, ends, is_log)
         except ValueError as error:
             raise refuse(limits_node.place, f"axes.{index}.between", str(error)) from None
-        return with_values(axis, "between", [ends.text(float(value)) for value in values])
+        texts = [ends.text(float(value)) for value in values]
+        return with_values(axis, "between", texts)
     axis = written(axis, index)
     key = "cards" if "cards" in axis.value else "values"
     levels = axis.value.get(key)

@@ -176,7 +176,8 @@ class CaseArrays(CaseResults):
             return 0.0, 0.0
         # Transposed, so that of equal sigmas on several axes the first axis gives the time
         k = int(np.argmax(sigma.T)) % len(sigma)
-        return float(sigma.max()), float(self.covariance.t[before_liftoff][k])
+        t = self.covariance.t[before_liftoff]
+        return float(sigma.max()), float(t[k])
 
     @cached_property
     def _states(self) -> tuple[list[State], list[ErrorGaussian]]:
@@ -189,7 +190,8 @@ class CaseArrays(CaseResults):
         from lvnav_trade.results.tables.flight_tables import state_columns
 
         stored = state_columns(self.prepared, self.covariance)
-        rows, joint = stored["states"], stored["joint_covariances"]
+        rows = stored["states"]
+        joint = stored["joint_covariances"]
         if not rows:
             return [], []
         quaternions = np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1)
@@ -198,7 +200,8 @@ class CaseArrays(CaseResults):
         v_i = np.stack([rows[f"velocity_{axis}_m_per_s"] for axis in "xyz"], axis=1)
         fields = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], turns, strict=True)
         states = [State(*values) for values in fields]
-        return states, laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+        laws = laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+        return states, laws
 
     def _column(self, quantity: str, axis: str) -> int | None:
         """Return the column of an error in arrays with norms; None if the case does not have it."""

@@ -162,7 +162,8 @@ class _Run:
         """
         self._open_results(store, mode)
         if self.space is not None and self.shard is not None:
-            self.space.evaluate(self.job, self._evaluate_parts, self.shard.of(range(self.space.parts)))
+            parts = self.shard.of(range(self.space.parts))
+            self.space.evaluate(self.job, self._evaluate_parts, parts)
         answers = self._covariance_results(None) if self.cases else []
         valid_cases = [case for case, answer in zip(self.cases, answers, strict=True) if not answer.error]
         diagnosed = {block.case.id for block in self.blocks if block.first_run == 0}
@@ -172,7 +173,8 @@ class _Run:
         self._process_cases("diagnostics", work.diagnose, items, "covariance diagnostics")
         self._simulate_blocks(valid_cases)
         end_workers(self.jobs)
-        self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
+        record = {"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost}
+        self.job.results.leave(record)
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
     def all(
@@ -188,7 +190,8 @@ class _Run:
         if self.space is not None:
             self._choose_designs(self.space)
         answers = self._covariance_results(on_answers)
-        valid, incomplete = [], []
+        valid = []
+        incomplete = []
         for case, answer in zip(self.cases, answers, strict=True):
             if not answer.error:
                 valid.append(case)
@@ -199,7 +202,8 @@ class _Run:
         lost = self._simulate_blocks(valid)
         table_items = [(self.job, case, self.stopping.runs(case.id)) for case in incomplete if case.id not in lost]
         lost |= self._process_cases("tables", work.close, table_items, "tables")
-        self._finish([case for case in valid if case.id not in lost])
+        complete_cases = [case for case in valid if case.id not in lost]
+        self._finish(complete_cases)
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
     def _finish(self, complete_cases: Sequence[Case]) -> None:
@@ -214,7 +218,8 @@ class _Run:
             "blocks_removed": self.space is not None and not self.lost,
         }
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
-        self.job.results.finish(record, self._trace_worst_runs if is_tested else None, partial(each, self.jobs))
+        trace = self._trace_worst_runs if is_tested else None
+        self.job.results.finish(record, trace, partial(each, self.jobs))
         end_workers(self.jobs)  # this process alone makes the report and can use their memory
         if self.lost:  # the same command repeats the lost work items, and merges them with these tables
             return
@@ -246,7 +251,8 @@ class _Run:
         from lvnav_trade.results.requirements.margins import worst_runs
         from lvnav_trade.results.tables.read import Tables
 
-        worst = worst_runs(Tables(folder)).groupby("case", sort=False).run_number
+        table = worst_runs(Tables(folder))
+        worst = table.groupby("case", sort=False).run_number
         runs = {str(case): sorted(set(numbers)) for case, numbers in worst}
         items = [(self.job, case, runs[case.id]) for case in self.cases if case.id in runs]
         self._process_cases("worst runs", replay.trace, items, "its worst runs over time")
@@ -321,9 +327,11 @@ class _Run:
         """Refuse settings without effect on any case, and pass the results on to `on_answers`."""
         if self.shard is None and self.space is None:
             effective_settings = {case: result.used for case, result in by_case.items()}
-            refuse_all(Effects(self.campaign, self.cases).mistakes(effective_settings))
+            effects = Effects(self.campaign, self.cases)
+            refuse_all(effects.mistakes(effective_settings))
         if on_answers is not None:
-            on_answers([by_case[case.id] for case in self.cases], self.cases)
+            results = [by_case[case.id] for case in self.cases]
+            on_answers(results, self.cases)
 
     def _process_cases(self, name: str, function: Any, items: Sequence[Any], what: str) -> set[str]:
         """Compute one work item per case; return the digests of the cases whose item is lost.

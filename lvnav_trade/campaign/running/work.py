@@ -198,8 +198,10 @@ def diagnose(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
     try:
         file, identity = diagnostics_file(job, case)
         if not scratch.is_sound(file, case_diagnostics.CaseDiagnostics, identity):
-            covariance, prepared = _load_covariance(job, case), prepared_of(job, case)
-            save(file, job.engine.explain(case.scenario, prepared, covariance, job.request), identity)
+            covariance = _load_covariance(job, case)
+            prepared = prepared_of(job, case)
+            diagnostics = job.engine.explain(case.scenario, prepared, covariance, job.request)
+            save(file, diagnostics, identity)
         return WorkOutcome(case.id, 0, 0)
     except Exception as error:
         return WorkOutcome(case.id, 0, 0, error=message_of(error))
@@ -209,40 +211,46 @@ def fly(job: Job, block: Block) -> WorkOutcome:
     """Simulate a block of runs and store its statistics."""
     outcome = WorkOutcome(block.case.id, block.first_run, block.n_run)
     try:
-        prepared, covariance = prepared_of(job, block.case), _load_covariance(job, block.case)
+        prepared = prepared_of(job, block.case)
+        covariance = _load_covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         if job.request.protection is not None and job.request.protection.alarms:
-            protected = _load_diagnostics(*diagnostics_file(job, block.case)).protected
+            file, identity = diagnostics_file(job, block.case)
+            protected = _load_diagnostics(file, identity).protected
             runs = with_alarms(runs, prepared, protected, job.seed)
-        summary = job.engine.summarise(
-            runs, case_diagnostics.flown_events(prepared), covariance.true_sigma, prepared.outputs
-        )
+        events = case_diagnostics.flown_events(prepared)
+        summary = job.engine.summarise(runs, events, covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
         if job.requirements:
             beyond = job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
-        return outcome._replace(failures=tuple(_failed_runs(runs, block.first_run)), beyond=beyond)
+        failures = tuple(_failed_runs(runs, block.first_run))
+        return outcome._replace(failures=failures, beyond=beyond)
     except Exception as error:
         return outcome._replace(error=message_of(error))
 
 
 def tally(job: Job, case: Case) -> list[WorkOutcome]:
     """Count the runs beyond each requirement in the stored blocks of a case, one block in memory at a time."""
-    prepared, covariance = prepared_of(job, case), _load_covariance(job, case)
+    prepared = prepared_of(job, case)
+    covariance = _load_covariance(job, case)
     outcomes = []
     for summary in job.results.parts(case.id):
         beyond = job.engine.beyond(job.requirements, case.id, prepared, covariance, summary)
-        outcomes.append(WorkOutcome(case.id, summary.first_run, summary.n_run, beyond=beyond))
+        outcome = WorkOutcome(case.id, summary.first_run, summary.n_run, beyond=beyond)
+        outcomes.append(outcome)
     return outcomes
 
 
 def close(job: Job, case: Case, runs: int) -> WorkOutcome:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
-        prepared, covariance = prepared_of(job, case), _load_covariance(job, case)
+        prepared = prepared_of(job, case)
+        covariance = _load_covariance(job, case)
         if not job.request.budget:
+            no_budget = covariance.budget[:, :0]
             injection = by_part(covariance.injection)
-            covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0], injection=injection)
+            covariance = covariance._replace(sources=(), budget=no_budget, injection=injection)
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = diagnostics_file(job, case)
         diagnostics = protected = None
@@ -272,7 +280,8 @@ def _prepared_and_settings(job: Job, case: Case) -> tuple[Any, settings_read.Eff
     key = (job.engine.prepare, case.id, job.history)
     if key not in _prepared_cases:
         while len(_prepared_cases) >= 2:
-            del _prepared_cases[next(iter(_prepared_cases))]
+            oldest = next(iter(_prepared_cases))
+            del _prepared_cases[oldest]
         _prepared_cases[key] = prepared_with(job.engine, case, job.history)
     return _prepared_cases[key]
 
@@ -318,9 +327,12 @@ def _covariance_result(case: Case, prepared: Any, covariance: CovHistory) -> Cov
     k = int(np.argmin(np.abs(covariance.t - t_event)))
     rows = []
     for label, index in navigation(prepared.outputs):
-        true = math.hypot(*covariance.true_sigma[k, index], *covariance.mean[k, index]) * label.label_factor
-        formal = math.hypot(*covariance.formal[k, index]) * label.label_factor
-        rows.append((label.quantity, true, formal, label.label_unit))
+        true_sigma = covariance.true_sigma[k, index]
+        mean = covariance.mean[k, index]
+        formal_sigma = covariance.formal[k, index]
+        true_error = math.hypot(*true_sigma, *mean) * label.label_factor
+        formal_error = math.hypot(*formal_sigma) * label.label_factor
+        rows.append((label.quantity, true_error, formal_error, label.label_unit))
     return CovarianceResult(case.id, event, tuple(rows))
 
 
@@ -335,7 +347,8 @@ def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:
 def _failed_runs(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
     """Yield number and reason of each failed run of a block."""
     for index in np.flatnonzero(np.asarray(runs.failed)):
-        t_failed, code = float(runs.t_failed[index]), int(runs.failed[index])
+        t_failed = float(runs.t_failed[index])
+        code = int(runs.failed[index])
         why = WHY.get(code, f"failed with code {code}")
         if not math.isnan(t_failed):
             why = f"{why} at {t_failed:g} s"
