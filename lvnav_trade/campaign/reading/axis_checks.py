@@ -46,9 +46,11 @@ def replaced(kind: str, axes: Sequence[WrittenAxis]) -> Iterator[Mistake]:
     permitted, but not the same field twice.
     """
     for later_number, (later, _) in enumerate(axes):
-        for number, (axis, node) in enumerate(axes[:later_number]):
+        earlier_axes = axes[:later_number]
+        for number, (axis, node) in enumerate(earlier_axes):
             is_same = axis.steps == later.steps
-            is_below = axis.steps[: len(later.steps)] == later.steps
+            leading_steps = axis.steps[: len(later.steps)]
+            is_below = leading_steps == later.steps
             varied_together = kind != "one_at_a_time" or axis.crossed
             if is_same or (is_below and varied_together):
                 conflict = "varies the same field" if is_same else "replaces it; put that axis first"
@@ -200,7 +202,8 @@ def _fruitless_conditions(campaign: Campaign, root: Node) -> Iterator[Mistake]:
         if not axis.when:
             continue
         only_this_condition = [*unconditional[:k], axis, *unconditional[k + 1 :]]
-        if len(combinations(campaign.design, only_this_condition)) == n_unconditional:
+        n_conditional = len(combinations(campaign.design, only_this_condition))
+        if n_conditional == n_unconditional:
             yield mistake_at(root, f"axes.{k}.when", "no effect: every case has these levels")
 
 
@@ -210,9 +213,10 @@ def _unknown_levels(wanted: Mapping[str, str | Sequence[str]], levels_of: Mappin
         if name not in levels_of:
             yield f"no axis {quoted(name)}{meant(name, levels_of)}"
             continue
+        levels = levels_of[name]
         for label in [labels] if isinstance(labels, str) else labels:
-            if label not in (*levels_of[name], BASE_LABEL):
-                yield f"no level {quoted(label)} of the axis {name}{meant(label, levels_of[name])}"
+            if label not in (*levels, BASE_LABEL):
+                yield f"no level {quoted(label)} of the axis {name}{meant(label, levels)}"
 
 
 def selection(campaign: Campaign, root: Node) -> Iterator[Mistake]:

@@ -201,7 +201,8 @@ class Effects:
         unproven = []
         for root in self.roots:
             for setting in root.demands():
-                if not any(_acts(setting, used) for used in self._effective_settings(root, setting, known)):
+                prepared_settings = self._effective_settings(root, setting, known)
+                if not any(_acts(setting, effective) for effective in prepared_settings):
                     unproven.append((root, setting))
         best_case, most_settings = None, 0
         for case in self.cases:
@@ -322,8 +323,8 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
     base_setting = reader.stated(base, Scenario, "", base.place, is_free=False)
     varied_paths = {".".join(axis.steps) for axis in campaign.axes}
     filled = varied_paths & written.filled
-    given = tuple(_without(base_setting.within, filled))
-    yield _Root(-1, 0, base_setting._replace(within=given))
+    unfilled = tuple(_without(base_setting.within, filled))
+    yield _Root(-1, 0, base_setting._replace(within=unfilled))
     axis_levels = zip(campaign.axes, written.levels, strict=True)
     for number, (axis, levels) in enumerate(axis_levels):
         annotation = _kind_at(base, axis.steps)
@@ -354,7 +355,7 @@ def _acts(setting: GivenSetting, effective: EffectiveSettings) -> bool:
     """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
     if _idle_reason(setting, effective):
         return False
-    if any(_is_within(setting.path, whole.split(".")) for whole in effective.whole):
+    if any(_is_within(setting.path, path.split(".")) for path in effective.whole):
         return True
     if not setting.is_whole and setting.counts in effective.read:
         return True

@@ -33,7 +33,9 @@ class AxisEnds(NamedTuple):
         """Return a value as written in a campaign: a quantity with the unit, or a number."""
         if self.unit:
             return f"{value:.{_DIGITS}g} {self.unit}"
-        return round(value) if self.whole and math.isclose(value, round(value)) else float(f"{value:.{_DIGITS}g}")
+        if self.whole and math.isclose(value, round(value)):
+            return round(value)
+        return float(f"{value:.{_DIGITS}g}")
 
 
 def spaced(root: Node) -> tuple[Node, list[Mistake]]:
@@ -46,19 +48,23 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
         return root, []
     design_node = find(root, ["design"])
     design = str(design_node.value) if design_node is not None else "grid"
-    axes, mistakes = list(node.value), list[Mistake]()
+    axes = list(node.value)
+    mistakes: list[Mistake] = []
     try:
         if design in SAMPLED:
             axes = _sampled(root, design, axes)
-            root = tree.without(tree.put(root, ["design"], Node("zip", node.place)), "samples")
+            root = tree.put(root, ["design"], Node("zip", node.place))
+            root = tree.without(root, "samples")
         else:
             samples = find(root, ["samples"])
             if samples is not None and samples.value is not None:
-                raise refuse(samples.place, "samples", f"no effect: of the designs {' and '.join(SAMPLED[:2])} only")
+                message = f"no effect: of the designs {' and '.join(SAMPLED[:2])} only"
+                raise refuse(samples.place, "samples", message)
             axes = [written(axis, index) for index, axis in enumerate(axes)]
     except InputError as error:
         mistakes += error.records
-    return tree.with_child(root, "axes", Node(axes, node.place), root.keys["axes"]), mistakes
+    complete_root = tree.with_child(root, "axes", Node(axes, node.place), root.keys["axes"])
+    return complete_root, mistakes
 
 
 def written(axis: Node, index: int) -> Node:
@@ -180,7 +186,8 @@ def _range(parts: Sequence[Any], ends: AxisEnds) -> Floats:
         raise ValueError("a step that leads away from its last value")
     steps = length / step * (1.0 + 1e-12)  # so that rounding does not lose the last value
     if not 1.0 <= steps < CASES:
-        raise ValueError(f"{math.floor(min(steps, 1e9)) + 1} values; from 2 to {CASES} are possible")
+        n_value = math.floor(min(steps, 1e9)) + 1
+        raise ValueError(f"{n_value} values; from 2 to {CASES} are possible")
     count = math.floor(steps) + 1
     return np.asarray(ends.first + step * np.arange(count))
 

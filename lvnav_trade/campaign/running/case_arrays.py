@@ -80,14 +80,16 @@ class CaseArrays(CaseResults):
         components = self._components(quantity)
         if self.summary is None or event not in self.summary.events:
             return np.empty((0, len(components)))
-        return self.summary.event_error[:, self.summary.events.index(event), components]
+        index = self.summary.events.index(event)
+        return self.summary.event_error[:, index, components]
 
     def sizes(self, event: str, quantity: str, axis: str) -> Floats:
         """Return |error| (n_run,) at an event, SI; infinite for runs that failed."""
         column = self._column(quantity, axis)
         if self.summary is None or event not in self.summary.events or column is None:
             return np.empty(0)
-        error = self.summary.event_error[:, self.summary.events.index(event), column]
+        index = self.summary.events.index(event)
+        error = self.summary.event_error[:, index, column]
         return finite_sizes(error, self.failed_runs())
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
@@ -95,12 +97,15 @@ class CaseArrays(CaseResults):
         column = self._column(quantity, axis)
         if self.summary is None or column is None:
             return np.empty(0)
-        earliest, latest = first - SAME_TIME, last + SAME_TIME
+        earliest = first - SAME_TIME
+        latest = last + SAME_TIME
         is_within = [start >= earliest and end <= latest for start, end in pairwise(self.summary.t_bound)]
         if not any(is_within):
             return np.empty(0)
         largest_by_interval = self.summary.worst[:, is_within, column]
-        return finite_sizes(largest_by_interval, self.failed_runs()[:, None]).max(axis=1)
+        failed = self.failed_runs()[:, None]
+        sizes = finite_sizes(largest_by_interval, failed)
+        return sizes.max(axis=1)
 
     def history(self, quantity: str, axis: str) -> History:
         """Return true sigma and mean of an error over the flight, by linear covariance."""
@@ -122,7 +127,8 @@ class CaseArrays(CaseResults):
         components = self._components(quantity)
         mean = self.covariance.mean[epoch, components]
         covariance = symmetric(self.covariance.true_cov[epoch][np.ix_(components, components)])
-        return Gaussian(mean[selected], covariance[np.ix_(selected, selected)], {})
+        selected_covariance = covariance[np.ix_(selected, selected)]
+        return Gaussian(mean[selected], selected_covariance, {})
 
     def formal(self, event: str, quantity: str) -> Floats | None:
         """Return the formal covariance (3, 3) of the filter at an event, SI, reporting axes."""

@@ -136,16 +136,23 @@ def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
     is_early = campaign.monte_carlo is not None and campaign.monte_carlo.stop is not None
     tested = tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements if is_early)
     request = covariance_request(campaign)
-    return Job(engine, None, campaign.seed, campaign.keep.history, request, folder / scratch.FOLDER, tested)
+    scratch_folder = folder / scratch.FOLDER
+    return Job(engine, None, campaign.seed, campaign.keep.history, request, scratch_folder, tested)
 
 
 def covariance_request(campaign: Campaign) -> CovarianceRequest:
     """Return the results that a campaign requires of linear covariance."""
     card = campaign.covariance
-    events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
+    events: dict[str, None] = {}
+    for requirement in campaign.requirements:
+        events |= dict.fromkeys(requirement.events)
     protection = None if card.protection is None else ProtectionRisks(**card.protection.model_dump())
-    settings = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0, "protection": protection}
-    return CovarianceRequest(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
+    settings = card.model_dump()
+    settings["at"] = card.at or ""
+    settings["window"] = card.window or 0.0
+    settings["protection"] = protection
+    allan = campaign.keep.allan or 0.0
+    return CovarianceRequest(events=tuple(events), seed=campaign.seed, allan=allan, **settings)
 
 
 class CovarianceResult(NamedTuple):
@@ -182,11 +189,13 @@ def trajectory_summary(engine: Engine, case: Case) -> TrajectorySummary | InputE
 def answer(job: Job, case: Case, save: Save = scratch.save) -> CovarianceResult:
     """Compute a case's linear covariance and save it: by default to a scratch file that all workers can read."""
     try:
-        prepared, used = _prepared_and_settings(job, case)
+        prepared, effective_settings = _prepared_and_settings(job, case)
         file, identity = _covariance_file(job, case)
         if not scratch.is_sound(file, CovHistory, identity):
             save(file, job.engine.covariance(prepared), identity)
-        return _covariance_result(case, prepared, _load_covariance(job, case))._replace(used=used)
+        covariance = _load_covariance(job, case)
+        result = _covariance_result(case, prepared, covariance)
+        return result._replace(used=effective_settings)
     except InputError as error:
         return CovarianceResult(case.id, "", mistakes=error.records)
     except Exception as error:

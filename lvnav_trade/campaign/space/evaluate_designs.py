@@ -96,12 +96,14 @@ def evaluate(request: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
         if design.case is None:
             rows[design.number] = _row(design, part.axes) | {"reason": design.reason}
         else:
-            groups[_other_levels(design, request.shared)].append(design)
+            common_levels = _other_levels(design, request.shared)
+            groups[common_levels].append(design)
     for designs in groups.values():
         for design, metrics in _group_metrics(request, part, designs, passes):
             rows[design.number] = _row(design, part.axes) | metrics
     in_order = [rows[number] for number in part.numbers]
-    return _columns(in_order, part.numbers, passes, time.process_time() - begun)
+    seconds = time.process_time() - begun
+    return _columns(in_order, part.numbers, passes, seconds)
 
 
 def _other_levels(design: Design, shared: Sequence[int]) -> tuple[str, ...]:

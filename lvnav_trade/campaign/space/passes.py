@@ -184,14 +184,14 @@ def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
         Step of the history (s).
     """
     count = min(len(designs), _INSPECTED)
-    part = designs.part(range(count))
-    first = next((design for design in make_designs(part) if design.case is not None), None)
+    batch = designs.part(range(count))
+    first = next((design for design in make_designs(batch) if design.case is not None), None)
     if first is None:
         return ()
     shared = []
     passes = CovariancePasses()
-    for axis in range(len(part.axes.names)):
-        quantities = [number_of(values[axis]) for values in part.values]
+    for axis in range(len(batch.axes.names)):
+        quantities = [number_of(values[axis]) for values in batch.values]
         numbers = [quantity[0] for quantity in quantities if quantity is not None]
         if len(numbers) < count:
             continue
@@ -200,8 +200,8 @@ def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
         if not least < largest:
             continue
         try:
-            _, covariance_least = _single_pass(part, first, (axis,), (least,), history, passes)
-            _, covariance_largest = _single_pass(part, first, (axis,), (largest,), history, passes)
+            _, covariance_least = _single_pass(batch, first, (axis,), (least,), history, passes)
+            _, covariance_largest = _single_pass(batch, first, (axis,), (largest,), history, passes)
         except (InputError, ValueError, ArithmeticError):
             continue
         if is_same_filter(covariance_least, covariance_largest):
