@@ -201,8 +201,8 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
             decay[:, states] = state_decay[:, None]
             # half of the noise q enters before the decay d, half after: s^2 = d^2 (s^2 + q / 2) + q / 2 gives
             # q = 2 s^2 (1 - d^2) / (1 + d^2), which is 2 s^2 tanh(t / T)
-            loss = np.tanh(seconds / time_constant)
-            noise[:, states] += 2.0 * square_of(sigma) * loss[:, None]
+            state_noise = 2.0 * square_of(sigma) * np.tanh(seconds / time_constant)[:, None]
+            noise[:, states] += state_noise
     return decay, noise
 
 

@@ -344,9 +344,7 @@ def _differences(card: FilterCard, sources: FilterMeasurements) -> tuple[str, ..
 
 def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) -> StateLayout:
     """Return the state layout of a filter with a number of clones, without the states that are cloned."""
-    imu = sources.imu
-    receiver = sources.receiver
-    channels = sources.channels
+    imu, receiver, channels = sources.imu, sources.receiver, sources.channels
     names = _state_names(card, sources.measurements)
     estimated = [name for name in names if name not in card.consider]
     considered = [name for name in names if name in card.consider]

@@ -132,10 +132,8 @@ def earth_angle(theta0: float, t: ArrayLike) -> Floats:
 def rotation_i_e(theta: ArrayLike) -> Floats:
     """Return C_i_e (..., 3, 3), from inertial to Earth-fixed components, for Earth angles theta (...,) rad."""
     theta = np.asarray(theta, dtype=float)
-    c = np.cos(theta)
-    s = np.sin(theta)
-    zeros = np.zeros_like(theta)
-    ones = np.ones_like(theta)
+    c, s = np.cos(theta), np.sin(theta)
+    zeros, ones = np.zeros_like(theta), np.ones_like(theta)
     return _matrix(
         [
             [c, s, zeros],
@@ -165,8 +163,7 @@ def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
 
     r_i, v_i : (..., 3) m, m/s. Position and inertial velocity, frame i.
     """
-    r_i = np.asarray(r_i, dtype=float)
-    v_i = np.asarray(v_i, dtype=float)
+    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     cross = np.zeros(r_i.shape)  # of the polar axis and the position
     cross[..., 0] = -r_i[..., 1]
     cross[..., 1] = r_i[..., 0]
@@ -220,10 +217,8 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
 def rotation_e_n(latitude: ArrayLike, longitude: ArrayLike) -> Floats:
     """Return C_e_n (..., 3, 3): Earth-fixed to north-east-down components."""
     lat, lon = np.broadcast_arrays(np.asarray(latitude, dtype=float), np.asarray(longitude, dtype=float))
-    sp = np.sin(lat)
-    cp = np.cos(lat)
-    sl = np.sin(lon)
-    cl = np.cos(lon)
+    sp, cp = np.sin(lat), np.cos(lat)
+    sl, cl = np.sin(lon), np.cos(lon)
     return _matrix(
         [
             [-sp * cl, -sp * sl, cp],
@@ -251,8 +246,7 @@ def rotation_i_o(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     r_i, v_i : (..., 3) m, m/s. Position and inertial velocity. Along-track completes the triad: it is the direction of
     the velocity on a circular orbit only.
     """
-    r_i = np.asarray(r_i, dtype=float)
-    v_i = np.asarray(v_i, dtype=float)
+    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     radial = unit(r_i)
     cross_track = unit(np.cross(r_i, v_i))
     along_track = np.cross(cross_track, radial)
@@ -268,8 +262,7 @@ def elements_from_state(r_i: ArrayLike, v_i: ArrayLike) -> Elements:
     The node of an equatorial orbit and the perigee of a circular orbit are undefined and set to zero; the true anomaly
     then counts from there.
     """
-    r_i = np.asarray(r_i, dtype=float)
-    v_i = np.asarray(v_i, dtype=float)
+    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i, axis=-1)
     h_i = np.cross(r_i, v_i)  # angular momentum
     h = np.linalg.norm(h_i, axis=-1)
@@ -304,12 +297,9 @@ def state_from_elements(elements: Elements) -> tuple[Floats, Floats]:
     p = a * (1.0 - e * e)
     u = perigee + anomaly  # argument of latitude
     r = p / (1.0 + e * np.cos(anomaly))
-    cn = np.cos(node)
-    sn = np.sin(node)
-    ci = np.cos(inclination)
-    si = np.sin(inclination)
-    cu = np.cos(u)
-    su = np.sin(u)
+    cn, sn = np.cos(node), np.sin(node)
+    ci, si = np.cos(inclination), np.sin(inclination)
+    cu, su = np.cos(u), np.sin(u)
     # axes of the orbital plane: to the ascending node, and a quarter of a turn further
     to_node = np.stack(np.broadcast_arrays(cn, sn, np.zeros_like(cn)), axis=-1)
     across = np.stack([-sn * ci, cn * ci, si * np.ones_like(cn)], axis=-1)
@@ -388,9 +378,7 @@ def cross(a: Floats, b: Floats) -> Floats:
     The result equals that of `np.cross` to the last bit. For a few vectors it takes a quarter of the time.
     """
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    for k in range(3):
-        i = (k + 1) % 3
-        j = (k + 2) % 3
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
         product[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
     return product
 

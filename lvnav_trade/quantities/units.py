@@ -97,9 +97,7 @@ def _no_quantity(text: str, unit: str) -> str:
     number, _, _ = text.partition(" ")
     foreign = [char for char in number if not char.isascii() and char not in "\u00b1\u00b0\u00b5\u03bc"]
     if foreign:
-        character = foreign[0]
-        name = unicodedata.name(character, "without a name")
-        named = f"U+{ord(character):04X} {name}"
+        named = f"U+{ord(foreign[0]):04X} {unicodedata.name(foreign[0], 'without a name')}"
         return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
     if _BARE.fullmatch(text):
         return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
@@ -116,8 +114,7 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
             raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
         return value + _LEVELS[unit][spelled]
     try:
-        source = product(spelled)
-        target = product(unit)
+        source, target = product(spelled), product(unit)
     except UnknownUnitError as error:
         if error.remedy:
             raise ValueError(f"{text!r}: {error.part!r} {error.remedy}") from None
@@ -125,8 +122,7 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
     if source.dimension != target.dimension:
         raise ValueError(f"{text!r} has the wrong unit; expected {example(unit)}")
     try:
-        factor = conversion(source, target)
-        return value * factor + source.offset
+        return value * conversion(source, target) + source.offset
     except OverflowError:
         return math.inf
 
@@ -196,8 +192,7 @@ def at_most(annotation: Any, largest: float, written: str) -> Any:
     """Return the annotation of a quantity of at most `largest` (SI), which messages print as `written`."""
 
     def check(value: Any) -> Any:
-        values = value if isinstance(value, tuple) else (value,)
-        if max(values) > largest * (1.0 + 1e-9):
+        if max(value if isinstance(value, tuple) else (value,)) > largest * (1.0 + 1e-9):
             raise ValueError(f"is too large for such a device; at most {written}")
         return value
 
@@ -316,9 +311,7 @@ def _share(value: Any) -> Any:
         return value
     fraction = parse(value, "dimensionless")
     number, _, unit = with_ascii_minus(value).partition(" ")
-    if unit in ("%", "percent"):
-        return float(Decimal(number).scaleb(-2))  # 99.73 % is 0.9973 to the bit
-    return fraction
+    return float(Decimal(number).scaleb(-2)) if unit in ("%", "percent") else fraction  # 99.73 % is 0.9973 to the bit
 
 
 Share = Annotated[

@@ -211,9 +211,7 @@ class StationCard(SensorCard, SightConditions):
         """Return the parameters of the station and the reference of its angles, (n_epoch, 14): `PLACE` to `WHICH`."""
         look = self.look(flight)
         _, azimuth, elevation = look.values.T
-        northward = np.cos(azimuth)[:, None] * look.north
-        eastward = np.sin(azimuth)[:, None] * look.east
-        ahead = northward + eastward
+        ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
         angles = np.stack([azimuth, elevation, np.cos(elevation), np.sin(elevation)], axis=1)
         mask = sum(2**k for k in self._indices)
         masks = np.full((flight.t.size, 1), mask)
@@ -292,6 +290,22 @@ def _inertial_vectors(vector_e: Floats, flight: FlightView) -> Floats:
 
 
 @jit
+def _set_position_row(h, x, y, z):
+    """Set a Jacobian row h (N_ENTRY,) to a derivative x, y, z by position; its other entries become zero."""
+    clear(h)
+    h[H_POS] = x
+    h[H_POS + 1] = y
+    h[H_POS + 2] = z
+
+
+@jit
+def _wrapped(angle):
+    """Return an angle (rad) between -2 pi and 2 pi as an angle between -pi and pi."""
+    wrapped = where(angle < -math.pi, angle + 2.0 * math.pi, angle)
+    return where(angle > math.pi, angle - 2.0 * math.pi, wrapped)
+
+
+@jit
 def fill(H, z, at, observed, nav, known):
     """Set the Jacobian rows of the measured scalars from `at` on, and the innovations (m, rad).
 
@@ -308,12 +322,8 @@ def fill(H, z, at, observed, nav, known):
     y = nav[R + 1] - known[PLACE + 1]
     w = nav[R + 2] - known[PLACE + 2]
     # axes: horizontal reference direction f, g to its right, up u
-    fx = known[AHEAD]
-    fy = known[AHEAD + 1]
-    fz = known[AHEAD + 2]
-    ux = known[UP]
-    uy = known[UP + 1]
-    uz = known[UP + 2]
+    fx, fy, fz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2]
+    ux, uy, uz = known[UP], known[UP + 1], known[UP + 2]
     gx, gy, gz = cross(fx, fy, fz, ux, uy, uz)
     forward = x * fx + y * fy + w * fz
     right = x * gx + y * gy + w * gz
@@ -326,32 +336,21 @@ def fill(H, z, at, observed, nav, known):
     measures_range = which % 2 == 1
     measures_azimuth = which // 2 % 2 == 1
     measures_elevation = which >= 4
-    row = at
-    k = 0
+    row, k = at, 0
     if measures_range:
-        h_range = H[row]
-        clear(h_range)
-        h_range[H_POS] = x / distance
-        h_range[H_POS + 1] = y / distance
-        h_range[H_POS + 2] = w / distance
+        _set_position_row(H[row], x / distance, y / distance, w / distance)
         z[row] = observed[k] - distance
-        row = row + 1
-        k = k + 1
+        row, k = row + 1, k + 1
     if measures_azimuth:
         # tan(azimuth - reference) = right / forward
         by_right = forward / level_square
         by_forward = right / level_square
-        h_azimuth = H[row]
-        clear(h_azimuth)
-        h_azimuth[H_POS] = by_right * gx - by_forward * fx
-        h_azimuth[H_POS + 1] = by_right * gy - by_forward * fy
-        h_azimuth[H_POS + 2] = by_right * gz - by_forward * fz
-        offset = observed[k] - known[AZIMUTH]
-        wrapped = where(offset < -math.pi, offset + 2.0 * math.pi, offset)
-        wrapped = where(offset > math.pi, offset - 2.0 * math.pi, wrapped)
-        z[row] = wrapped - angle_of(right, forward)
-        row = row + 1
-        k = k + 1
+        azimuth_x = by_right * gx - by_forward * fx
+        azimuth_y = by_right * gy - by_forward * fy
+        azimuth_z = by_right * gz - by_forward * fz
+        _set_position_row(H[row], azimuth_x, azimuth_y, azimuth_z)
+        z[row] = _wrapped(observed[k] - known[AZIMUTH]) - angle_of(right, forward)
+        row, k = row + 1, k + 1
     if measures_elevation:
         # tan(elevation) = up / level; the horizontal part of the line has length `level`
         level_x = forward * fx + right * gx
@@ -359,17 +358,13 @@ def fill(H, z, at, observed, nav, known):
         level_z = forward * fz + right * gz
         by_up = level / distance_square
         by_level = up / (level * distance_square)
-        h_elevation = H[row]
-        clear(h_elevation)
-        h_elevation[H_POS] = by_up * ux - by_level * level_x
-        h_elevation[H_POS + 1] = by_up * uy - by_level * level_y
-        h_elevation[H_POS + 2] = by_up * uz - by_level * level_z
-        # the predicted elevation less that of the reference, from both tangents
-        c = known[COSINE]
-        s = known[SINE]
-        opposite = up * c - level * s
-        adjacent = level * c + up * s
-        z[row] = observed[k] - known[ELEVATION] - angle_of(opposite, adjacent)
+        elevation_x = by_up * ux - by_level * level_x
+        elevation_y = by_up * uy - by_level * level_y
+        elevation_z = by_up * uz - by_level * level_z
+        _set_position_row(H[row], elevation_x, elevation_y, elevation_z)
+        # sine and cosine of the predicted elevation less that of the reference, times the distance
+        c, s = known[COSINE], known[SINE]
+        z[row] = observed[k] - known[ELEVATION] - angle_of(up * c - level * s, level * c + up * s)
 
 
 SENSORS = (

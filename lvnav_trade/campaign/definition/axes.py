@@ -130,8 +130,7 @@ def _applied_levels(
 def _has(labels: Mapping[str, str], wanted: Mapping[str, str | Sequence[str]]) -> bool:
     """Whether every axis named has its level, or one of its levels."""
     for name, permitted in wanted.items():
-        permitted_labels = [permitted] if isinstance(permitted, str) else permitted
-        if labels.get(name) not in permitted_labels:
+        if labels.get(name) not in ([permitted] if isinstance(permitted, str) else permitted):
             return False
     return True
 
@@ -174,8 +173,7 @@ def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | Non
     numbers = {name: _number(name, values) for name in names}
     left_value = float(expression.evaluate(left_side, numbers))
     right_value = float(expression.evaluate(right_side, numbers))
-    compare = _COMPARISONS[comparison]
-    return compare(left_value, right_value)
+    return _COMPARISONS[comparison](left_value, right_value)
 
 
 def _number(name: str, values: Mapping[str, Any]) -> float:

@@ -131,8 +131,7 @@ class _Run:
             # The few designs that are analysed completely need not read every setting of the campaign.
             check_effect(campaign.probe, checked_cases, engine)
         elif self.shard is not None:
-            # A shard can decide neither which settings have an effect nor when a case has enough runs: both need all
-            # cases and runs.
+            # which settings have an effect, and when a case has enough runs, is decided by all cases and runs
             check_effect(campaign, self.cases, engine)
             self._select_shard(self.shard)
 
@@ -157,13 +156,10 @@ class _Run:
         self.job = self.job._replace(results=results)
 
     def share(self, store: Store, mode: Mode) -> CampaignOutcome:
-        """Compute a shard: linear covariance of its cases, diagnostics of the cases whose first block it has, and its
-        blocks of runs.
-        """
+        """Compute a shard: covariance of its cases, diagnostics of those whose first block it has, its blocks."""
         self._open_results(store, mode)
         if self.space is not None and self.shard is not None:
-            parts = self.shard.of(range(self.space.parts))
-            self.space.evaluate(self.job, self._evaluate_parts, parts)
+            self.space.evaluate(self.job, self._evaluate_parts, self.shard.of(range(self.space.parts)))
         answers = self._covariance_results(None) if self.cases else []
         valid_cases = [case for case, answer in zip(self.cases, answers, strict=True) if not answer.error]
         diagnosed = {block.case.id for block in self.blocks if block.first_run == 0}
@@ -173,8 +169,7 @@ class _Run:
         self._process_cases("diagnostics", work.diagnose, items, "covariance diagnostics")
         self._simulate_blocks(valid_cases)
         end_workers(self.jobs)
-        record = {"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost}
-        self.job.results.leave(record)
+        self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
     def all(
@@ -190,8 +185,7 @@ class _Run:
         if self.space is not None:
             self._choose_designs(self.space)
         answers = self._covariance_results(on_answers)
-        valid = []
-        incomplete = []
+        valid, incomplete = [], []
         for case, answer in zip(self.cases, answers, strict=True):
             if not answer.error:
                 valid.append(case)
@@ -202,8 +196,7 @@ class _Run:
         lost = self._simulate_blocks(valid)
         table_items = [(self.job, case, self.stopping.runs(case.id)) for case in incomplete if case.id not in lost]
         lost |= self._process_cases("tables", work.close, table_items, "tables")
-        complete_cases = [case for case in valid if case.id not in lost]
-        self._finish(complete_cases)
+        self._finish([case for case in valid if case.id not in lost])
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
     def _finish(self, complete_cases: Sequence[Case]) -> None:
@@ -327,11 +320,9 @@ class _Run:
         """Refuse settings without effect on any case, and pass the results on to `on_answers`."""
         if self.shard is None and self.space is None:
             effective_settings = {case: result.used for case, result in by_case.items()}
-            effects = Effects(self.campaign, self.cases)
-            refuse_all(effects.mistakes(effective_settings))
+            refuse_all(Effects(self.campaign, self.cases).mistakes(effective_settings))
         if on_answers is not None:
-            results = [by_case[case.id] for case in self.cases]
-            on_answers(results, self.cases)
+            on_answers([by_case[case.id] for case in self.cases], self.cases)
 
     def _process_cases(self, name: str, function: Any, items: Sequence[Any], what: str) -> set[str]:
         """Compute one work item per case; return the digests of the cases whose item is lost.

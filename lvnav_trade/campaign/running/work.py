@@ -136,8 +136,7 @@ def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
     is_early = campaign.monte_carlo is not None and campaign.monte_carlo.stop is not None
     tested = tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements if is_early)
     request = covariance_request(campaign)
-    scratch_folder = folder / scratch.FOLDER
-    return Job(engine, None, campaign.seed, campaign.keep.history, request, scratch_folder, tested)
+    return Job(engine, None, campaign.seed, campaign.keep.history, request, folder / scratch.FOLDER, tested)
 
 
 def covariance_request(campaign: Campaign) -> CovarianceRequest:
@@ -151,8 +150,7 @@ def covariance_request(campaign: Campaign) -> CovarianceRequest:
     settings["at"] = card.at or ""
     settings["window"] = card.window or 0.0
     settings["protection"] = protection
-    allan = campaign.keep.allan or 0.0
-    return CovarianceRequest(events=tuple(events), seed=campaign.seed, allan=allan, **settings)
+    return CovarianceRequest(events=tuple(events), seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
 
 
 class CovarianceResult(NamedTuple):
@@ -224,8 +222,7 @@ def fly(job: Job, block: Block) -> WorkOutcome:
         covariance = _load_covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         if job.request.protection is not None and job.request.protection.alarms:
-            file, identity = diagnostics_file(job, block.case)
-            protected = _load_diagnostics(file, identity).protected
+            protected = _load_diagnostics(*diagnostics_file(job, block.case)).protected
             runs = with_alarms(runs, prepared, protected, job.seed)
         events = case_diagnostics.flown_events(prepared)
         summary = job.engine.summarise(runs, events, covariance.true_sigma, prepared.outputs)
@@ -233,8 +230,7 @@ def fly(job: Job, block: Block) -> WorkOutcome:
         beyond: stopping.Counts = ()
         if job.requirements:
             beyond = job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
-        failures = tuple(_failed_runs(runs, block.first_run))
-        return outcome._replace(failures=failures, beyond=beyond)
+        return outcome._replace(failures=tuple(_failed_runs(runs, block.first_run)), beyond=beyond)
     except Exception as error:
         return outcome._replace(error=message_of(error))
 
@@ -246,8 +242,7 @@ def tally(job: Job, case: Case) -> list[WorkOutcome]:
     outcomes = []
     for summary in job.results.parts(case.id):
         beyond = job.engine.beyond(job.requirements, case.id, prepared, covariance, summary)
-        outcome = WorkOutcome(case.id, summary.first_run, summary.n_run, beyond=beyond)
-        outcomes.append(outcome)
+        outcomes.append(WorkOutcome(case.id, summary.first_run, summary.n_run, beyond=beyond))
     return outcomes
 
 
@@ -257,9 +252,8 @@ def close(job: Job, case: Case, runs: int) -> WorkOutcome:
         prepared = prepared_of(job, case)
         covariance = _load_covariance(job, case)
         if not job.request.budget:
-            no_budget = covariance.budget[:, :0]
             injection = by_part(covariance.injection)
-            covariance = covariance._replace(sources=(), budget=no_budget, injection=injection)
+            covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0], injection=injection)
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = diagnostics_file(job, case)
         diagnostics = protected = None
@@ -289,8 +283,7 @@ def _prepared_and_settings(job: Job, case: Case) -> tuple[Any, settings_read.Eff
     key = (job.engine.prepare, case.id, job.history)
     if key not in _prepared_cases:
         while len(_prepared_cases) >= 2:
-            oldest = next(iter(_prepared_cases))
-            del _prepared_cases[oldest]
+            del _prepared_cases[next(iter(_prepared_cases))]
         _prepared_cases[key] = prepared_with(job.engine, case, job.history)
     return _prepared_cases[key]
 
@@ -356,8 +349,7 @@ def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:
 def _failed_runs(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
     """Yield number and reason of each failed run of a block."""
     for index in np.flatnonzero(np.asarray(runs.failed)):
-        t_failed = float(runs.t_failed[index])
-        code = int(runs.failed[index])
+        t_failed, code = float(runs.t_failed[index]), int(runs.failed[index])
         why = WHY.get(code, f"failed with code {code}")
         if not math.isnan(t_failed):
             why = f"{why} at {t_failed:g} s"

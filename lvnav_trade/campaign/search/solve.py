@@ -123,8 +123,7 @@ def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
         scanned_rows += scanned
     answers = pd.DataFrame(answer_rows, columns=ANSWERS)
     confirmed: list[tuple[Any, ...]] = []
-    confirmation_items = _confirmation_items(campaign, problem, all_cases, answers)
-    for rows in each(jobs, _confirm, confirmation_items, ordered=True):
+    for rows in each(jobs, _confirm, _confirmation_items(campaign, problem, all_cases, answers), ordered=True):
         confirmed += rows
     return InverseSolution(
         answers=answers,

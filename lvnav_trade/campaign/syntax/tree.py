@@ -219,9 +219,7 @@ class _Conversion:
         self.nodes = 0
 
     def place(self, raw: Any) -> Place:
-        line = raw.start_mark.line + 1
-        column = raw.start_mark.column + 1
-        return Place(self.file, line, column, self.folder)
+        return Place(self.file, raw.start_mark.line + 1, raw.start_mark.column + 1, self.folder)
 
     def node(self, raw: Any, path: str, above: tuple[int, ...]) -> Node:
         """Return the tree node of a composed node; `above` are the identities of the nodes that contain it."""

@@ -176,15 +176,12 @@ def find_common(monitor, work, case, suspected, excluded, n_row):
     isolated : OF_INERTIAL or OF_CLOCK; 0 if the fault is not common
     speed : (m/s)^2. Square of the shift of velocity
     """
-    tests = case.options.integrity
-    P = work.P
-    model = case.model
-    z = monitor.z
+    tests, model = case.options.integrity, case.model
+    P, z = work.P, monitor.z
     zero = like(monitor.fit[0], 0.0)
     factor = tests.recovery * tests.recovery
     beyond, few = _withhold(monitor, tests, model, n_row)
-    several_fail = few * (beyond + excluded) > 1.0
-    several = where(several_fail, suspected, 0.0)
+    several = where(few * (beyond + excluded) > 1.0, suspected, 0.0)
     steady = _is_steady(monitor, tests, model, n_row)
     isolated = zero
     speed = zero
@@ -202,8 +199,7 @@ def find_common(monitor, work, case, suspected, excluded, n_row):
         few_fit_clock = steady * where(no_motion_shift, 1.0, 0.0)
         is_clock = where(few > 0.0, few_fit_clock, drift - shift) > 0.0
         # within the hold time of an inertial decision the fault counts as inertial again
-        is_new = monitor.waited[0] <= 0.0
-        clock_fault = where(is_clock & is_new, common, 0.0)
+        clock_fault = where(is_clock & (monitor.waited[0] <= 0.0), common, 0.0)
         motion_fault = common - clock_fault
         # four or fewer satellites cannot separate motion and clock: the largest innovation bounds the shift of either
         largest = _largest(monitor, z, kind, model, n_row)
