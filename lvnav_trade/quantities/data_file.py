@@ -67,7 +67,9 @@ def read_columns(
     is_blank = np.isnan(table) & np.isin(names, blanks)
     wrong = ~np.isfinite(table) & ~is_blank
     for row, column in np.argwhere(wrong)[:1]:
-        raise InputError(f"{path}:{places[row]}: {names[column]} is {table[row, column]}, not a finite number")
+        name = names[column]
+        number = table[row, column]
+        raise InputError(f"{path}:{places[row]}: {name} is {number}, not a finite number")
     return table, places
 
 
@@ -128,8 +130,10 @@ def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
     wrong = np.flatnonzero(interval <= 0.0)
     if wrong.size:
         k = wrong[0]
+        earlier = t[k]
+        later = t[k + 1]
         fault = "repeats" if interval[k] == 0.0 else "goes back from"
-        raise InputError(f"{path}:{places[k + 1]}: time {t[k + 1]:.9g} s {fault} {t[k]:.9g} s of the row before")
+        raise InputError(f"{path}:{places[k + 1]}: time {later:.9g} s {fault} {earlier:.9g} s of the row before")
     return interval
 
 
@@ -325,7 +329,9 @@ def _text_numbers(path: str, names: list[str], delimiter: str, blanks: tuple[str
 
 def _fields(line: str, delimiter: str, where: str) -> list[str]:
     """Return the fields of a line; InputError if a field is longer than any number or name."""
-    longest = max(map(len, line.split(delimiter))) if len(line) > FIELD_LENGTH else 0
+    longest = 0
+    if len(line) > FIELD_LENGTH:
+        longest = max(map(len, line.split(delimiter)))
     if longest > FIELD_LENGTH:
         raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
     try:
@@ -338,7 +344,8 @@ def _refuse_missing(where: str, names: list[str], titles: list[str]) -> None:
     for name in names:
         if name not in titles:
             near = difflib.get_close_matches(name, titles, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(titles[:20])}"
+            listed = ", ".join(titles[:20])
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {listed}"
             raise InputError(f"{where}: no column {quoted(name)} ({hint})")
         count = titles.count(name)
         if count > 1:

@@ -24,7 +24,10 @@ def visible(text: str) -> str:
 
 def without_credentials(text: str) -> str:
     """Return the text with the user, password, query and fragment of every address in it replaced by asterisks."""
-    return _QUERY.sub(r"\1?***", _USER.sub("***@", text)) if "://" in text else text
+    if "://" not in text:
+        return text
+    without_user = _USER.sub("***@", text)
+    return _QUERY.sub(r"\1?***", without_user)
 
 
 def credentials(address: str) -> list[str]:
@@ -89,7 +92,8 @@ class Mistake(NamedTuple):
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return ": ".join(text for text in (where, self.path, self.message) if text)
+        parts = (where, self.path, self.message)
+        return ": ".join(text for text in parts if text)
 
 
 def is_full_disk(error: BaseException) -> TypeGuard[OSError]:

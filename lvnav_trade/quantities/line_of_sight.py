@@ -190,7 +190,9 @@ def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
     towards = np.einsum("esi,eij->esj", seen.direction, C_b_i)  # u in body axes
     swinging = np.cross(towards, w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
     turning = np.einsum("esi,eij->esj", seen.turning, C_b_i)
-    return np.stack([-towards, -swinging - turning], axis=2)
+    by_range = -towards
+    by_range_rate = -swinging - turning
+    return np.stack([by_range, by_range_rate], axis=2)
 
 
 def ranging_rows(direction: Floats) -> Floats:
@@ -198,7 +200,8 @@ def ranging_rows(direction: Floats) -> Floats:
 
     direction : (n_sat, 3). Unit vectors u from antenna to satellite.
     """
-    return np.column_stack([-direction, np.ones(len(direction))])
+    by_clock = np.ones(len(direction))
+    return np.column_stack([-direction, by_clock])
 
 
 def pdop(direction: Floats, tracked: Bools) -> Floats:
@@ -214,8 +217,10 @@ def pdop(direction: Floats, tracked: Bools) -> Floats:
         Satellites in the solution.
     """
     dilution = np.full(len(tracked), np.inf)
-    for epoch in np.flatnonzero(tracked.sum(axis=1) >= 4):
-        rows = ranging_rows(direction[epoch, tracked[epoch]])
+    n_tracked = tracked.sum(axis=1)
+    for epoch in np.flatnonzero(n_tracked >= 4):
+        tracked_direction = direction[epoch, tracked[epoch]]
+        rows = ranging_rows(tracked_direction)
         normal = rows.T @ rows
         if np.linalg.cond(normal) < _ONE_CONE:
             position_part = np.linalg.inv(normal)[:3, :3]

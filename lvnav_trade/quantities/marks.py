@@ -59,9 +59,10 @@ def misnamed(card: BaseModel) -> Iterator[str]:
     """Yield the input errors of a card's marks: a path that is no field of the card, a field with both marks."""
     assumed = {path for path, _ in getattr(card, MARKS[0])}
     second_hand = {path for path, _ in getattr(card, MARKS[1])}
+    marked_twice = assumed & second_hand
     for mark in MARKS:
         for path, _ in getattr(card, mark):
-            if path in assumed & second_hand:
+            if path in marked_twice:
                 yield f"{mark}.{path}: marked as assumed and as second hand; leave one"
             elif fault := _path_fault(card, path):
                 yield f"{mark}.{path}: {fault}"

@@ -198,12 +198,9 @@ def _cached_result(key: tuple[Hashable, ...], card: Card, paths: set[str], resul
     above: set[str] = set()
     for path in paths:
         above.update(_paths_above(path))
-    return _CachedResult(
-        key=key,
-        values={path: _value_at(card, path) for path in paths - above},
-        structures={path: _structure(_value_at(card, path)) for path in above},
-        result=result,
-    )
+    values = {path: _value_at(card, path) for path in paths - above}
+    structures = {path: _structure(_value_at(card, path)) for path in above}
+    return _CachedResult(key, values, structures, result)
 
 
 def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:

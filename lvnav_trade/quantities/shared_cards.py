@@ -147,7 +147,8 @@ class EnvelopeCard(units.Card):
 def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
     """Return whether each time t (n,) s lies within the window around a change of phase, `changes` (k,) s, rising."""
     begin = np.searchsorted(changes, t - card.after_change, side="left")
-    return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
+    end = np.searchsorted(changes, t + card.before_change, side="right")
+    return np.asarray(end > begin)
 
 
 def steady_ratio(driving: float, noise: float) -> float:

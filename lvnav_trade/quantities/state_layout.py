@@ -194,7 +194,8 @@ class StateLayout(NamedTuple):
     @property
     def reported(self) -> tuple[int, ...]:
         """Indices of the states whose errors are reported."""
-        hidden = range(self.delayed, self.delayed + self.n_delayed)
+        end = self.delayed + self.n_delayed
+        hidden = range(self.delayed, end)
         return tuple(i for i in range(self.n_state) if i not in hidden)
 
     @property
@@ -274,8 +275,9 @@ def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
 
 
 def _trajectory_outputs(prefix: str, frame: str) -> list[Output]:
-    velocity = [Output(f"{prefix}velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
-    position = [Output(f"{prefix}position", axis, "m", "m", 1.0) for axis in AXES[frame]]
+    axis_names = AXES[frame]
+    velocity = [Output(f"{prefix}velocity", axis, "m/s", "m/s", 1.0) for axis in axis_names]
+    position = [Output(f"{prefix}position", axis, "m", "m", 1.0) for axis in axis_names]
     return velocity + position
 
 
@@ -309,8 +311,9 @@ def backup_outputs(frame: str) -> tuple[Output, ...]:
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:
     """Return the outputs of the receiver solution; they follow those of the filter states."""
+    trajectory = _trajectory_outputs("solution_", frame)
     return (
-        *_trajectory_outputs("solution_", frame),
+        *trajectory,
         Output("receiver_clock_bias", "time", "m", "m", 1.0),
         Output("receiver_clock_drift", "rate", "m/s", "m/s", 1.0),
     )

@@ -303,7 +303,8 @@ class _UnitParser:
             raise UnknownUnitError(self.text)
         factors = self._power(depth)
         while self.at < len(self.spelled) and self.spelled[self.at] in "*/":
-            sign = -1.0 if self.spelled[self.at] == "/" else 1.0
+            is_quotient = self.spelled[self.at] == "/"
+            sign = -1.0 if is_quotient else 1.0
             self.at += 1
             following = self._power(depth)
             factors += [(unit, sign * exponent) for unit, exponent in following]
