@@ -107,10 +107,10 @@ class SunSensorCard(SensorCard):
     def _sun(self, flight: FlightView) -> Floats:
         """Return the direction of the Sun (n_epoch, 3), axes of the sensor."""
         C_b_i = matrices(flight.q_b_i)
-        C_s_b = matrices(axes_of(self.boresight)[None])
-        C_s_i = C_b_i @ C_s_b
+        mounting = matrices(axes_of(self.boresight)[None])
+        axes = C_b_i @ mounting
         sun_i = sun_direction(flight.epoch, flight.t, flight.theta)
-        return np.asarray(np.einsum("nij,ni->nj", C_s_i, sun_i))
+        return np.asarray(np.einsum("nij,ni->nj", axes, sun_i))
 
 
 @jit
