@@ -87,7 +87,8 @@ def process_noise(campaign: Campaign, case: Case, runs: int, step: float | None 
 
 def _phase_boundaries(prepared: Prepared) -> list[tuple[str, float]]:
     """Return the boundaries of the phases, name and time (s), from the start of the flight to its end."""
-    first_time, last_time = float(prepared.t_hist[0]), float(prepared.t_hist[-1])
+    first_time = float(prepared.t_hist[0])
+    last_time = float(prepared.t_hist[-1])
     boundaries = [("start", first_time)]
     previous = first_time
     for name, t in sorted(flown_events(prepared).items(), key=lambda item: item[1]):
@@ -106,8 +107,10 @@ def _filter_card(case: Case, noise: Densities, source: str) -> FilterCard:
     """
     imu, _, _ = filter_models(case.scenario)
     card = case.scenario.filter
-    attitude_excess = noise.attitude**2 - rms(imu.gyro_random_walk) ** 2
-    velocity_excess = noise.velocity**2 - rms(imu.accel_random_walk) ** 2
+    gyro_walk = rms(imu.gyro_random_walk)
+    accel_walk = rms(imu.accel_random_walk)
+    attitude_excess = noise.attitude**2 - gyro_walk**2
+    velocity_excess = noise.velocity**2 - accel_walk**2
     update = {
         "attitude_noise": math.sqrt(max(0.0, attitude_excess)),
         "velocity_noise": math.sqrt(max(0.0, velocity_excess)),
@@ -137,10 +140,13 @@ def steps_table(errors: StepErrors) -> pd.DataFrame:
     variance = np.diagonal(errors.covariance, axis1=1, axis2=2)
     for name, first_state, unit in (("attitude", ATT, "rad"), ("velocity", VEL, "m_per_s"), ("position", POS, "m")):
         axes = slice(first_state, first_state + 3)
-        error, mean = errors.error[:, axes], errors.mean[:, axes]
+        error_square = errors.error[:, axes] ** 2
+        mean = errors.mean[:, axes]
         mean_square = variance[:, axes] + mean**2  # E[x^2] = var x + (E x)^2
-        table[f"{name}_error_{unit}"] = np.sqrt((error**2).mean(axis=1))
-        table[f"{name}_missed_{unit}"] = np.sqrt(mean_square.mean(axis=1))
+        error_rms = np.sqrt(error_square.mean(axis=1))
+        missed_rms = np.sqrt(mean_square.mean(axis=1))
+        table[f"{name}_error_{unit}"] = error_rms
+        table[f"{name}_missed_{unit}"] = missed_rms
         table[f"{name}_missed_mean_{unit}"] = np.linalg.norm(mean, axis=1)
     return pd.DataFrame(table)
 

@@ -243,7 +243,8 @@ def summarised(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rms(values: "pd.Series[float]") -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    mean_square = np.mean(values**2)
+    return float(np.sqrt(mean_square))
 
 
 def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -262,22 +263,27 @@ def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...
         Geodetic position (deg and m), errors with respect to the receiver's solutions, and sigmas; notes.
     """
     run = run_block(prepared, 0, 0, 1)
-    error, sigma = run.err[0], run.sigma[0]
+    error = run.err[0]
+    sigma = run.sigma[0]
     motion_outputs = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
     position = [k for k, output in motion_outputs if output.quantity == "position"]
     # estimate = recorded position - error, as an error is truth minus estimate; rows of `axes`: the reporting axes
     record = prepared.record
     error_i = np.einsum("nji,nj->ni", record.axes, error[:, position])
     theta = earth_angle(prepared.trajectory.theta0, prepared.t_hist)
-    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(record.r - error_i, theta))
+    estimate_i = record.r - error_i
+    estimate_e = ecef_from_eci(estimate_i, theta)
+    latitude, longitude, height = geodetic_from_ecef(estimate_e)
     track = pd.DataFrame({"case": case.label, "t_s": prepared.t_hist})
     track["latitude_deg"] = np.degrees(latitude)
     track["longitude_deg"] = np.degrees(longitude)
     track["height_m"] = height
     for k, output in motion_outputs:
-        name = f"{output.quantity}_{output.axis}_{output.unit.replace('/', '_per_')}"
+        unit = output.unit.replace("/", "_per_")
+        name = f"{output.quantity}_{output.axis}_{unit}"
         track[f"error_{name}"] = error[:, k]
         track[f"sigma_{name}"] = sigma[:, k]
     if not run.failed[0]:
         return track, ()
-    return track, (f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld",)
+    note = f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld"
+    return track, (note,)

@@ -193,7 +193,8 @@ def _processes(tau: Floats) -> str:
     """
     longest = float(tau[-1])
     shortest = min(1.0, 0.1 * longest)
-    count = min(_MOST_PROCESSES, 1 + math.ceil(math.log10(longest / shortest) - 1e-9))
+    decades = math.log10(longest / shortest)
+    count = min(_MOST_PROCESSES, 1 + math.ceil(decades - 1e-9))
     times = f'shortest: "{shortest:.6g} s", longest: "{longest:.6g} s"'
     return f"{{processes: {count}, {times}, convention: coefficient}}"
 
@@ -231,7 +232,8 @@ def _coefficient_lines(sensor: str, name: str, axes: list[Coefficient]) -> list[
     if not significant:
         return [comment]
     if name == "quantisation":  # the card has one quantisation step for all axes: their RMS
-        return [comment, f'  quantisation: "{np.sqrt(np.mean(np.square(significant))):.4g} {unit}"']
+        rms = np.sqrt(np.mean(np.square(significant)))
+        return [comment, f'  quantisation: "{rms:.4g} {unit}"']
     values = ", ".join(f'"{axis.value / factor:.4g} {unit}"' for axis in axes)
     return [comment, f"  {name}: [{values}]"]
 

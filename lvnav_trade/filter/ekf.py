@@ -94,13 +94,16 @@ def propagate_estimates(work, model, length):
     The clock bias grows by drift times time; a Gauss-Markov estimate decays by its factor.
     """
     if model.clock >= 0:
-        work.clock_hat[0] = work.clock_hat[0] + model.seconds[length] * work.clock_hat[1]
+        clock_hat = work.clock_hat
+        clock_hat[0] = clock_hat[0] + model.seconds[length] * clock_hat[1]
     if model.fading:
         for b in range(model.par_offset.shape[0]):
             for i in range(3):
-                work.par[b, i] = model.decay[length, model.par_offset[b] + i] * work.par[b, i]
+                parameter_decay = model.decay[length, model.par_offset[b] + i]
+                work.par[b, i] = parameter_decay * work.par[b, i]
         for e in range(model.extra_offset.shape[0]):
-            work.extra[e] = model.decay[length, model.extra_offset[e]] * work.extra[e]
+            extra_decay = model.decay[length, model.extra_offset[e]]
+            work.extra[e] = extra_decay * work.extra[e]
         processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
 
 
@@ -198,14 +201,13 @@ def _fill_further(work, previous_epoch, delayed, model, signals, epoch):
                 continue
             ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], antenna_state)
             predicted = range_row(work.H[row], antenna_state, ux, uy, uz, distance, work.clock_hat[0])
-            predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+            extra_part = _add_extra(work, model, signals, epoch, row, channel)
+            predicted = predicted + extra_part
             if delayed.difference[kind]:
-                predicted = predicted - _fill_previous_range(
-                    work, previous_epoch, delayed, model, signals, epoch, row, channel
-                )
-                predicted = predicted - subtract_extra(
-                    work, previous_epoch, delayed, model, signals, epoch, row, channel
-                )
+                earlier_range = _fill_previous_range(work, previous_epoch, delayed, model, signals, epoch, row, channel)
+                earlier_extra = subtract_extra(work, previous_epoch, delayed, model, signals, epoch, row, channel)
+                predicted = predicted - earlier_range
+                predicted = predicted - earlier_extra
             work.z[row] = work.ranges[slot, kind] - predicted
 
 
@@ -229,13 +231,17 @@ def fill_tight(work, previous_epoch, delayed, model, signals, epoch):
         ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], antenna_state)
         row = model.n_kind * slot
         channel = model.n_kind * s
-        predicted = range_row(work.H[row], antenna_state, ux, uy, uz, distance, work.clock_hat[0])
-        predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+        clock_bias = work.clock_hat[0]
+        predicted = range_row(work.H[row], antenna_state, ux, uy, uz, distance, clock_bias)
+        extra_part = _add_extra(work, model, signals, epoch, row, channel)
+        predicted = predicted + extra_part
         work.z[row] = work.ranges[slot, 0] - predicted
         row = row + 1
         channel = channel + 1
-        predicted = rate_row(work.H[row], antenna_state, satellite_velocity, ux, uy, uz, distance, work.clock_hat[1])
-        predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+        clock_drift = work.clock_hat[1]
+        predicted = rate_row(work.H[row], antenna_state, satellite_velocity, ux, uy, uz, distance, clock_drift)
+        extra_part = _add_extra(work, model, signals, epoch, row, channel)
+        predicted = predicted + extra_part
         work.z[row] = work.ranges[slot, 1] - predicted
     if delayed is not None:
         _fill_further(work, previous_epoch, delayed, model, signals, epoch)
@@ -249,7 +255,8 @@ def fill_loose(work, model, signals, epoch):
             for e in range(model.extra_offset.shape[0]):
                 work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
         predicted = receiver_solution.row(work.H[row], work.antenna[0], row)
-        predicted = predicted + _add_extra(work, model, signals, epoch, row, row)
+        extra_part = _add_extra(work, model, signals, epoch, row, row)
+        predicted = predicted + extra_part
         work.z[row] = work.solution[row] - predicted
 
 
@@ -282,7 +289,8 @@ def fill_sensor(work, state_history, late, model, signals, sensors, k, epoch):
     for i in range(sensors.scalars[k]):
         row = first + i
         channel = sensors.channel[k] + i
-        work.z[row] = work.z[row] - _add_extra(work, model, signals, epoch, row, channel)
+        extra_part = _add_extra(work, model, signals, epoch, row, channel)
+        work.z[row] = work.z[row] - extra_part
 
 
 @jit
@@ -303,7 +311,9 @@ def n_measured(model, signals, epoch):
 def channel_of(model, signals, epoch, row):
     """Return the channel of a receiver row at an epoch."""
     if model.tight:
-        return model.n_kind * signals.used[epoch, row // model.n_kind] + row % model.n_kind
+        slot = row // model.n_kind
+        observable = row % model.n_kind
+        return model.n_kind * signals.used[epoch, slot] + observable
     return row
 
 
@@ -332,7 +342,8 @@ def correct_parameters(work, model):
     """Add the error state to the estimated parameters of the IMU."""
     for b in range(model.par_offset.shape[0]):
         for i in range(3):
-            work.par[b, i] = work.par[b, i] + work.x[model.par_offset[b] + i]
+            state = model.par_offset[b] + i
+            work.par[b, i] = work.par[b, i] + work.x[state]
 
 
 @jit
@@ -342,7 +353,8 @@ def correct_receiver(work, model):
         for i in range(2):
             work.clock_hat[i] = work.clock_hat[i] + work.x[model.clock + i]
     for e in range(model.extra_offset.shape[0]):
-        work.extra[e] = work.extra[e] + work.x[model.extra_offset[e]]
+        state = model.extra_offset[e]
+        work.extra[e] = work.extra[e] + work.x[state]
 
 
 @jit

@@ -18,7 +18,8 @@ BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias
 def _clone_variances(layout: StateLayout, variance: Floats) -> Floats:
     """Return the initial variances of the clones, (n_clone,); `variance` (n_state,) are those of the states."""
     variances = variance[list(layout.cloned)]
-    variances[[state == layout.clock for state in layout.cloned]] = UNKNOWN**2
+    is_clock = [state == layout.clock for state in layout.cloned]
+    variances[is_clock] = UNKNOWN**2
     return variances
 
 
@@ -54,7 +55,8 @@ def initial_covariance(
     envelope
         Motion envelope of a filter that models the vehicle; None otherwise.
     """
-    clock, motion = layout.clock, layout.motion
+    clock = layout.clock
+    motion = layout.motion
     variance = np.zeros(layout.n_state)
     variance[VEL : VEL + 3] = initial.velocity**2
     variance[POS : POS + 3] = initial.position**2
@@ -67,9 +69,12 @@ def initial_covariance(
         variance[motion : motion + 3] = envelope.start_rate**2
         variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
     if layout.cloned:
-        variance[layout.clone : layout.clone + len(layout.cloned)] = _clone_variances(layout, variance)
+        clones = slice(layout.clone, layout.clone + len(layout.cloned))
+        variance[clones] = _clone_variances(layout, variance)
     P = np.diag(variance)
-    tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
-    P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
+    tilt_variance = initial.tilt**2
+    heading_variance = initial.heading**2
+    attitude_n = np.diag([tilt_variance, tilt_variance, heading_variance])
+    P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ attitude_n @ C_n_i.T
     _add_correlations(P, layout)
     return P

@@ -197,10 +197,12 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     noise = seconds[:, None] * densities
     for states, sigma, time_constant in state_blocks(layout):
         if math.isfinite(time_constant):
-            decay[:, states] = np.exp(-seconds / time_constant)[:, None]
+            state_decay = np.exp(-seconds / time_constant)
+            decay[:, states] = state_decay[:, None]
             # half of the noise q enters before the decay d, half after: s^2 = d^2 (s^2 + q / 2) + q / 2 gives
             # q = 2 s^2 (1 - d^2) / (1 + d^2), which is 2 s^2 tanh(t / T)
-            noise[:, states] += 2.0 * square_of(sigma) * np.tanh(seconds / time_constant)[:, None]
+            state_noise = 2.0 * square_of(sigma) * np.tanh(seconds / time_constant)[:, None]
+            noise[:, states] += state_noise
     return decay, noise
 
 
@@ -209,22 +211,28 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     densities = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of IMU samples is measurement noise and must not be counted twice
     has_imu_noise = layout.motion < 0
-    gyro_density = has_imu_noise * min(squares(imu.gyro_random_walk))
-    accel_density = has_imu_noise * min(squares(imu.accel_random_walk))
+    least_gyro_density = min(squares(imu.gyro_random_walk))
+    least_accel_density = min(squares(imu.accel_random_walk))
+    gyro_density = has_imu_noise * least_gyro_density
+    accel_density = has_imu_noise * least_accel_density
     densities[ATT : ATT + 3] = gyro_density + card.attitude_noise**2
     densities[VEL : VEL + 3] = accel_density + card.velocity_noise**2
     densities[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
-        densities[block.offset : block.offset + 3] = square_of(block.walk)
+        states = slice(block.offset, block.offset + 3)
+        densities[states] = square_of(block.walk)
     for extra in layout.extras:
-        densities[extra.offset : extra.offset + len(extra.labels)] = square_of(extra.walk)
+        states = slice(extra.offset, extra.offset + len(extra.labels))
+        densities[states] = square_of(extra.walk)
     if layout.clock >= 0:
         bias_density, drift_density = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
         if layout.has_reduced_clock:
             # after one update interval T the bias variance equals that of the two-state clock with drift s:
             # q_bias T + q_drift T^3 / 3 + s^2 T^2
             interval = 1.0 / card.update_rate
-            bias_density = bias_density + drift_density * interval**2 / 3.0 + drift**2 * interval
+            integrated_drift = drift_density * interval**2 / 3.0
+            initial_drift = drift**2 * interval
+            bias_density = bias_density + integrated_drift + initial_drift
             drift_density = 0.0
         densities[layout.clock] = bias_density
         densities[layout.clock + 1] = drift_density
@@ -289,7 +297,8 @@ def build_filter_model(
     FilterModel
         The filter as arrays.
     """
-    channels, measurements = sources.channels, sources.measurements
+    channels = sources.channels
+    measurements = sources.measurements
     rows, columns, block_kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     if "imu" in measurements:  # everything but the gravity gradient is propagated sample by sample
         gradient = block_kinds == transition.VEL_POS

@@ -46,7 +46,8 @@ def row_types(channels: Channels) -> Ints:
     """Return the measurement type of each channel, (n_channel,), as numbered in `TYPES`."""
     types = [POSITION] * 3 + [VELOCITY] * 3
     if channels.tight:
-        types = [TYPES[name] for name in channels.observables] * len(channels.satellites)
+        satellite_types = [TYPES[name] for name in channels.observables]
+        types = satellite_types * len(channels.satellites)
     for sensor in channels.sensors:
         types += [TYPES[sensor.measures]] * len(sensor.labels)
     return np.array(types, dtype=np.int64)
@@ -151,7 +152,8 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
     count = np.zeros(row_type.size, dtype=np.int64)
     pairs = np.zeros((2, row_type.size, n_present + n_earlier), dtype=np.int64)
     for channel, measurement_type in enumerate(row_type.tolist()):
-        row = state_entries[measurement_type] + _extra_entries(layout, channel, measurement_type, whitened)
+        extra_entries = _extra_entries(layout, channel, measurement_type, whitened)
+        row = state_entries[measurement_type] + extra_entries
         if measurement_type in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
             row += earlier_entries(layout, row, n_present)
         count[channel] = len(row)
@@ -166,11 +168,13 @@ def clock_gains(layout: StateLayout, channels: Channels) -> Floats:
     at its earlier epoch; its partial derivative is -1, and so is its gain.
     """
     gains = np.zeros((len(channels.observables), layout.n_state))
-    for kind, name in enumerate(channels.observables):
+    for observable, name in enumerate(channels.observables):
         if name in DIFFERENCES and layout.clock in layout.cloned:
-            gains[kind, layout.clone + layout.cloned.index(layout.clock)] = -1.0
+            clock_clone = layout.clone + layout.cloned.index(layout.clock)
+            gains[observable, clock_clone] = -1.0
         elif layout.clock >= 0 and name not in DIFFERENCES:
-            gains[kind, layout.clock + (name == "range_rate")] = 1.0
+            clock_state = layout.clock + (name == "range_rate")
+            gains[observable, clock_state] = 1.0
     return gains
 
 
@@ -326,7 +330,8 @@ def state_layout(card: FilterCard, sources: FilterMeasurements, n_clone: int = 0
     """
     layout = _number_states(card, sources, n_clone)
     # which states are cloned follows from the layout, whose offsets depend on their number
-    cloned = cloned_states(layout, sources.channels, _differences(card, sources), sources.has_lever)
+    differences = _differences(card, sources)
+    cloned = cloned_states(layout, sources.channels, differences, sources.has_lever)
     if len(cloned) != n_clone:
         return state_layout(card, sources, len(cloned))
     return layout._replace(cloned=cloned)
@@ -345,7 +350,8 @@ def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) 
     considered = [name for name in names if name in card.consider]
     has_one_state_clock = channels.tight and card.clock == "one_state"
 
-    parameters = _parameter_blocks([name for name in estimated if name in PARAMETERS], imu, N_NAV_ERROR)
+    parameter_names = [name for name in estimated if name in PARAMETERS]
+    parameters = _parameter_blocks(parameter_names, imu, N_NAV_ERROR)
     offset = N_NAV_ERROR + 3 * len(parameters)
     clock = -1
     if channels.tight and not has_one_state_clock:
@@ -367,12 +373,14 @@ def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) 
 
     delayed = offset
     # read for differences only: a setting that is not read is refused as one without effect
-    noise_names = [NOISE_STATES[name] for name in _differences(card, sources) if card.previous_noise == "estimated"]
+    differences = _differences(card, sources)
+    noise_names = [NOISE_STATES[name] for name in differences if card.previous_noise == "estimated"]
     noise_blocks = _extra_blocks(noise_names, imu, receiver, channels, offset)
     n_delayed = _count_states(noise_blocks) + n_clone
     offset += n_delayed
 
-    considered_parameters = _parameter_blocks([name for name in considered if name in PARAMETERS], imu, offset)
+    parameter_names = [name for name in considered if name in PARAMETERS]
+    considered_parameters = _parameter_blocks(parameter_names, imu, offset)
     offset += 3 * len(considered_parameters)
     extra_names = [name for name in considered if name not in PARAMETERS]
     considered_extras = _extra_blocks(extra_names, imu, receiver, channels, offset, card.as_noise)

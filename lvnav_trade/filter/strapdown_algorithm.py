@@ -107,7 +107,9 @@ def polynomial_weights(subsamples: int) -> Floats:
     weights = np.zeros((n, n))
     for j in range(n):
         for k in range(j + 1, n):
-            difference = _angle_rate_integral(rates[j], rates[k]) - _angle_rate_integral(rates[k], rates[j])
+            forward = _angle_rate_integral(rates[j], rates[k])
+            backward = _angle_rate_integral(rates[k], rates[j])
+            difference = forward - backward
             weights[j, k] = float(difference / 2)
     return weights
 
@@ -133,7 +135,8 @@ def _angle_rate_integral(first: list[Fraction], second: list[Fraction]) -> Fract
         angle = first[p] / (p + 1)  # coefficient of s^(p + 1)
         for q in range(n):
             power = p + q + 2
-            total += angle * second[q] * Fraction(n**power, power)
+            integral = Fraction(n**power, power)
+            total += angle * second[q] * integral
     return total
 
 
@@ -221,5 +224,9 @@ def strapdown_of(
 
 def _pad_origin(start: Floats, angle: float) -> Floats:
     """Return a position (3,) m, frame i, in axes rotated about z by an angle (rad), those of frame e."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])
+    c = np.cos(angle)
+    s = np.sin(angle)
+    x, y, z = start
+    x_e = c * x + s * y
+    y_e = c * y - s * x
+    return np.array([x_e, y_e, z])

@@ -41,8 +41,9 @@ def resolve(text: str, events: Mapping[str, float]) -> float:
         near = difflib.get_close_matches(name, list(events), n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the flight has {', '.join(events)}"
         raise InputError(f"{text!r}: no event {name!r} ({hint})")
-    offset = _seconds(match["offset"], text) if match["offset"] else 0.0
-    return events[name] + (-offset if match["sign"] == "-" else offset)
+    duration = _seconds(match["offset"], text) if match["offset"] else 0.0
+    offset = -duration if match["sign"] == "-" else duration
+    return events[name] + offset
 
 
 def _seconds(duration: str, text: str) -> float:
@@ -102,7 +103,8 @@ class Conditions(Card):
 
     def _faults(self) -> Iterable[str]:
         for low, high in PAIRS:
-            least, most = getattr(self, low, None), getattr(self, high, None)
+            least = getattr(self, low, None)
+            most = getattr(self, high, None)
             if least is not None and most is not None and least >= most:
                 yield f"{low}: should be less than {high}, or it never holds"
 
@@ -162,7 +164,8 @@ class FlightProfile:
     """
 
     def __init__(self, instants: Mapping[str, float], at: Callable[[Floats], Floats] | None = None) -> None:
-        self.instants, self._at = instants, at
+        self.instants = instants
+        self._at = at
 
     def begin(self, start: float) -> float:
         """Return the start (s) of an interval; for an interval without a start that of the flight."""
@@ -171,8 +174,10 @@ class FlightProfile:
     @cached_property
     def times(self) -> Floats:
         """Sampling times (n,) s of the flight."""
-        start, end = self.instants["start"], self.instants["end"]
-        count = int(min(_MOST, max(1.0, np.ceil((end - start) / _STEP))))
+        start = self.instants["start"]
+        end = self.instants["end"]
+        steps = np.ceil((end - start) / _STEP)
+        count = int(min(_MOST, max(1.0, steps)))
         return np.linspace(start, end, count + 1)
 
     @cached_property
@@ -206,13 +211,15 @@ class FlightProfile:
         high = self.times[steps + 1]
         for _ in range(_HALVINGS if steps.size else 0):
             middle = 0.5 * (low + high)
-            is_met_there = (self.sampled(middle)[row] >= level) == is_above
+            value = self.sampled(middle)[row]
+            is_met_there = (value >= level) == is_above
             is_before = is_met_there == is_met[steps]
             low = np.where(is_before, middle, low)
             high = np.where(is_before, high, middle)
         edges = [-np.inf, *high.tolist(), np.inf]
         intervals = tuple(pairwise(edges))  # the condition is true in every other interval
-        return intervals[0 if is_met[0] else 1 :: 2]
+        first = 0 if is_met[0] else 1
+        return intervals[first::2]
 
     def holding(self, conditions: Conditions) -> Intervals:
         """Return the intervals in which all conditions are true, except those on elevation.
@@ -231,7 +238,9 @@ class FlightProfile:
 
     def window(self, conditions: Conditions) -> tuple[float, float]:
         """Return the interval (s) that the conditions on time define; InputError as in `holding`."""
-        return self._time(conditions, "from", -np.inf), self._time(conditions, "until", np.inf)
+        start = self._time(conditions, "from", -np.inf)
+        end = self._time(conditions, "until", np.inf)
+        return start, end
 
     def _time(self, conditions: Conditions, field: str, otherwise: float) -> float:
         text = conditions.from_ if field == "from" else conditions.until
@@ -242,7 +251,8 @@ class FlightProfile:
         try:
             return float(resolve(text, self.instants))
         except InputError as error:
-            raise InputError(records=[Mistake(error.records[0].message, field)]) from None
+            message = error.records[0].message
+            raise InputError(records=[Mistake(message, field)]) from None
 
 
 def both(first: Intervals, second: Intervals) -> Intervals:
@@ -271,18 +281,22 @@ def never(conditions: Conditions, course: FlightProfile) -> Mistake | None:
     The path of the error is the field to change. Conditions on elevation are not examined. InputError as in
     `FlightProfile.holding`.
     """
-    first, last = course.instants["start"], course.instants["end"]
+    first = course.instants["start"]
+    last = course.instants["end"]
     flight: Intervals = ((first, last),)
-    if not both((course.window(conditions),), flight):
+    window = course.window(conditions)
+    if not both((window,), flight):
         field = "until" if conditions.from_ is None else "from"
         return Mistake(f"holds at no time of the flight ({first:g} s to {last:g} s)", field)
     bounds = [name for name in BOUNDS if getattr(conditions, name) is not None]
     for name in bounds:
-        if not both(course.beyond(name, getattr(conditions, name)), flight):
+        level = getattr(conditions, name)
+        if not both(course.beyond(name, level), flight):
             row, _ = BOUNDS[name]
             quantity, factor, unit = _SHOWN[row]
-            low = factor * np.min(course.values[row])
-            high = factor * np.max(course.values[row])
+            values = course.values[row]
+            low = factor * np.min(values)
+            high = factor * np.max(values)
             return Mistake(f"holds at no time of the flight, whose {quantity} is {low:.4g} to {high:.4g} {unit}", name)
     if bounds and not both(course.holding(conditions), flight):
         return Mistake("holds at no time of the flight together with the other conditions", bounds[0])

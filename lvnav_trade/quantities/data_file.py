@@ -67,7 +67,9 @@ def read_columns(
     is_blank = np.isnan(table) & np.isin(names, blanks)
     wrong = ~np.isfinite(table) & ~is_blank
     for row, column in np.argwhere(wrong)[:1]:
-        raise InputError(f"{path}:{places[row]}: {names[column]} is {table[row, column]}, not a finite number")
+        name = names[column]
+        number = table[row, column]
+        raise InputError(f"{path}:{places[row]}: {name} is {number}, not a finite number")
     return table, places
 
 
@@ -78,7 +80,11 @@ def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
     head = _head(path, delimiter)
     _refuse_missing(f"{path}:{head.number}", [name], head.titles)
     column = head.titles.index(name)
-    return [_fields(line, delimiter, f"{path}:{number}")[column].strip() for number, line in head.lines]
+    texts = []
+    for number, line in head.lines:
+        fields = _fields(line, delimiter, f"{path}:{number}")
+        texts.append(fields[column].strip())
+    return texts
 
 
 def _parquet_texts(path: str, name: str) -> list[str]:
@@ -86,11 +92,13 @@ def _parquet_texts(path: str, name: str) -> list[str]:
 
     with _parquet(path, (name,)) as file:  # as a dictionary, so that repeated texts are in memory once
         column_type = _column_type(path, file, name)
-        if not (pa.types.is_string(column_type) or pa.types.is_large_string(column_type)):
+        has_texts = pa.types.is_string(column_type) or pa.types.is_large_string(column_type)
+        if not has_texts:
             raise InputError(f"{path}: column {name!r} is of {column_type}, not of texts")
         _try_first_row(file, [name])
         _refuse_large(path, file, [name])
-        column = file.read(columns=[name]).column(0).combine_chunks()
+        table = file.read(columns=[name])
+        column = table.column(0).combine_chunks()
         column = column.cast(pa.dictionary(pa.int32(), pa.string()))
         column.validate(full=True)  # a damaged file may have indices without a text
         texts = column.dictionary.to_pylist()
@@ -112,7 +120,8 @@ def column_names(path: str, delimiter: str = ",") -> list[str]:
 def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
     """Raise InputError for the first row that is wrong (n,); `fault` returns its message."""
     for k in np.flatnonzero(wrong)[:1]:
-        raise InputError(f"{path}:{places[k]}: {fault(int(k))}")
+        message = fault(int(k))
+        raise InputError(f"{path}:{places[k]}: {message}")
 
 
 def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
@@ -121,15 +130,18 @@ def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
     wrong = np.flatnonzero(interval <= 0.0)
     if wrong.size:
         k = wrong[0]
+        earlier = t[k]
+        later = t[k + 1]
         fault = "repeats" if interval[k] == 0.0 else "goes back from"
-        raise InputError(f"{path}:{places[k + 1]}: time {t[k + 1]:.9g} s {fault} {t[k]:.9g} s of the row before")
+        raise InputError(f"{path}:{places[k + 1]}: time {later:.9g} s {fault} {earlier:.9g} s of the row before")
     return interval
 
 
 def time_stamps(column: Floats, unit: str, path: str, places: list[str]) -> Floats:
     """Return a column of time (n,), restored to its grid if of single precision; InputError if such times repeat."""
     stamps = restored(column, unit)
-    repeated = (np.diff(column, prepend=-math.inf) == 0.0) & (stamps.apart > 0.0)
+    interval = np.diff(column, prepend=-math.inf)
+    repeated = (interval == 0.0) & (stamps.apart > 0.0)
 
     def fault(row: int) -> str:
         return f"time {column[row]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}"
@@ -158,7 +170,8 @@ def _parquet(path: str, texts: tuple[str, ...] = ()) -> "Iterator[pq.ParquetFile
         try:
             yield pq.ParquetFile(content, read_dictionary=list(texts))
         except (OSError, pa.ArrowException, LookupError, UnicodeError) as error:  # of damaged names and indices too
-            raise InputError(f"{path}: cannot be read as Parquet: {str(error).partition(chr(10))[0]}") from None
+            first_line, _, _ = str(error).partition("\n")
+            raise InputError(f"{path}: cannot be read as Parquet: {first_line}") from None
 
 
 def _parquet_numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
@@ -166,14 +179,16 @@ def _parquet_numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
 
     with _parquet(path) as file:
         for name in names:
-            _refuse_no_number(path, name, _column_type(path, file, name))
+            column_type = _column_type(path, file, name)
+            _refuse_no_number(path, name, column_type)
         _try_first_row(file, names)
         _refuse_large(path, file, names)
         table = file.read(columns=names)
         # unsafe cast: integers beyond 2**53, such as nanoseconds since 1970, are rounded as in a CSV file
         columns = [table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names]
     places = [f"row {number}" for number in range(1, table.num_rows + 1)]
-    return np.column_stack(columns).astype(float), places
+    numbers = np.column_stack(columns).astype(float)
+    return numbers, places
 
 
 def _column_type(path: str, file: "pq.ParquetFile", name: str) -> "pa.DataType":
@@ -209,8 +224,10 @@ def _try_first_row(file: "pq.ParquetFile", names: list[str]) -> None:
     column are accessed.
     """
     for group in range(file.num_row_groups):
-        if file.metadata.row_group(group).total_byte_size <= DATA_BYTES:
-            next(file.iter_batches(batch_size=1, row_groups=[group], columns=names), None)
+        size = file.metadata.row_group(group).total_byte_size
+        if size <= DATA_BYTES:
+            batches = file.iter_batches(batch_size=1, row_groups=[group], columns=names)
+            next(batches, None)
 
 
 def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
@@ -218,10 +235,15 @@ def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
     metadata = file.metadata
     if metadata.num_rows > DATA_ROWS:
         raise InputError(f"{path}: {metadata.num_rows} rows; at most {DATA_ROWS} are read")
-    columns = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.split(".")[0] in names]
+    columns = []
+    for k in range(metadata.num_columns):
+        column_name, _, _ = metadata.schema.column(k).path.partition(".")
+        if column_name in names:
+            columns.append(k)
     chunks = []
     for group in range(metadata.num_row_groups):
-        chunks += [metadata.row_group(group).column(k) for k in columns]
+        row_group = metadata.row_group(group)
+        chunks += [row_group.column(k) for k in columns]
     size = sum(chunk.total_uncompressed_size for chunk in chunks)
     if size > DATA_BYTES:
         raise InputError(f"{path}: {', '.join(names)}: unpacked {size} bytes; at most {DATA_BYTES} are read")
@@ -244,7 +266,8 @@ def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
     """Return the header of a text file; InputError if it has none, or is empty unless `empty` allows it."""
     comments: list[tuple[int, str]] = []
     lines: list[tuple[int, str]] = []
-    for number, line in enumerate(read_text(path, DATA_BYTES).splitlines(), start=1):
+    text_lines = read_text(path, DATA_BYTES).splitlines()
+    for number, line in enumerate(text_lines, start=1):
         if line.lstrip().startswith("#"):
             if not lines:
                 comments.append((number, line))
@@ -259,7 +282,8 @@ def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
     if not all(map(_is_number, titles)):
         return _Head(number, titles, lines[1:])
     for comment_number, comment in reversed(comments):
-        names = _titles(comment.lstrip().lstrip("#"), delimiter, f"{path}:{comment_number}")
+        content = comment.lstrip().lstrip("#")
+        names = _titles(content, delimiter, f"{path}:{comment_number}")
         if len(names) == len(titles) and not any(map(_is_number, names)):
             return _Head(comment_number, names, lines)
     raise InputError(f"{path}:{number}: has numbers where the names of the columns should be: add a line of names")
@@ -292,18 +316,22 @@ def _text_numbers(path: str, names: list[str], delimiter: str, blanks: tuple[str
             raise InputError(f"{where}: {len(fields)} fields, the header has {len(titles)}")
         row = []
         for k in columns:
-            is_blank = k in may_be_empty and not fields[k].strip()
-            row.append(math.nan if is_blank else _number(fields[k], titles[k], where))
+            field = fields[k]
+            is_blank = k in may_be_empty and not field.strip()
+            row.append(math.nan if is_blank else _number(field, titles[k], where))
         rows.append(row)
         if len(rows) > DATA_ROWS:
             raise InputError(f"{where}: more than {DATA_ROWS} rows")
         places.append(str(number))
-    return np.array(rows, dtype=float).reshape(len(rows), len(names)), places
+    numbers = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return numbers, places
 
 
 def _fields(line: str, delimiter: str, where: str) -> list[str]:
     """Return the fields of a line; InputError if a field is longer than any number or name."""
-    longest = max(map(len, line.split(delimiter))) if len(line) > FIELD_LENGTH else 0
+    longest = 0
+    if len(line) > FIELD_LENGTH:
+        longest = max(map(len, line.split(delimiter)))
     if longest > FIELD_LENGTH:
         raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
     try:
@@ -316,10 +344,12 @@ def _refuse_missing(where: str, names: list[str], titles: list[str]) -> None:
     for name in names:
         if name not in titles:
             near = difflib.get_close_matches(name, titles, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(titles[:20])}"
+            listed = ", ".join(titles[:20])
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {listed}"
             raise InputError(f"{where}: no column {quoted(name)} ({hint})")
-        if titles.count(name) > 1:
-            raise InputError(f"{where}: {titles.count(name)} columns have the name {name!r}; rename all but one")
+        count = titles.count(name)
+        if count > 1:
+            raise InputError(f"{where}: {count} columns have the name {name!r}; rename all but one")
 
 
 def _number(field: str, title: str, where: str) -> float:

@@ -34,7 +34,8 @@ class Source(NamedTuple):
 
 
 def _linear(*paths: str) -> tuple[Field, ...]:
-    return tuple((tuple(path.split(".")), 1) for path in paths)
+    fields = [tuple(path.split(".")) for path in paths]
+    return tuple((field, 1) for field in fields)
 
 
 _IMU = {
@@ -107,8 +108,10 @@ def fields_of(label: str) -> tuple[Field, ...]:
     """
     numbered = re.fullmatch(r"unit (\d+) (.+)", label)
     if numbered:
-        place = ("imu", "units", str(int(numbered[1]) - 1))
-        return tuple(((*place, *path[1:]), power) for path, power in fields_of(numbered[2]))
+        index = int(numbered[1]) - 1
+        place = ("imu", "units", str(index))
+        card_fields = fields_of(numbered[2])
+        return tuple(((*place, *path[1:]), power) for path, power in card_fields)
     for source in SOURCES.values():
         if source.label == label:
             return source.fields

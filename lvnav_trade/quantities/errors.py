@@ -24,7 +24,10 @@ def visible(text: str) -> str:
 
 def without_credentials(text: str) -> str:
     """Return the text with the user, password, query and fragment of every address in it replaced by asterisks."""
-    return _QUERY.sub(r"\1?***", _USER.sub("***@", text)) if "://" in text else text
+    if "://" not in text:
+        return text
+    without_user = _USER.sub("***@", text)
+    return _QUERY.sub(r"\1?***", without_user)
 
 
 def credentials(address: str) -> list[str]:
@@ -32,13 +35,13 @@ def credentials(address: str) -> list[str]:
 
     Other programs quote them in their messages, from which they are then removed.
     """
-    secrets = [
-        secret
-        for text in (*_USER.findall(address), *(word.partition("?")[2] for word in address.split()))
-        if text
-        for secret in (text.rstrip("@"), *re.split("[:&=]", text.rstrip("@")))
-    ]
-    return sorted({secret for secret in secrets if len(secret) > 3}, key=len, reverse=True)
+    users = [user.rstrip("@") for user in _USER.findall(address)]
+    queries = [word.partition("?")[2].rstrip("@") for word in address.split()]
+    secrets = set()
+    for text in (*users, *queries):
+        secrets.add(text)
+        secrets.update(re.split("[:&=]", text))
+    return sorted((secret for secret in secrets if len(secret) > 3), key=len, reverse=True)
 
 
 def printable(text: str) -> str:
@@ -79,12 +82,18 @@ class Mistake(NamedTuple):
 
     def cleaned(self) -> Mistake:
         """Return the error as it may be printed: bounded lines without control characters and passwords."""
-        message, path = (shortened(printable(without_credentials(text)), MESSAGE_LENGTH) for text in self[:2])
-        return self._replace(message=message, path=path, file=printable(without_credentials(self.file)))
+        texts = [printable(without_credentials(text)) for text in (self.message, self.path, self.file)]
+        message, path, file = texts
+        return self._replace(
+            message=shortened(message, MESSAGE_LENGTH),
+            path=shortened(path, MESSAGE_LENGTH),
+            file=file,
+        )
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return ": ".join(text for text in (where, self.path, self.message) if text)
+        parts = (where, self.path, self.message)
+        return ": ".join(text for text in parts if text)
 
 
 def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
@@ -115,7 +124,8 @@ class InputError(Exception):
         listed = list(records) or [Mistake(message)]
         surplus = len(listed) - MESSAGES
         if surplus > 1:
-            listed = [*listed[:MESSAGES], Mistake(f"and {surplus} more")]
+            remark = Mistake(f"and {surplus} more")
+            listed = [*listed[:MESSAGES], remark]
         self.records = tuple(record.cleaned() for record in listed)
         super().__init__("\n".join(str(record) for record in self.records))
 

@@ -40,7 +40,9 @@ def _parsed(text: str) -> ast.expr:
         raise ValueError("should be an expression such as 'a / b' or 'max(a, b) / min(a, b)'") from None
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
-        if fault := _fault(node, text.strip(), id(node) in called):
+        is_called = id(node) in called
+        fault = _fault(node, text.strip(), is_called)
+        if fault:
             raise ValueError(fault)
     return tree
 
@@ -54,11 +56,13 @@ def _fault(node: ast.AST, text: str, is_called: bool) -> str:
         name = node.func.id
         has_arguments = bool(node.args) and not node.keywords
         too_many = name in _SINGLE and len(node.args) != 1
-        return "" if has_arguments and not too_many else _call_fault(name)
+        is_allowed = has_arguments and not too_many
+        return "" if is_allowed else _call_fault(name)
     if isinstance(node, ast.Name) and node.id in _CALLED and not is_called:
         return _call_fault(node.id)
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        return _number_fault(ast.get_source_segment(text, node) or "")
+        written = ast.get_source_segment(text, node)
+        return _number_fault(written or "")
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return ""
     if isinstance(node, (ast.BinOp, ast.Name, ast.Load, ast.USub, *_BINARY)):
@@ -82,13 +86,16 @@ def _call_fault(name: str) -> str:
 
 def names(text: str) -> tuple[str, ...]:
     """Return the names of the terms of an expression in order; ValueError if the text is no expression."""
-    identifiers = [node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)]
-    return tuple(dict.fromkeys(name for name in identifiers if name not in _CALLED))
+    nodes = ast.walk(_parsed(text))
+    identifiers = [node.id for node in nodes if isinstance(node, ast.Name)]
+    terms = [name for name in identifiers if name not in _CALLED]
+    return tuple(dict.fromkeys(terms))
 
 
 def is_product(text: str) -> bool:
     """Whether an expression has neither sums nor differences, so that its logarithm is closer to linear."""
-    return not any(isinstance(node, ast.Add | ast.Sub) for node in ast.walk(_parsed(text)))
+    nodes = ast.walk(_parsed(text))
+    return not any(isinstance(node, ast.Add | ast.Sub) for node in nodes)
 
 
 def evaluate(text: str, values: Mapping[str, Any]) -> Any:
@@ -102,10 +109,13 @@ def evaluate(text: str, values: Mapping[str, Any]) -> Any:
         if isinstance(node, ast.UnaryOp):
             return -value(node.operand)
         if isinstance(node, ast.BinOp):
-            return _BINARY[type(node.op)](value(node.left), value(node.right))
+            operation = _BINARY[type(node.op)]
+            return operation(value(node.left), value(node.right))
         assert isinstance(node, ast.Call)
         assert isinstance(node.func, ast.Name)
-        return _CALLED[node.func.id](*map(value, node.args))
+        function = _CALLED[node.func.id]
+        arguments = map(value, node.args)
+        return function(*arguments)
 
     with np.errstate(divide="ignore", invalid="ignore"):
         return value(_parsed(text))

@@ -50,7 +50,8 @@ def reporting_axes(
         return rotation_i_e(theta)
     if frame == "pad":
         r_e = ecef_from_eci(r_i, theta)
-        return rotation_e_pad(r_e, r_e[0] if pad_e is None else pad_e) @ rotation_i_e(theta)
+        C_e_pad = rotation_e_pad(r_e, r_e[0] if pad_e is None else pad_e)
+        return C_e_pad @ rotation_i_e(theta)
     return rotation_i_n(r_i, theta)
 
 
@@ -69,12 +70,16 @@ def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
     """
     latitude, longitude, _ = geodetic_from_ecef(pad_e)
     _, east, down = rotation_e_n(latitude, longitude)
+    up = -down
     from_pad = r_e - pad_e
-    level = from_pad - (from_pad @ down)[:, None] * down
+    depth = from_pad @ down
+    level = from_pad - depth[:, None] * down
     is_away = np.linalg.norm(level, axis=1) > _ABOVE
     has_left = np.linalg.norm(from_pad, axis=1) > _ABOVE
-    outward = unit(np.where(has_left[:, None], from_pad, -down))
-    azimuth = unit(np.where(is_away[:, None], np.cross(level, -down), east))
+    line = np.where(has_left[:, None], from_pad, up)
+    across = np.where(is_away[:, None], np.cross(level, up), east)
+    outward = unit(line)
+    azimuth = unit(across)
     # make the direction to the vehicle exactly perpendicular to the azimuth axis
     along_azimuth = np.sum(outward * azimuth, axis=1)
     outward = unit(outward - along_azimuth[:, None] * azimuth)
@@ -110,10 +115,12 @@ def gmst(iso: str) -> float:
     instant = instant.replace(tzinfo=UTC) if instant.tzinfo is None else instant.astimezone(UTC)
     since_j2000 = instant - datetime(2000, 1, 1, 12, tzinfo=UTC)
     seconds = since_j2000.seconds + since_j2000.microseconds * 1e-6  # since noon; separate from the days for precision
-    century = (since_j2000.days + seconds / 86400.0) / 36525.0
+    days = since_j2000.days + seconds / 86400.0
+    century = days / 36525.0
     # sidereal time exceeds the time since noon by this polynomial, in seconds of time (Aoki et al. 1982)
     excess = 67310.54841 + 8640184.812866 * century + 0.093104 * century**2 - 6.2e-6 * century**3
-    turns = math.fmod((excess + seconds) / 86400.0, 1.0) % 1.0
+    sidereal_days = (excess + seconds) / 86400.0
+    turns = math.fmod(sidereal_days, 1.0) % 1.0
     return turns * 2.0 * math.pi
 
 
@@ -141,12 +148,14 @@ def ecef_from_eci(r_i: ArrayLike, theta: ArrayLike) -> Floats:
 
     Only the axes change. For a velocity relative to the Earth see `earth_velocity`.
     """
-    return np.asarray(np.einsum("...jk,...k->...j", rotation_i_e(theta), np.asarray(r_i, dtype=float)))
+    C_i_e = rotation_i_e(theta)
+    return np.asarray(np.einsum("...jk,...k->...j", C_i_e, np.asarray(r_i, dtype=float)))
 
 
 def eci_from_ecef(r_e: ArrayLike, theta: ArrayLike) -> Floats:
     """Return vectors r_e (..., 3) in inertial components, at Earth angles theta (...,) rad."""
-    return np.asarray(np.einsum("...kj,...k->...j", rotation_i_e(theta), np.asarray(r_e, dtype=float)))
+    C_i_e = rotation_i_e(theta)
+    return np.asarray(np.einsum("...kj,...k->...j", C_i_e, np.asarray(r_e, dtype=float)))
 
 
 def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
@@ -167,10 +176,13 @@ def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
 def ecef_from_geodetic(latitude: ArrayLike, longitude: ArrayLike, height: ArrayLike) -> Floats:
     """Return positions (..., 3) in m, frame e, of geodetic latitude, longitude (rad) and ellipsoidal height (m)."""
     lat, lon, h = (np.asarray(value, dtype=float) for value in (latitude, longitude, height))
-    normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)  # radius of the prime vertical
-    flat = (normal + h) * np.cos(lat)
-    z = ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat)
-    return np.stack([flat * np.cos(lon), flat * np.sin(lon), z], axis=-1)
+    sin_lat = np.sin(lat)
+    normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * sin_lat**2)  # radius of the prime vertical
+    axis_distance = (normal + h) * np.cos(lat)
+    x = axis_distance * np.cos(lon)
+    y = axis_distance * np.sin(lon)
+    z = ((1.0 - ECCENTRICITY_2) * normal + h) * sin_lat
+    return np.stack([x, y, z], axis=-1)
 
 
 def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -181,18 +193,23 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """
     # contiguous: for strided columns the last bit of arctan2 depends on their place in memory (numpy 2.0)
     r_e = np.asarray(r_e, dtype=float)
-    x, y, z = np.ascontiguousarray(r_e if r_e.ndim == 1 else np.moveaxis(r_e, -1, 0))
+    components = r_e if r_e.ndim == 1 else np.moveaxis(r_e, -1, 0)
+    x, y, z = np.ascontiguousarray(components)
     p = np.hypot(x, y)
     reduced = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
     lat = reduced
     for _ in range(4):  # each iteration gains four digits or more, the fourth only confirms
         # tan lat = (z + e'^2 b sin^3 reduced) / (p - e^2 a cos^3 reduced)
-        polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * np.sin(reduced) ** 3
-        level = p - ECCENTRICITY_2 * SEMI_MAJOR * np.cos(reduced) ** 3
+        sin_reduced = np.sin(reduced)
+        cos_reduced = np.cos(reduced)
+        polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * sin_reduced**3
+        level = p - ECCENTRICITY_2 * SEMI_MAJOR * cos_reduced**3
         lat = np.arctan2(polar, level)
         reduced = np.arctan2((1.0 - FLATTENING) * np.sin(lat), np.cos(lat))
-    surface = SEMI_MAJOR * np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
-    height = p * np.cos(lat) + z * np.sin(lat) - surface
+    sin_lat = np.sin(lat)
+    cos_lat = np.cos(lat)
+    surface = SEMI_MAJOR * np.sqrt(1.0 - ECCENTRICITY_2 * sin_lat**2)
+    height = p * cos_lat + z * sin_lat - surface
     lon = np.arctan2(y, x)
     return np.asarray(lat), np.asarray(lon), np.asarray(height)
 
@@ -217,8 +234,10 @@ def rotation_i_n(r_i: ArrayLike, theta: ArrayLike) -> Floats:
     theta : (...,) rad. Earth angle.
     """
     theta = np.asarray(theta, dtype=float)
-    lat, lon, _ = geodetic_from_ecef(ecef_from_eci(r_i, theta))
-    return np.asarray(rotation_e_n(lat, lon) @ rotation_i_e(theta))
+    r_e = ecef_from_eci(r_i, theta)
+    lat, lon, _ = geodetic_from_ecef(r_e)
+    C_e_n = rotation_e_n(lat, lon)
+    return np.asarray(C_e_n @ rotation_i_e(theta))
 
 
 def rotation_i_o(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
@@ -246,22 +265,29 @@ def elements_from_state(r_i: ArrayLike, v_i: ArrayLike) -> Elements:
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i, axis=-1)
     h_i = np.cross(r_i, v_i)  # angular momentum
+    h = np.linalg.norm(h_i, axis=-1)
     e_i = np.cross(v_i, h_i) / GM - r_i / r[..., None]  # eccentricity vector, towards the perigee
     e = np.linalg.norm(e_i, axis=-1)
     h_level = np.hypot(h_i[..., 0], h_i[..., 1])
-    is_equatorial = h_level < 1e-12 * np.linalg.norm(h_i, axis=-1)
-    node = np.where(is_equatorial, 0.0, np.arctan2(h_i[..., 0], -h_i[..., 1]))
+    is_equatorial = h_level < 1e-12 * h
+    node_angle = np.arctan2(h_i[..., 0], -h_i[..., 1])
+    node = np.where(is_equatorial, 0.0, node_angle)
     to_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
     across = np.cross(unit(h_i), to_node)
-    perigee = np.where(e < 1e-12, 0.0, _angle(e_i, to_node, across))
+    is_circular = e < 1e-12
+    perigee = np.where(is_circular, 0.0, _angle(e_i, to_node, across))
+    argument_of_latitude = _angle(r_i, to_node, across)
     # vis-viva: 1/a = 2/r - v^2 / GM
+    speed_square = np.sum(v_i * v_i, axis=-1)
+    inverse_axis = 2.0 / r - speed_square / GM
+    turn = 2.0 * np.pi
     return Elements(
-        semi_major_axis=1.0 / (2.0 / r - np.sum(v_i * v_i, axis=-1) / GM),
+        semi_major_axis=1.0 / inverse_axis,
         eccentricity=e,
         inclination=np.arctan2(h_level, h_i[..., 2]),
-        node=np.mod(node, 2.0 * np.pi),
-        perigee_argument=np.mod(perigee, 2.0 * np.pi),
-        true_anomaly=np.mod(_angle(r_i, to_node, across) - perigee, 2.0 * np.pi),
+        node=np.mod(node, turn),
+        perigee_argument=np.mod(perigee, turn),
+        true_anomaly=np.mod(argument_of_latitude - perigee, turn),
     )
 
 
@@ -273,14 +299,16 @@ def state_from_elements(elements: Elements) -> tuple[Floats, Floats]:
     r = p / (1.0 + e * np.cos(anomaly))
     cn, sn = np.cos(node), np.sin(node)
     ci, si = np.cos(inclination), np.sin(inclination)
+    cu, su = np.cos(u), np.sin(u)
+    # axes of the orbital plane: to the ascending node, and a quarter of a turn further
     to_node = np.stack(np.broadcast_arrays(cn, sn, np.zeros_like(cn)), axis=-1)
     across = np.stack([-sn * ci, cn * ci, si * np.ones_like(cn)], axis=-1)
-    r_node = r * np.cos(u)
-    r_across = r * np.sin(u)
+    r_node = r * cu
+    r_across = r * su
     r_i = r_node[..., None] * to_node + r_across[..., None] * across
     speed = np.sqrt(GM / p)
-    v_node = -speed * (np.sin(u) + e * np.sin(perigee))
-    v_across = speed * (np.cos(u) + e * np.cos(perigee))
+    v_node = -speed * (su + e * np.sin(perigee))
+    v_across = speed * (cu + e * np.cos(perigee))
     v_i = v_node[..., None] * to_node + v_across[..., None] * across
     return np.asarray(r_i), np.asarray(v_i)
 
@@ -300,7 +328,8 @@ def quaternions(C: Floats, continuous: bool = True) -> Floats:
     """
     trace = np.trace(C, axis1=1, axis2=2)
     ww = 1.0 + trace
-    xx, yy, zz = (1.0 + 2.0 * np.diagonal(C, axis1=1, axis2=2) - trace[:, None]).T
+    diagonal = np.diagonal(C, axis1=1, axis2=2)
+    xx, yy, zz = (1.0 + 2.0 * diagonal - trace[:, None]).T
     wx = C[:, 2, 1] - C[:, 1, 2]
     wy = C[:, 0, 2] - C[:, 2, 0]
     wz = C[:, 1, 0] - C[:, 0, 1]
@@ -316,10 +345,13 @@ def quaternions(C: Floats, continuous: bool = True) -> Floats:
         ]
     )
     largest = np.argmax([ww, xx, yy, zz], axis=0)
-    q = unit(products[largest, :, np.arange(len(largest))])
+    epochs = np.arange(len(largest))
+    q = unit(products[largest, :, epochs])
     if continuous:
         is_opposite = np.sum(q[1:] * q[:-1], axis=1) < 0.0
-        q[1:] *= np.cumprod(np.where(is_opposite, -1.0, 1.0))[:, None]
+        sign_changes = np.where(is_opposite, -1.0, 1.0)
+        signs = np.cumprod(sign_changes)
+        q[1:] *= signs[:, None]
     return q
 
 
@@ -353,7 +385,9 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 def _angle(v: Floats, x: Floats, y: Floats) -> Floats:
     """Return the angle of v in the plane of the unit vectors x and y, from x towards y."""
-    return np.asarray(np.arctan2(np.sum(v * y, axis=-1), np.sum(v * x, axis=-1)))
+    along_x = np.sum(v * x, axis=-1)
+    along_y = np.sum(v * y, axis=-1)
+    return np.asarray(np.arctan2(along_y, along_x))
 
 
 def _matrix(rows: list[list[Floats]]) -> Floats:

@@ -98,7 +98,8 @@ def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
 
     InputError as in `read_text`.
     """
-    for number, line in enumerate(read_text(path, most).splitlines(), start=1):
+    lines = read_text(path, most).splitlines()
+    for number, line in enumerate(lines, start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield number, line
 

@@ -42,7 +42,9 @@ def antenna(out: Any, nav: Any, rate: Any, lever: Any, sign: float) -> None:
         Derivative of the body rate by the state that carries its error: 1 for a rate state, -1 for a gyro bias.
     """
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    lx, ly, lz = lever[0], lever[1], lever[2]
+    lx = lever[0]
+    ly = lever[1]
+    lz = lever[2]
     sx, sy, sz = cross(rate[0], rate[1], rate[2], lx, ly, lz)
     arm = rotate(c, lx, ly, lz)
     swing = rotate(c, sx, sy, sz)
@@ -53,9 +55,15 @@ def antenna(out: Any, nav: Any, rate: Any, lever: Any, sign: float) -> None:
         out[9 + i] = swing[i]
         # d(C (w x l))/dw = -C [l x]
         row = 3 * i
-        out[12 + row] = sign * (c[row + 2] * ly - c[row + 1] * lz)
-        out[13 + row] = sign * (c[row] * lz - c[row + 2] * lx)
-        out[14 + row] = sign * (c[row + 1] * lx - c[row] * ly)
+        cx = c[row]
+        cy = c[row + 1]
+        cz = c[row + 2]
+        by_rate_x = cz * ly - cy * lz
+        by_rate_y = cx * lz - cz * lx
+        by_rate_z = cy * lx - cx * ly
+        out[12 + row] = sign * by_rate_x
+        out[13 + row] = sign * by_rate_y
+        out[14 + row] = sign * by_rate_z
 
 
 @jit
@@ -70,7 +78,10 @@ def line_of_sight(satellite: Any, at: Any) -> Any:
     dz = satellite[2] - at[2]
     distance = sqrt(dx * dx + dy * dy + dz * dz)
     scale = 1.0 / distance
-    return dx * scale, dy * scale, dz * scale, distance
+    ux = dx * scale
+    uy = dy * scale
+    uz = dz * scale
+    return ux, uy, uz, distance
 
 
 class Sight(NamedTuple):
@@ -94,15 +105,19 @@ class Sight(NamedTuple):
         """Time derivative of the unit vector, (..., 3) rad/s, which is also the derivative of the range rate by the
         line: u' = (line' - rate u) / range.
         """
-        return np.asarray((self.moving - self.rate[..., None] * self.direction) / self.distance[..., None])
+        along = self.rate[..., None] * self.direction
+        across = self.moving - along
+        return np.asarray(across / self.distance[..., None])
 
     def acceleration(self, relative: Floats) -> Floats:
         """Return the second derivative of the range, (...,) m/s^2.
 
         relative : (..., 3) m/s^2. Second derivative of the line.
         """
-        across = np.sum(self.moving**2, axis=-1) - self.rate**2  # square of the velocity across the line
-        return np.asarray(across / self.distance + _along(self.direction, relative))
+        speed_square = np.sum(self.moving**2, axis=-1)
+        across = speed_square - self.rate**2  # square of the velocity across the line
+        along = _along(self.direction, relative)
+        return np.asarray(across / self.distance + along)
 
 
 def _along(direction: Floats, vector: Floats) -> Floats:
@@ -130,7 +145,8 @@ def falling(r_i: Floats, gm: float) -> Floats:
 
     gm : m^3/s^2. Gravitational constant of the Earth.
     """
-    return np.asarray(-gm * r_i / np.linalg.norm(r_i, axis=-1, keepdims=True) ** 3)
+    distance = np.linalg.norm(r_i, axis=-1, keepdims=True)
+    return np.asarray(-gm * r_i / distance**3)
 
 
 def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
@@ -174,7 +190,9 @@ def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
     towards = np.einsum("esi,eij->esj", seen.direction, C_b_i)  # u in body axes
     swinging = np.cross(towards, w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
     turning = np.einsum("esi,eij->esj", seen.turning, C_b_i)
-    return np.stack([-towards, -swinging - turning], axis=2)
+    by_range = -towards
+    by_range_rate = -swinging - turning
+    return np.stack([by_range, by_range_rate], axis=2)
 
 
 def ranging_rows(direction: Floats) -> Floats:
@@ -182,7 +200,8 @@ def ranging_rows(direction: Floats) -> Floats:
 
     direction : (n_sat, 3). Unit vectors u from antenna to satellite.
     """
-    return np.column_stack([-direction, np.ones(len(direction))])
+    by_clock = np.ones(len(direction))
+    return np.column_stack([-direction, by_clock])
 
 
 def pdop(direction: Floats, tracked: Bools) -> Floats:
@@ -198,11 +217,14 @@ def pdop(direction: Floats, tracked: Bools) -> Floats:
         Satellites in the solution.
     """
     dilution = np.full(len(tracked), np.inf)
-    for epoch in np.flatnonzero(tracked.sum(axis=1) >= 4):
-        rows = ranging_rows(direction[epoch, tracked[epoch]])
+    n_tracked = tracked.sum(axis=1)
+    for epoch in np.flatnonzero(n_tracked >= 4):
+        tracked_direction = direction[epoch, tracked[epoch]]
+        rows = ranging_rows(tracked_direction)
         normal = rows.T @ rows
         if np.linalg.cond(normal) < _ONE_CONE:
-            dilution[epoch] = math.sqrt(np.trace(np.linalg.inv(normal)[:3, :3]))
+            position_part = np.linalg.inv(normal)[:3, :3]
+            dilution[epoch] = math.sqrt(np.trace(position_part))
     return dilution
 
 
@@ -223,8 +245,10 @@ def range_rate(direction: Floats, v_sat: Floats, v_antenna: Floats) -> Floats:
     From the derivative of the light-time equation: the satellite moves for dt_tx/dt_rx = 1 - rate/c, hence
     rate = (u . v_sat - u . v_antenna) / (1 + u . v_sat / c).
     """
-    towards = _along(direction, v_sat)
-    return np.asarray((towards - _along(direction, v_antenna)) / (1.0 + towards / SPEED_OF_LIGHT))
+    satellite_rate = _along(direction, v_sat)
+    antenna_rate = _along(direction, v_antenna)
+    difference = satellite_rate - antenna_rate
+    return np.asarray(difference / (1.0 + satellite_rate / SPEED_OF_LIGHT))
 
 
 def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) -> tuple[Floats, Floats]:
@@ -244,9 +268,11 @@ def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) 
         Unit vectors from antenna to satellites.
     """
     theta = earth_angle(theta0, t)
-    latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(antenna_r, theta))
+    antenna_e = ecef_from_eci(antenna_r, theta)
+    latitude, longitude, _ = geodetic_from_ecef(antenna_e)
+    C_e_n = rotation_e_n(latitude, longitude)
     direction_e = ecef_from_eci(direction, theta[:, None])
-    direction_n = np.einsum("nij,nsj->nsi", rotation_e_n(latitude, longitude), direction_e)
+    direction_n = np.einsum("nij,nsj->nsi", C_e_n, direction_e)
     north, east, down = np.moveaxis(direction_n, -1, 0)
     azimuth = np.mod(np.arctan2(east, north), 2.0 * np.pi)
     elevation = np.arcsin(np.clip(-down, -1.0, 1.0))
@@ -259,8 +285,9 @@ def off_nadir(r_sat: Floats, direction: Floats) -> Floats:
     r_sat : (..., 3) m. Satellite position from the Earth's centre.
     direction : (..., 3). Unit vector from antenna to satellite, same axes.
     """
-    along = np.sum(r_sat * direction, axis=-1) / np.linalg.norm(r_sat, axis=-1)
-    return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+    distance = np.linalg.norm(r_sat, axis=-1)
+    cosine = np.sum(r_sat * direction, axis=-1) / distance
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
@@ -280,8 +307,11 @@ def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
     start = antenna_r * stretch
     ray = satellite_r * stretch - start
     # the point start + along ray is closest to the centre where start . ray + along ray . ray = 0
-    along = -np.sum(start * ray, axis=-1) / np.sum(ray * ray, axis=-1)
+    ray_square = np.sum(ray * ray, axis=-1)
+    along = -np.sum(start * ray, axis=-1) / ray_square
     lowest = start + along[..., None] * ray
+    lowest_square = np.sum(lowest * lowest, axis=-1)
+    least_radius = SEMI_MAJOR + grazing
     is_between = (along > 0.0) & (along < 1.0)
-    is_low = np.sum(lowest * lowest, axis=-1) < (SEMI_MAJOR + grazing) ** 2
+    is_low = lowest_square < least_radius**2
     return np.asarray(is_between & is_low)

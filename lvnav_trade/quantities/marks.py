@@ -59,9 +59,10 @@ def misnamed(card: BaseModel) -> Iterator[str]:
     """Yield the input errors of a card's marks: a path that is no field of the card, a field with both marks."""
     assumed = {path for path, _ in getattr(card, MARKS[0])}
     second_hand = {path for path, _ in getattr(card, MARKS[1])}
+    marked_twice = assumed & second_hand
     for mark in MARKS:
         for path, _ in getattr(card, mark):
-            if path in assumed & second_hand:
+            if path in marked_twice:
                 yield f"{mark}.{path}: marked as assumed and as second hand; leave one"
             elif fault := _path_fault(card, path):
                 yield f"{mark}.{path}: {fault}"
@@ -106,8 +107,9 @@ def _below(value: Any, step: str) -> list[Any]:
         return [getattr(value, names[step])] if step in names else []
     if isinstance(value, tuple | list):
         if step.isdigit():
-            return [value[int(step)]] if int(step) < len(value) else []
-        return [below for item in value for below in _below(item, step)]
+            index = int(step)
+            return [value[index]] if index < len(value) else []
+        return _all_below(list(value), step)
     return [value[step]] if isinstance(value, Mapping) and step in value else []
 
 
@@ -141,7 +143,8 @@ def _marked_value(data: Any, field: str) -> Any:
     values: list[Any] = [data]
     for step in field.split("."):
         values = _all_below(values, step)
-    distinct = list({str(value): value for value in values}.values())
+    by_text = {str(value): value for value in values}
+    distinct = list(by_text.values())
     return distinct[0] if len(distinct) == 1 else distinct
 
 
@@ -164,15 +167,21 @@ def unmarked(data: Any, steps: Sequence[str]) -> Any:
     settings = dict(data)
     for mark in MARKS:
         if _is_marks(data, mark):
-            reasons = data[mark].items()
-            settings[mark] = {path: text for path, text in reasons if path.split(".")[: len(steps)] != [*steps]}
+            reasons = {}
+            for path, text in data[mark].items():
+                leading_steps = path.split(".")[: len(steps)]
+                if leading_steps != [*steps]:
+                    reasons[path] = text
+            settings[mark] = reasons
     return settings
 
 
 def _is_marks(data: Mapping[str, Any], key: str) -> bool:
     """Return whether a key is a card's field of marks rather than a name that the user chose."""
     value = data.get(key)
-    return key in MARKS and isinstance(value, Mapping) and all(isinstance(text, str) for text in value.values())
+    if key not in MARKS or not isinstance(value, Mapping):
+        return False
+    return all(isinstance(text, str) for text in value.values())
 
 
 ASSUMED = Field((), description="fields whose numbers have no source; they are listed in the report")

@@ -56,7 +56,8 @@ def rms(value: PerAxis) -> float:
     """Return the root mean square over the axes."""
     if not isinstance(value, tuple):
         return value
-    return math.sqrt(sum(number * number for number in value) / 3.0)
+    mean_square = sum(number * number for number in value) / 3.0
+    return math.sqrt(mean_square)
 
 
 def each_axis(function: Callable[..., float], *values: PerAxis) -> PerAxis:
@@ -66,13 +67,16 @@ def each_axis(function: Callable[..., float], *values: PerAxis) -> PerAxis:
     """
     if not any(isinstance(value, tuple) for value in values):
         return function(*values)
-    x, y, z = (function(*arguments) for arguments in zip(*(axes(value) for value in values), strict=True))
+    by_value = [axes(value) for value in values]
+    arguments_by_axis = zip(*by_value, strict=True)
+    x, y, z = (function(*arguments) for arguments in arguments_by_axis)
     return x, y, z
 
 
 def squares(value: PerAxis) -> tuple[float, float, float]:
     """Return the squares of the values of x, y and z."""
-    return axes(each_axis(lambda number: number**2, value))
+    square = each_axis(lambda number: number**2, value)
+    return axes(square)
 
 
 # One-sigma values of a triad, equal on all axes or by axis.

@@ -39,7 +39,8 @@ class FieldReads:
             values: dict[str, Any] = {}
             for name, item in value.__dict__.items():
                 if name != _NOTES:
-                    values[name] = self._copy(item, f"{prefix}{_key(value, name)}.")
+                    key = _key(value, name)
+                    values[name] = self._copy(item, f"{prefix}{key}.")
             values[_NOTES] = _Notes(self.paths, prefix)
             return _recording_copy(value, values)
         if isinstance(value, Mapping):
@@ -197,12 +198,9 @@ def _cached_result(key: tuple[Hashable, ...], card: Card, paths: set[str], resul
     above: set[str] = set()
     for path in paths:
         above.update(_paths_above(path))
-    return _CachedResult(
-        key=key,
-        values={path: _value_at(card, path) for path in paths - above},
-        structures={path: _structure(_value_at(card, path)) for path in above},
-        result=result,
-    )
+    values = {path: _value_at(card, path) for path in paths - above}
+    structures = {path: _structure(_value_at(card, path)) for path in above}
+    return _CachedResult(key, values, structures, result)
 
 
 def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:

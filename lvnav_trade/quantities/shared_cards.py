@@ -104,13 +104,15 @@ def noise_factor(tables: Sequence[NoiseFactor], measurement: str, at: Dynamics) 
         for name in QUANTITIES:
             points = getattr(table, name)
             if points:
-                factor = factor * np.interp(getattr(at, name), points, table.factor)
+                values = getattr(at, name)
+                factor = factor * np.interp(values, points, table.factor)
     return factor
 
 
 def idle_tables(tables: Sequence[NoiseFactor], measured: Collection[str]) -> list[int]:
     """Return the indices of the tables whose measurements the filter does not use."""
-    return [number for number, table in enumerate(tables) if not set(table.of) & set(measured)]
+    processed = set(measured)
+    return [number for number, table in enumerate(tables) if not set(table.of) & processed]
 
 
 class EnvelopeCard(units.Card):
@@ -145,7 +147,8 @@ class EnvelopeCard(units.Card):
 def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
     """Return whether each time t (n,) s lies within the window around a change of phase, `changes` (k,) s, rising."""
     begin = np.searchsorted(changes, t - card.after_change, side="left")
-    return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
+    end = np.searchsorted(changes, t + card.before_change, side="right")
+    return np.asarray(end > begin)
 
 
 def steady_ratio(driving: float, noise: float) -> float:
@@ -157,7 +160,8 @@ def steady_ratio(driving: float, noise: float) -> float:
     noise : Variance of a measurement.
     """
     x = driving / noise
-    return 0.5 * (math.sqrt(x * x + 4.0 * x) - x)
+    root = math.sqrt(x * x + 4.0 * x)
+    return 0.5 * (root - x)
 
 
 class Resources(units.Card):

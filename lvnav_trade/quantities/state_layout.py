@@ -76,7 +76,8 @@ class ErrorTerm(NamedTuple):
     @property
     def varies(self) -> bool:
         """Whether the error is not zero on every axis."""
-        return max(*axes(self.sigma), *axes(self.walk)) > 0.0
+        sizes = (*axes(self.sigma), *axes(self.walk))
+        return max(sizes) > 0.0
 
 
 # Every kind of extra state, shared by several measurements: SI unit, display unit, factor to the display unit.
@@ -193,7 +194,8 @@ class StateLayout(NamedTuple):
     @property
     def reported(self) -> tuple[int, ...]:
         """Indices of the states whose errors are reported."""
-        hidden = range(self.delayed, self.delayed + self.n_delayed)
+        end = self.delayed + self.n_delayed
+        hidden = range(self.delayed, end)
         return tuple(i for i in range(self.n_state) if i not in hidden)
 
     @property
@@ -215,7 +217,8 @@ def state_names(layout: StateLayout) -> tuple[str, ...]:
     Navigation states are resolved in frame i, IMU parameters in body axes.
     """
     names = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
-    for output in state_outputs(layout, "inertial")[len(names) :]:
+    further_states = state_outputs(layout, "inertial")[len(names) :]
+    for output in further_states:
         names.append(f"{output.quantity} {output.axis}")
     for clone, state in enumerate(layout.cloned, start=layout.clone):
         names[clone] = f"delayed_{names[state]}"
@@ -254,23 +257,27 @@ def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
         _, drivers, unit, label_unit, factor = PARAMETERS[block.name]
         suffix = "" if len(drivers) == 1 else str(block.part + 1)
         for i, axis in enumerate("xyz"):
-            table[block.offset + i] = Output(block.name, axis + suffix, unit, label_unit, factor)
+            state = block.offset + i
+            table[state] = Output(block.name, axis + suffix, unit, label_unit, factor)
     if layout.clock >= 0:
         table[layout.clock] = Output("clock_bias", "time", "m", "m", 1.0)
         table[layout.clock + 1] = Output("clock_drift", "rate", "m/s", "m/s", 1.0)
     for extra in layout.extras:
         for i, label in enumerate(extra.labels):
-            table[extra.offset + i] = Output(extra.name, label or "all", *extra.unit)
+            state = extra.offset + i
+            table[state] = Output(extra.name, label or "all", *extra.unit)
     if layout.motion >= 0:
-        table.update(enumerate(_motion_outputs(""), start=layout.motion))
+        motion = enumerate(_motion_outputs(""), start=layout.motion)
+        table.update(motion)
     for clone, state in enumerate(layout.cloned, start=layout.clone):
         table[clone] = table[state]
     return [table[i] for i in range(layout.n_state)]
 
 
 def _trajectory_outputs(prefix: str, frame: str) -> list[Output]:
-    velocity = [Output(f"{prefix}velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
-    position = [Output(f"{prefix}position", axis, "m", "m", 1.0) for axis in AXES[frame]]
+    axis_names = AXES[frame]
+    velocity = [Output(f"{prefix}velocity", axis, "m/s", "m/s", 1.0) for axis in axis_names]
+    position = [Output(f"{prefix}position", axis, "m", "m", 1.0) for axis in axis_names]
     return velocity + position
 
 
@@ -298,13 +305,15 @@ BACKUP = "backup_"
 def backup_outputs(frame: str) -> tuple[Output, ...]:
     """Return the outputs of the backup strapdown, which the filter never corrects; they follow all other outputs."""
     attitude = [Output(f"{BACKUP}attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
-    return (*attitude, *_trajectory_outputs(BACKUP, frame))
+    trajectory = _trajectory_outputs(BACKUP, frame)
+    return (*attitude, *trajectory)
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:
     """Return the outputs of the receiver solution; they follow those of the filter states."""
+    trajectory = _trajectory_outputs("solution_", frame)
     return (
-        *_trajectory_outputs("solution_", frame),
+        *trajectory,
         Output("receiver_clock_bias", "time", "m", "m", 1.0),
         Output("receiver_clock_drift", "rate", "m/s", "m/s", 1.0),
     )

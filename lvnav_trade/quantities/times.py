@@ -67,7 +67,8 @@ def utc_after(epoch: str, seconds: float) -> str:
     start = utc_time(epoch)
     if start == UNIX_ORIGIN:
         return (start + timedelta(seconds=seconds)).isoformat()
-    counted = (start - GPS_ORIGIN).total_seconds() + leap_seconds(start) + seconds
+    elapsed = (start - GPS_ORIGIN).total_seconds()
+    counted = elapsed + leap_seconds(start) + seconds
     return utc_of(counted).isoformat()
 
 
@@ -91,7 +92,8 @@ def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_RO
     if week >= rollover:
         return time
     era = rollover * SECONDS_PER_WEEK
-    return time + era * max(0, round((near - time) / era))
+    n_era = round((near - time) / era)
+    return time + era * max(0, n_era)
 
 
 def resolve_beidou_week(week: int, seconds: float, near: float) -> float:
@@ -145,7 +147,8 @@ def restored(column: Floats, unit: str) -> RestoredTimes:
     remark = f"time stamps of single precision, up to {apart:.2g} {unit} apart"
     grid = _grid(column, near, apart)
     if grid is None:
-        ticks = column / (_CLEAR * apart)
+        least_width = _CLEAR * apart
+        ticks = column / least_width
         if np.all(ticks == np.rint(ticks)):  # a clock of binary ticks
             return as_is
         return RestoredTimes(column, f"{remark}, fit no grid: the noise of the rows includes their rounding", apart)
@@ -189,11 +192,13 @@ def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
     usual = float(np.median(intervals))
     if usual < _CLEAR * apart:
         return None
-    count = np.concatenate([[0.0], np.cumsum(np.rint(intervals / usual))])
+    steps = np.rint(intervals / usual)
+    count = np.concatenate([[0.0], np.cumsum(steps)])
     if count[-1] < 1.0:
         return None
-    slope, base = np.polyfit(count, column - column[0], 1)
-    grid = column[0] + base + slope * count
+    start = column[0]
+    slope, base = np.polyfit(count, column - start, 1)
+    grid = start + base + slope * count
     return grid if np.all(np.abs(grid - column) <= near) else None
 
 

@@ -216,7 +216,8 @@ class UnknownUnitError(ValueError):
 
     def __init__(self, part: str, remedy: str = "") -> None:
         super().__init__(part)
-        self.part, self.remedy = part, remedy
+        self.part = part
+        self.remedy = remedy
 
 
 class Product(NamedTuple):
@@ -253,10 +254,15 @@ def product(text: str) -> Product:
             else:
                 below[number] = below.get(number, 0.0) - total
         for base, power in unit.dimension.items():
-            dimension[base] = dimension.get(base, 0.0) + power * exponent
-    alone = len(factors) == 1 and factors[0][1] == 1.0
+            total = power * exponent
+            dimension[base] = dimension.get(base, 0.0) + total
     remaining = {base: power for base, power in dimension.items() if power != 0.0}
-    return Product(above, below, remaining, factors[0][0].offset if alone else 0.0)
+    offset = 0.0
+    if len(factors) == 1:
+        unit, exponent = factors[0]
+        if exponent == 1.0:
+            offset = unit.offset
+    return Product(above, below, remaining, offset)
 
 
 def conversion(source: Product, target: Product) -> float:
@@ -264,7 +270,8 @@ def conversion(source: Product, target: Product) -> float:
 
     Numbers in numerator and denominator cancel before the multiplication, so that the factor is exact where possible.
     """
-    above, below = dict(source.above), dict(source.below)
+    above = dict(source.above)
+    below = dict(source.below)
     for number, power in target.above.items():
         below[number] = below.get(number, 0.0) + power
     for number, power in target.below.items():
@@ -285,7 +292,10 @@ class _UnitParser:
     """Parser of the factors of `spelled`, the normalised form of `text` as the user wrote it."""
 
     def __init__(self, text: str, spelled: str) -> None:
-        self.text, self.spelled, self.at, self.depth = text, spelled, 0, 0
+        self.text = text
+        self.spelled = spelled
+        self.at = 0
+        self.depth = 0
 
     def factors(self, depth: int) -> list[tuple[Unit, float]]:
         """Return the factors of a product or quotient, each with its exponent."""
@@ -293,19 +303,23 @@ class _UnitParser:
             raise UnknownUnitError(self.text)
         factors = self._power(depth)
         while self.at < len(self.spelled) and self.spelled[self.at] in "*/":
-            sign = -1.0 if self.spelled[self.at] == "/" else 1.0
+            is_quotient = self.spelled[self.at] == "/"
+            sign = -1.0 if is_quotient else 1.0
             self.at += 1
-            factors += [(unit, sign * exponent) for unit, exponent in self._power(depth)]
+            following = self._power(depth)
+            factors += [(unit, sign * exponent) for unit, exponent in following]
         return factors
 
     def _power(self, depth: int) -> list[tuple[Unit, float]]:
         root = self._taken(_ROOT)
         factors = self._atom(depth)
         exponent = 0.5 if root else 1.0
-        if stated := self._taken(_EXPONENT):
-            above, _, below = (stated[1] or stated[2]).partition("/")
-            exponent *= float(above) / float(below or 1)
-            if abs(float(above)) > EXPONENT:
+        written = self._taken(_EXPONENT)
+        if written:
+            above, _, below = (written[1] or written[2]).partition("/")
+            numerator = float(above)
+            exponent *= numerator / float(below or 1)
+            if abs(numerator) > EXPONENT:
                 raise UnknownUnitError(self.text)
         return [(unit, exponent * power) for unit, power in factors]
 
@@ -320,14 +334,15 @@ class _UnitParser:
                 raise UnknownUnitError(self.text)
             self.at += 1
             return inside
-        name = self._taken(_NAME)
-        if name is None or not name[0]:
+        match = self._taken(_NAME)
+        if match is None or not match[0]:
             raise UnknownUnitError(self.text)
-        if name[0] in AMBIGUOUS:
-            raise UnknownUnitError(name[0], AMBIGUOUS[name[0]])
-        if name[0] not in units():
-            raise UnknownUnitError(name[0])
-        return [(units()[name[0]], 1.0)]
+        name = match[0]
+        if name in AMBIGUOUS:
+            raise UnknownUnitError(name, AMBIGUOUS[name])
+        if name not in units():
+            raise UnknownUnitError(name)
+        return [(units()[name], 1.0)]
 
     def _taken(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
         match = pattern.match(self.spelled, self.at)

@@ -241,7 +241,8 @@ def _plain_number(value: Any) -> Any:
         raise ValueError(f"should be a number, not {str(value).lower()}")
     if isinstance(value, str) and not is_plain(value):
         raise ValueError(f"{quoted(value)} is not a decimal number: digits 0 to 9 without separators")
-    if (isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))) and abs(value) > LARGEST_ELSE:
+    is_finite = isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
+    if is_finite and abs(value) > LARGEST_ELSE:
         raise ValueError(f"{quoted(value)} is too large; at most {LARGEST_ELSE:g}")
     return value
 

@@ -111,7 +111,9 @@ def fill(H, z, at, observed, nav):
     height, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
     h = H[at]
     clear(h)
-    h[H_POS], h[H_POS + 1], h[H_POS + 2] = ux, uy, uz
+    h[H_POS] = ux
+    h[H_POS + 1] = uy
+    h[H_POS + 2] = uz
     z[at] = observed[0] - height
 
 

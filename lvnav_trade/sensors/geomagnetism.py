@@ -24,14 +24,17 @@ TESLA = 1e-9
 def _table() -> tuple[Floats, Floats, Floats]:
     """Return years (n_year,) and coefficients g, h (14, 14, n_year) nT, by degree and order."""
     text = (files(__package__) / "igrf14.txt").read_text("utf-8")
-    lines = [line for line in text.splitlines() if line[:1] != "#"]
-    years = np.array(lines[0].split(), dtype=float)
-    g = np.zeros((DEGREE + 1, DEGREE + 1, years.size))
-    h = np.zeros((DEGREE + 1, DEGREE + 1, years.size))
-    for line in lines[1:]:
-        n, m, *values = line.split()
-        table = g if int(m) >= 0 else h  # orders of h are negative in the file
-        table[int(n), abs(int(m))] = np.array(values, dtype=float)
+    header, *records = [line for line in text.splitlines() if line[:1] != "#"]
+    years = np.array(header.split(), dtype=float)
+    shape = (DEGREE + 1, DEGREE + 1, years.size)
+    g = np.zeros(shape)
+    h = np.zeros(shape)
+    for record in records:
+        n, m, *values = record.split()
+        degree = int(n)
+        order = int(m)
+        table = g if order >= 0 else h  # orders of h are negative in the file
+        table[degree, abs(order)] = np.array(values, dtype=float)
     return years, g, h
 
 
@@ -41,7 +44,8 @@ def year_of(epoch: str) -> float:
     moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     start = datetime(moment.year, 1, 1, tzinfo=UTC)
     end = datetime(moment.year + 1, 1, 1, tzinfo=UTC)
-    return moment.year + (moment - start) / (end - start)
+    fraction = (moment - start) / (end - start)
+    return moment.year + fraction
 
 
 def covered() -> tuple[float, float]:
@@ -58,11 +62,14 @@ def coefficients(year: float) -> tuple[Floats, Floats]:
     years, g, h = _table()
     if not years[0] <= year <= years[-1]:
         raise ValueError(f"IGRF-14 is of {years[0]:g} to {years[-1]:g}, not of {year:.1f}")
-    after = min(max(int(np.searchsorted(years, year)), 1), years.size - 1)
+    next_epoch = int(np.searchsorted(years, year))
+    after = min(max(next_epoch, 1), years.size - 1)
     before = after - 1
-    fraction = (year - years[before]) / (years[after] - years[before])
-    g_now = (1.0 - fraction) * g[..., before] + fraction * g[..., after]
-    h_now = (1.0 - fraction) * h[..., before] + fraction * h[..., after]
+    interval = years[after] - years[before]
+    weight_after = (year - years[before]) / interval
+    weight_before = 1.0 - weight_after
+    g_now = weight_before * g[..., before] + weight_after * g[..., after]
+    h_now = weight_before * h[..., before] + weight_after * h[..., after]
     return g_now, h_now
 
 
@@ -84,13 +91,16 @@ def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
     """
     g, h = coefficients(year)
     r_e = np.asarray(r_e, dtype=float)
-    x, y, z = r_e[..., 0], r_e[..., 1], r_e[..., 2]
+    x = r_e[..., 0]
+    y = r_e[..., 1]
+    z = r_e[..., 2]
     distance = np.linalg.norm(r_e, axis=-1)
-    across = np.hypot(x, y)
+    axis_distance = np.hypot(x, y)
     cosine = z / distance
-    sine = across / distance
+    sine = axis_distance / distance
     up = r_e / distance[..., None]
-    east = np.stack([-y, x, np.zeros_like(across)], axis=-1) / across[..., None]
+    eastern = np.stack([-y, x, np.zeros_like(axis_distance)], axis=-1)
+    east = eastern / axis_distance[..., None]
     south = np.cross(east, up)
     longitude = np.arctan2(y.copy(), x.copy())  # contiguous, as in `frames.geodetic_from_ecef`
     P, dP = legendre(cosine, sine, degree)
@@ -107,7 +117,8 @@ def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
             radial += ratio_power * (n + 1) * harmonic * P[n][m]
             southward -= ratio_power * harmonic * dP[n][m]
             eastward += ratio_power * harmonic_slope * P[n][m] / sine
-    return TESLA * (radial[..., None] * up + southward[..., None] * south + eastward[..., None] * east)
+    nanotesla = radial[..., None] * up + southward[..., None] * south + eastward[..., None] * east
+    return TESLA * nanotesla
 
 
 def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Floats]], list[list[Floats]]]:
@@ -130,21 +141,27 @@ def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Float
     for n in range(1, degree + 1):
         functions = []
         slopes = []
+        previous = P[n - 1]
+        previous_slopes = dP[n - 1]
         for m in range(n):
             # P_n^m = a cos P_(n-1)^m - b P_(n-2)^m, the last term for m up to n - 2 only
-            a = (2 * n - 1) / math.sqrt(n * n - m * m)
-            function = a * cosine * P[n - 1][m]
-            slope = a * (cosine * dP[n - 1][m] - sine * P[n - 1][m])
+            difference = n * n - m * m
+            a = (2 * n - 1) / math.sqrt(difference)
+            function = a * cosine * previous[m]
+            slope = a * (cosine * previous_slopes[m] - sine * previous[m])
             if m <= n - 2:
-                b = math.sqrt(((n - 1) ** 2 - m * m) / (n * n - m * m))
+                previous_difference = (n - 1) ** 2 - m * m
+                b = math.sqrt(previous_difference / difference)
                 function = function - b * P[n - 2][m]
                 slope = slope - b * dP[n - 2][m]
             functions.append(function)
             slopes.append(slope)
         # P_n^n = c sin P_(n-1)^(n-1)
         c = math.sqrt(1.0 - 1.0 / (2.0 * n)) if n > 1 else 1.0
-        functions.append(c * sine * P[n - 1][n - 1])
-        slopes.append(c * (sine * dP[n - 1][n - 1] + cosine * P[n - 1][n - 1]))
+        sectoral = previous[n - 1]
+        sectoral_slope = previous_slopes[n - 1]
+        functions.append(c * sine * sectoral)
+        slopes.append(c * (sine * sectoral_slope + cosine * sectoral))
         P.append(functions)
         dP.append(slopes)
     return P, dP

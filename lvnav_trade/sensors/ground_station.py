@@ -166,12 +166,16 @@ class StationCard(SensorCard, SightConditions):
         azimuth = np.mod(np.arctan2(e, n), 2.0 * np.pi)
         elevation = np.arctan2(u, level)
         # derivatives by position: along the line, across it in the horizontal plane, and across it in the vertical one
-        azimuth_partial = (n[:, None] * east - e[:, None] * north) / level[:, None] ** 2
-        ahead = (n[:, None] * north + e[:, None] * east) / level[:, None]
-        elevation_partial = (level[:, None] * up - u[:, None] * ahead) / distance[:, None] ** 2
+        across = n[:, None] * east - e[:, None] * north
+        azimuth_partial = across / level[:, None] ** 2
+        horizontal = n[:, None] * north + e[:, None] * east
+        ahead = horizontal / level[:, None]
+        vertical = level[:, None] * up - u[:, None] * ahead
+        elevation_partial = vertical / distance[:, None] ** 2
+        range_partial = line / distance[:, None]
         return StationSight(
             values=np.stack([distance, azimuth, elevation], axis=1),
-            partials=np.stack([line / distance[:, None], azimuth_partial, elevation_partial], axis=1),
+            partials=np.stack([range_partial, azimuth_partial, elevation_partial], axis=1),
             place=place,
             north=north,
             east=east,
@@ -210,7 +214,8 @@ class StationCard(SensorCard, SightConditions):
         ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
         angles = np.stack([azimuth, elevation, np.cos(elevation), np.sin(elevation)], axis=1)
         mask = sum(2**k for k in self._indices)
-        return np.hstack([look.place, ahead, look.up, angles, np.full((flight.t.size, 1), mask)])
+        masks = np.full((flight.t.size, 1), mask)
+        return np.hstack([look.place, ahead, look.up, angles, masks])
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return biases, survey error and residual refraction."""
@@ -285,6 +290,22 @@ def _inertial_vectors(vector_e: Floats, flight: FlightView) -> Floats:
 
 
 @jit
+def _set_position_row(h, x, y, z):
+    """Set a Jacobian row h (N_ENTRY,) to a derivative x, y, z by position; its other entries become zero."""
+    clear(h)
+    h[H_POS] = x
+    h[H_POS + 1] = y
+    h[H_POS + 2] = z
+
+
+@jit
+def _wrapped(angle):
+    """Return an angle (rad) between -2 pi and 2 pi as an angle between -pi and pi."""
+    wrapped = where(angle < -math.pi, angle + 2.0 * math.pi, angle)
+    return where(angle > math.pi, angle - 2.0 * math.pi, wrapped)
+
+
+@jit
 def fill(H, z, at, observed, nav, known):
     """Set the Jacobian rows of the measured scalars from `at` on, and the innovations (m, rad).
 
@@ -312,35 +333,36 @@ def fill(H, z, at, observed, nav, known):
     distance_square = level_square + up * up
     distance = sqrt(distance_square)
     which = int(known[WHICH])
+    measures_range = which % 2 == 1
+    measures_azimuth = which // 2 % 2 == 1
+    measures_elevation = which >= 4
     row, k = at, 0
-    if which % 2 == 1:
-        clear(H[row])
-        H[row, H_POS] = x / distance
-        H[row, H_POS + 1] = y / distance
-        H[row, H_POS + 2] = w / distance
+    if measures_range:
+        _set_position_row(H[row], x / distance, y / distance, w / distance)
         z[row] = observed[k] - distance
         row, k = row + 1, k + 1
-    if which // 2 % 2 == 1:
+    if measures_azimuth:
         # tan(azimuth - reference) = right / forward
-        clear(H[row])
-        p = forward / level_square
-        q = right / level_square
-        H[row, H_POS] = p * gx - q * fx
-        H[row, H_POS + 1] = p * gy - q * fy
-        H[row, H_POS + 2] = p * gz - q * fz
-        offset = observed[k] - known[AZIMUTH]
-        wrapped = where(offset < -math.pi, offset + 2.0 * math.pi, offset)
-        wrapped = where(offset > math.pi, offset - 2.0 * math.pi, wrapped)
-        z[row] = wrapped - angle_of(right, forward)
+        by_right = forward / level_square
+        by_forward = right / level_square
+        azimuth_x = by_right * gx - by_forward * fx
+        azimuth_y = by_right * gy - by_forward * fy
+        azimuth_z = by_right * gz - by_forward * fz
+        _set_position_row(H[row], azimuth_x, azimuth_y, azimuth_z)
+        z[row] = _wrapped(observed[k] - known[AZIMUTH]) - angle_of(right, forward)
         row, k = row + 1, k + 1
-    if which >= 4:
-        # tan(elevation) = up / level
-        clear(H[row])
-        p = level / distance_square
-        q = up / (level * distance_square)
-        H[row, H_POS] = p * ux - q * (forward * fx + right * gx)
-        H[row, H_POS + 1] = p * uy - q * (forward * fy + right * gy)
-        H[row, H_POS + 2] = p * uz - q * (forward * fz + right * gz)
+    if measures_elevation:
+        # tan(elevation) = up / level; the horizontal part of the line has length `level`
+        level_x = forward * fx + right * gx
+        level_y = forward * fy + right * gy
+        level_z = forward * fz + right * gz
+        by_up = level / distance_square
+        by_level = up / (level * distance_square)
+        elevation_x = by_up * ux - by_level * level_x
+        elevation_y = by_up * uy - by_level * level_y
+        elevation_z = by_up * uz - by_level * level_z
+        _set_position_row(H[row], elevation_x, elevation_y, elevation_z)
+        # sine and cosine of the predicted elevation less that of the reference, times the distance
         c, s = known[COSINE], known[SINE]
         z[row] = observed[k] - known[ELEVATION] - angle_of(up * c - level * s, level * c + up * s)
 

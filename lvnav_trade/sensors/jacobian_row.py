@@ -28,7 +28,9 @@ def add(out, truth, e0, e1, e2):
     e0, e1, e2 : float
         Errors, SI.
     """
-    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
+    out[0] = truth[0] + e0
+    out[1] = truth[1] + e1
+    out[2] = truth[2] + e2
 
 
 @jit
@@ -56,7 +58,9 @@ def turned(c, s, error):
     # series to the fifth power
     cosine = 1.0 - 0.5 * square * (1.0 - square / 12.0)
     sine = error * (1.0 - square / 6.0 * (1.0 - 0.05 * square))
-    return c * cosine - s * sine, s * cosine + c * sine
+    turned_cosine = c * cosine - s * sine
+    turned_sine = s * cosine + c * sine
+    return turned_cosine, turned_sine
 
 
 @jit

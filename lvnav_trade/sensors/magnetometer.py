@@ -58,9 +58,12 @@ class MagnetometerModel(SensorModel):
         """Return the map along the flight (n_epoch, 15), frame i: field (T), gradient (T/m), position (m)."""
         year = geomagnetism.year_of(flight.epoch)
         r_e = ecef_from_eci(flight.r_i, flight.theta)
-        field = eci_from_ecef(geomagnetism.field(r_e, year, self.degree), flight.theta)
+        field_e = geomagnetism.field(r_e, year, self.degree)
+        gradient_e = geomagnetism.gradient(r_e, year, self.degree)
         C_i_e = rotation_i_e(flight.theta)
-        gradient = np.swapaxes(C_i_e, 1, 2) @ geomagnetism.gradient(r_e, year, self.degree) @ C_i_e
+        C_e_i = np.swapaxes(C_i_e, 1, 2)
+        field = eci_from_ecef(field_e, flight.theta)
+        gradient = C_e_i @ gradient_e @ C_i_e
         return np.hstack([field, gradient.reshape(-1, 9), flight.r_i])
 
 
@@ -91,7 +94,8 @@ class MagnetometerCard(SensorCard):
     def truth(self, flight: FlightView) -> Floats:
         """Return the field (n_epoch, 3) in T, body axes."""
         r_e = ecef_from_eci(flight.r_i, flight.theta)
-        field = eci_from_ecef(geomagnetism.field(r_e, geomagnetism.year_of(flight.epoch)), flight.theta)
+        field_e = geomagnetism.field(r_e, geomagnetism.year_of(flight.epoch))
+        field = eci_from_ecef(field_e, flight.theta)
         return np.asarray(np.einsum("nij,ni->nj", matrices(flight.q_b_i), field))
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
@@ -155,18 +159,25 @@ def fill(H, z, at, observed, nav, known):
     y = nav[R + 1] - known[PLACE + 1]
     w = nav[R + 2] - known[PLACE + 2]
     g = GRADIENT
-    bx = known[FIELD] + known[g] * x + known[g + 1] * y + known[g + 2] * w
-    by = known[FIELD + 1] + known[g + 3] * x + known[g + 4] * y + known[g + 5] * w
-    bz = known[FIELD + 2] + known[g + 6] * x + known[g + 7] * y + known[g + 8] * w
+    field_x = known[FIELD] + known[g] * x + known[g + 1] * y + known[g + 2] * w
+    field_y = known[FIELD + 1] + known[g + 3] * x + known[g + 4] * y + known[g + 5] * w
+    field_z = known[FIELD + 2] + known[g + 6] * x + known[g + 7] * y + known[g + 8] * w
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     for axis in range(3):
+        # body axis in frame i, a column of C_b_i
+        cx = c[axis]
+        cy = c[3 + axis]
+        cz = c[6 + axis]
+        predicted = cx * field_x + cy * field_y + cz * field_z
+        z[at + axis] = observed[axis] - predicted
         h = H[at + axis]
-        cx, cy, cz = c[axis], c[3 + axis], c[6 + axis]
         clear(h)
-        z[at + axis] = observed[axis] - (cx * bx + cy * by + cz * bz)
-        h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(cx, cy, cz, bx, by, bz)
+        h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(cx, cy, cz, field_x, field_y, field_z)
         for i in range(3):
-            h[H_POS + i] = cx * known[g + i] + cy * known[g + 3 + i] + cz * known[g + 6 + i]
+            gradient_x = known[g + i]
+            gradient_y = known[g + 3 + i]
+            gradient_z = known[g + 6 + i]
+            h[H_POS + i] = cx * gradient_x + cy * gradient_y + cz * gradient_z
 
 
 SENSORS = (

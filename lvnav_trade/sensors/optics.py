@@ -36,19 +36,25 @@ def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
     """
     start = datetime.fromisoformat(epoch)
     start = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)
-    days = ((start - _J2000) / timedelta(days=1)) + t / 86400.0
+    days_to_start = (start - _J2000) / timedelta(days=1)
+    days = days_to_start + t / 86400.0
     mean_longitude = 280.460 + 0.9856474 * days  # deg
     anomaly = np.radians(357.528 + 0.9856003 * days)
-    longitude = np.radians(mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2.0 * anomaly))
+    longitude_deg = mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2.0 * anomaly)
+    longitude = np.radians(longitude_deg)
     obliquity = np.radians(23.439 - 4e-7 * days)
     sin_longitude = np.sin(longitude)
-    declination = np.arcsin(np.sin(obliquity) * sin_longitude)
+    sin_declination = np.sin(obliquity) * sin_longitude
+    declination = np.arcsin(sin_declination)
     right_ascension = np.arctan2(np.cos(obliquity) * sin_longitude, np.cos(longitude))
     sidereal_time = gmst(epoch) + OMEGA * t
     # right ascension minus sidereal time is the angle from Greenwich, whose meridian is at theta in frame i
     angle = right_ascension - sidereal_time + theta
     across = np.cos(declination)
-    return np.stack([across * np.cos(angle), across * np.sin(angle), np.sin(declination)], axis=-1)
+    x = across * np.cos(angle)
+    y = across * np.sin(angle)
+    z = np.sin(declination)
+    return np.stack([x, y, z], axis=-1)
 
 
 Direction = tuple[float, float, float]
@@ -59,7 +65,8 @@ def axes_of(boresight: Direction) -> Floats:
     z = unit(np.array(boresight))
     farthest_axis = np.eye(3)[np.argmin(np.abs(z))]
     x = unit(np.cross(farthest_axis, z))
-    axes = np.stack([x, np.cross(z, x), z], axis=-1)
+    y = np.cross(z, x)
+    axes = np.stack([x, y, z], axis=-1)
     return np.asarray(quaternions(axes[None])[0])
 
 

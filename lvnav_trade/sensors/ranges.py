@@ -26,7 +26,9 @@ def range_row(h, at, ux, uy, uz, distance, clock_bias):
     clock_bias : float
         Estimated clock bias (m).
     """
-    h[H_POS], h[H_POS + 1], h[H_POS + 2] = -ux, -uy, -uz
+    h[H_POS] = -ux
+    h[H_POS + 1] = -uy
+    h[H_POS + 2] = -uz
     # a small rotation phi moves the antenna by phi x l: -u . (phi x l) = phi . (u x l)
     h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(ux, uy, uz, at[6], at[7], at[8])
     zero = 0.0 * ux
@@ -52,9 +54,12 @@ def subtract_earlier(h, first, at, ux, uy, uz, distance, clock_bias):
     ux, uy, uz, distance, clock_bias : float
         As in `range_row`, at the earlier epoch.
     """
-    h[first + D_POS], h[first + D_POS + 1], h[first + D_POS + 2] = ux, uy, uz
-    ax, ay, az = cross(at[6], at[7], at[8], ux, uy, uz)
-    h[first + D_ATT], h[first + D_ATT + 1], h[first + D_ATT + 2] = ax, ay, az
+    position = first + D_POS
+    attitude = first + D_ATT
+    h[position] = ux
+    h[position + 1] = uy
+    h[position + 2] = uz
+    h[attitude], h[attitude + 1], h[attitude + 2] = cross(at[6], at[7], at[8], ux, uy, uz)
     h[first + D_CLOCK] = 0.0 * ux - 1.0
     return distance + clock_bias
 
@@ -83,17 +88,27 @@ def rate_row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
     along = ux * wx + uy * wy + uz * wz
     # derivative by position: minus the velocity across the line over the distance
     scale = -1.0 / distance
-    px = scale * (wx - along * ux)
-    py = scale * (wy - along * uy)
-    pz = scale * (wz - along * uz)
-    h[H_POS], h[H_POS + 1], h[H_POS + 2] = px, py, pz
+    across_x = wx - along * ux
+    across_y = wy - along * uy
+    across_z = wz - along * uz
+    px = scale * across_x
+    py = scale * across_y
+    pz = scale * across_z
+    h[H_POS] = px
+    h[H_POS + 1] = py
+    h[H_POS + 2] = pz
     # a small rotation changes position and velocity of the antenna: arms at[6:9] and at[9:12]
-    ax, ay, az = cross(at[6], at[7], at[8], px, py, pz)
-    bx, by, bz = cross(ux, uy, uz, at[9], at[10], at[11])
-    h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = ax + bx, ay + by, az + bz
-    h[H_VEL], h[H_VEL + 1], h[H_VEL + 2] = -ux, -uy, -uz
+    position_x, position_y, position_z = cross(at[6], at[7], at[8], px, py, pz)
+    velocity_x, velocity_y, velocity_z = cross(ux, uy, uz, at[9], at[10], at[11])
+    h[H_ATT] = position_x + velocity_x
+    h[H_ATT + 1] = position_y + velocity_y
+    h[H_ATT + 2] = position_z + velocity_z
+    h[H_VEL] = -ux
+    h[H_VEL + 1] = -uy
+    h[H_VEL + 2] = -uz
     for i in range(3):
-        h[H_RATE + i] = -(ux * at[12 + i] + uy * at[15 + i] + uz * at[18 + i])
+        along_rate = ux * at[12 + i] + uy * at[15 + i] + uz * at[18 + i]
+        h[H_RATE + i] = -along_rate
     h[H_CLOCK] = 0.0 * ux + 1.0
     return along + clock_drift
 

@@ -223,14 +223,16 @@ def _satellite_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], 
     """Return the labels of an error of the satellites, and the component of each satellite, -1 none."""
     if kind == "range_bias" or kind in OF_ONE or kind in BY_SATELLITE:
         owners = channels.satellites
-        labels = tuple(name for name, seen in zip(owners, channels.seen, strict=True) if seen)
+        satellites = zip(owners, channels.seen, strict=True)
+        labels = tuple(name for name, is_tracked in satellites if is_tracked)
     elif kind == "time_offset":
         owners = channels.systems
         reference = "G" if "G" in owners else owners[0]
         labels = tuple(system for system in dict.fromkeys(owners) if system != reference)
     else:
         return ("",), [0] * len(channels.satellites)
-    return labels, [labels.index(name) if name in labels else -1 for name in owners]
+    components = [labels.index(name) if name in labels else -1 for name in owners]
+    return labels, components
 
 
 def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, Ints, Floats]]:

@@ -101,7 +101,8 @@ class StarTrackerCard(SensorCard):
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the attitude of the tracker (n_epoch, 4), a quaternion from sensor axes to frame i."""
-        return np.asarray(product(flight.q_b_i, np.broadcast_to(axes_of(self.boresight), flight.q_b_i.shape)))
+        mounting = np.broadcast_to(axes_of(self.boresight), flight.q_b_i.shape)
+        return np.asarray(product(flight.q_b_i, mounting))
 
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the one-sigma (1, 3) in rad."""

@@ -88,7 +88,8 @@ class SunSensorCard(SensorCard):
     def available(self, flight: FlightView) -> Bools:
         """Return whether the Sun is in the field of view and its whole disc above the limb, (n_epoch,)."""
         down, limb = earth_disc(flight)
-        from_down = angle(down, sun_direction(flight.epoch, flight.t, flight.theta))
+        sun = sun_direction(flight.epoch, flight.t, flight.theta)
+        from_down = angle(down, sun)
         is_above_limb = from_down >= limb + SEMIDIAMETER
         is_in_view = self._sun(flight)[:, 2] >= math.cos(self.field_of_view)
         return np.asarray(is_above_limb & is_in_view)
@@ -105,8 +106,11 @@ class SunSensorCard(SensorCard):
 
     def _sun(self, flight: FlightView) -> Floats:
         """Return the direction of the Sun (n_epoch, 3), axes of the sensor."""
-        axes = matrices(flight.q_b_i) @ matrices(axes_of(self.boresight)[None])
-        return np.asarray(np.einsum("nij,ni->nj", axes, sun_direction(flight.epoch, flight.t, flight.theta)))
+        C_b_i = matrices(flight.q_b_i)
+        mounting = matrices(axes_of(self.boresight)[None])
+        axes = C_b_i @ mounting
+        sun_i = sun_direction(flight.epoch, flight.t, flight.theta)
+        return np.asarray(np.einsum("nij,ni->nj", axes, sun_i))
 
 
 @jit
@@ -122,8 +126,10 @@ def measure(out, truth, e0, e1):
     e0, e1 : float
         Errors of the angles (rad).
     """
-    out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
-    out[2], out[3] = turned(math.cos(truth[1]), math.sin(truth[1]), e1)
+    alpha = truth[0]
+    beta = truth[1]
+    out[0], out[1] = turned(math.cos(alpha), math.sin(alpha), e0)
+    out[2], out[3] = turned(math.cos(beta), math.sin(beta), e1)
 
 
 @jit
@@ -147,28 +153,36 @@ def fill(H, z, at, observed, nav, known):
     """
     q0, q1, q2, q3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
     c = matrix(q0, q1, q2, q3)
-    sx, sy, sz = known[SUN], known[SUN + 1], known[SUN + 2]
-    ahead = c[2] * sx + c[5] * sy + c[8] * sz
+    sx = known[SUN]
+    sy = known[SUN + 1]
+    sz = known[SUN + 2]
+    # boresight, and the component of the Sun's direction along it
+    ax = c[2]
+    ay = c[5]
+    az = c[8]
+    ahead = ax * sx + ay * sy + az * sz
     for scalar in range(2):
-        h = H[at + scalar]
-        ex, ey, ez = c[scalar], c[3 + scalar], c[6 + scalar]
+        # sensor axis of this angle, and the component of the Sun's direction along it
+        ex = c[scalar]
+        ey = c[3 + scalar]
+        ez = c[6 + scalar]
         side = ex * sx + ey * sy + ez * sz
         # innovation: measured angle minus atan(side / ahead)
         cosine = observed[2 * scalar]
         sine = observed[2 * scalar + 1]
-        z[at + scalar] = angle_of(sine * ahead - cosine * side, cosine * ahead + sine * side)
+        opposite = sine * ahead - cosine * side
+        adjacent = cosine * ahead + sine * side
+        z[at + scalar] = angle_of(opposite, adjacent)
+        # derivative of the angle by the Sun's direction
         scale = 1.0 / (side * side + ahead * ahead)
-        p = ahead * scale
-        q = side * scale
+        by_side = ahead * scale
+        by_ahead = side * scale
+        px = by_side * ex - by_ahead * ax
+        py = by_side * ey - by_ahead * ay
+        pz = by_side * ez - by_ahead * az
+        h = H[at + scalar]
         clear(h)
-        h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(
-            p * ex - q * c[2],
-            p * ey - q * c[5],
-            p * ez - q * c[8],
-            sx,
-            sy,
-            sz,
-        )
+        h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(px, py, pz, sx, sy, sz)
 
 
 _TESTS = "tests/sensors/test_sun_sensor.py"

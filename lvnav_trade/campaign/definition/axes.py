@@ -140,10 +140,10 @@ def sides(constraint: str) -> tuple[str, str, str]:
     parts = re.split(r"(<=|>=|<|>)", constraint)
     if len(parts) != 3:
         raise ValueError("should compare two expressions, such as 'update_rate <= covariance_rate'")
-    left, comparison, right = parts
-    for side in (left, right):
+    left_side, comparison, right_side = parts
+    for side in (left_side, right_side):
         expression.names(side)
-    return left, comparison, right
+    return left_side, comparison, right_side
 
 
 def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
@@ -165,14 +165,14 @@ def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | Non
     ValueError
         A named axis has no numbers.
     """
-    left, comparison, right = sides(constraint)
+    left_side, comparison, right_side = sides(constraint)
     values = {}
     for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True):
         values[name] = get(base, axis.steps) if index is None else (axis.values or ())[index]
-    names = (*expression.names(left), *expression.names(right))
+    names = (*expression.names(left_side), *expression.names(right_side))
     numbers = {name: _number(name, values) for name in names}
-    left_value = float(expression.evaluate(left, numbers))
-    right_value = float(expression.evaluate(right, numbers))
+    left_value = float(expression.evaluate(left_side, numbers))
+    right_value = float(expression.evaluate(right_side, numbers))
     return _COMPARISONS[comparison](left_value, right_value)
 
 

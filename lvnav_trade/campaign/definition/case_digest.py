@@ -67,10 +67,10 @@ def _scenario_content(scenario: Scenario, cache: Cache | None) -> dict[str, Any]
 
 def _content(model: BaseModel, cache: Cache | None = None) -> dict[str, Any]:
     """Return the content of a card that enters the digest, as plain data; `cache`: contents of the cards within it."""
-    kind = type(model)
+    card_class = type(model)
     omitted: set[str] = set()
     contents: dict[str, Any] = {}  # of the fields that are not simply dumped
-    for name, info in kind.model_fields.items():
+    for name, info in card_class.model_fields.items():
         value = getattr(model, name)
         if _is_omitted(name, value, info):
             omitted.add(name)
@@ -79,14 +79,16 @@ def _content(model: BaseModel, cache: Cache | None = None) -> dict[str, Any]:
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             contents[name] = [_content(item) for item in value]
         elif isinstance(value, dict):
-            contents[name] = {
-                key: _content(entry) if isinstance(entry, BaseModel) else entry for key, entry in value.items()
-            }
-        elif isinstance(value, str) and fields.is_path(kind, name):
+            entries = {}
+            for key, entry in value.items():
+                entries[key] = _content(entry) if isinstance(entry, BaseModel) else entry
+            contents[name] = entries
+        elif isinstance(value, str) and fields.is_path(card_class, name):
             contents[name] = _file_digest(value)
-        elif isinstance(value, tuple) and fields.is_path(kind, name):
+        elif isinstance(value, tuple) and fields.is_path(card_class, name):
             contents[name] = [_file_digest(file) for file in value]
-    return model.model_dump(mode="json", exclude={*contents, *omitted}) | contents
+    dumped = model.model_dump(mode="json", exclude={*contents, *omitted})
+    return dumped | contents
 
 
 def _is_omitted(name: str, value: Any, info: FieldInfo) -> bool:

@@ -183,8 +183,11 @@ class MeasuredMetric(Pooled):
     @property
     def events(self) -> tuple[str, ...]:
         """The events named by the statement."""
-        instants = [] if self.during == FLIGHT else (self.during or self.at or "injection").split(" to ")
-        return tuple(event for event in map(event_of, instants) if event not in ENDS)
+        if self.during == FLIGHT:
+            return ()
+        instants = (self.during or self.at or "injection").split(" to ")
+        events = map(event_of, instants)
+        return tuple(event for event in events if event not in ENDS)
 
     def _faults(self) -> Iterator[str]:
         metric = metric_of(self.metric)
@@ -253,8 +256,8 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
     @field_validator("unit")
     @classmethod
     def _fits(cls, unit: str, info: ValidationInfo) -> str:
-        part = info.data.get("than") is not None or info.data.get("against") is not None
-        if "metric" in info.data and not part:
+        is_reduction = info.data.get("than") is not None or info.data.get("against") is not None
+        if "metric" in info.data and not is_reduction:
             require_unit(unit, info.data["metric"])
         return unit
 
@@ -279,5 +282,8 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
             yield f"{name} makes the number a part of another; its unit is %, not {self.unit!r}"
         if self.than is not None and self.against is not None:
             yield "`than` compares within the case, `against` with another case; choose one"
-        if self.than is not None and unit_of(self.than) != unit_of(self.metric):
-            yield f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}"
+        if self.than is not None:
+            than_unit = unit_of(self.than)
+            metric_unit = unit_of(self.metric)
+            if than_unit != metric_unit:
+                yield f"than: {self.than} is in {than_unit}, {self.metric} in {metric_unit}"

@@ -43,7 +43,8 @@ class Axis(units.Card):
         return self.path.removeprefix("base.").split(".")
 
     def _faults(self) -> list[str]:
-        levels, labels = self.cards or self.values or (), self.labels or ()
+        levels = self.cards or self.values or ()
+        labels = self.labels or ()
         ways = (self.cards, self.values, self.linspace, self.logspace, self.range, self.between)
         rules = {
             "an axis has either cards or values": sum(way is not None for way in ways) != 1,

@@ -62,10 +62,11 @@ def _parsed_value(text: str, path: list[str]) -> tree.Node:
     if not text.strip():
         raise tree.refuse(place, ".".join(path), "has no value after '='")
     try:
-        value = tree.plain(tree.parse(text, tree.HERE, place.folder))
-        return tree.from_plain(value, place)
+        parsed = tree.parse(text, tree.HERE, place.folder)
+        return tree.from_plain(tree.plain(parsed), place)
     except InputError as error:
-        raise tree.refuse(place, ".".join(path), f"{quoted(text)}: {error.records[0].message}") from None
+        message = error.records[0].message
+        raise tree.refuse(place, ".".join(path), f"{quoted(text)}: {message}") from None
 
 
 def _refuse_varied(root: tree.Node, path: list[str]) -> None:
@@ -78,7 +79,8 @@ def _refuse_varied(root: tree.Node, path: list[str]) -> None:
         if varied_path is None:
             continue
         steps = str(varied_path.value).removeprefix("base.").split(".")
-        if steps == path[1 : 1 + len(steps)]:
+        leading_steps = path[1 : 1 + len(steps)]
+        if steps == leading_steps:
             message = f"is varied by axis {index} ({varied_path.value}); set axes.{index} instead"
             raise tree.refuse(nowhere(tree.HERE), ".".join(path), message)
 
@@ -110,7 +112,8 @@ def _put_value(
     """
     if not steps:
         return value
-    key, below = steps[0], steps[1:]
+    key = steps[0]
+    below = steps[1:]
     child_path = tree.join(path, key)
     is_card = isinstance(node.value, str) or tree.find(node, ["card"]) is not None
     if is_card and fields.models(kind):
@@ -122,7 +125,8 @@ def _put_value(
         item = _put_value(items.value[index], below, value, item_kind, shelf, child_path)
         return tree.with_item(items, index, item)
     if _changes_kind(node, key, kind):
-        return tree.put(tree.Node({}, value.place), steps, value)
+        no_settings = tree.Node({}, value.place)
+        return tree.put(no_settings, steps, value)
     if key not in fields.names(kind) and fields.entries(kind) is None:
         suggestion = tree.hint(key, fields.names(kind, node))
         message = fields.old_key(kind, key) or f"unknown path{suggestion}"

@@ -46,9 +46,11 @@ def replaced(kind: str, axes: Sequence[WrittenAxis]) -> Iterator[Mistake]:
     permitted, but not the same field twice.
     """
     for later_number, (later, _) in enumerate(axes):
-        for number, (axis, node) in enumerate(axes[:later_number]):
+        earlier_axes = axes[:later_number]
+        for number, (axis, node) in enumerate(earlier_axes):
             is_same = axis.steps == later.steps
-            is_below = axis.steps[: len(later.steps)] == later.steps
+            leading_steps = axis.steps[: len(later.steps)]
+            is_below = leading_steps == later.steps
             varied_together = kind != "one_at_a_time" or axis.crossed
             if is_same or (is_below and varied_together):
                 conflict = "varies the same field" if is_same else "replaces it; put that axis first"
@@ -128,7 +130,8 @@ def equal_cases(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield an input error if two cases of a design have the same label, or two cases of a zip are equal."""
     axes = campaign.axes
     if campaign.design == "zip":
-        cases = list(zip(*(axis.values or () for axis in axes), strict=True))
+        columns = [axis.values or () for axis in axes]
+        cases = list(zip(*columns, strict=True))
         for index, values in enumerate(cases):
             first = cases.index(values)
             if first < index:
@@ -160,7 +163,8 @@ def _selection_errors(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield the unknown axes and levels in `when` and `exclude`, and exclusions that name no axis."""
     levels_of = {}
     for name, axis in zip(axis_names(campaign.axes), campaign.axes, strict=True):
-        levels_of[name] = [level_label(axis, index) for index in range(len(axis.values or ()))]
+        n_level = len(axis.values or ())
+        levels_of[name] = [level_label(axis, index) for index in range(n_level)]
     selections = [(f"axes.{k}.when", axis.when) for k, axis in enumerate(campaign.axes)]
     selections += [(f"exclude.{k}", levels) for k, levels in enumerate(campaign.exclude)]
     for path, levels in selections:
@@ -198,7 +202,8 @@ def _fruitless_conditions(campaign: Campaign, root: Node) -> Iterator[Mistake]:
         if not axis.when:
             continue
         only_this_condition = [*unconditional[:k], axis, *unconditional[k + 1 :]]
-        if len(combinations(campaign.design, only_this_condition)) == n_unconditional:
+        n_conditional = len(combinations(campaign.design, only_this_condition))
+        if n_conditional == n_unconditional:
             yield mistake_at(root, f"axes.{k}.when", "no effect: every case has these levels")
 
 
@@ -208,9 +213,10 @@ def _unknown_levels(wanted: Mapping[str, str | Sequence[str]], levels_of: Mappin
         if name not in levels_of:
             yield f"no axis {quoted(name)}{meant(name, levels_of)}"
             continue
+        levels = levels_of[name]
         for label in [labels] if isinstance(labels, str) else labels:
-            if label not in (*levels_of[name], BASE_LABEL):
-                yield f"no level {quoted(label)} of the axis {name}{meant(label, levels_of[name])}"
+            if label not in (*levels, BASE_LABEL):
+                yield f"no level {quoted(label)} of the axis {name}{meant(label, levels)}"
 
 
 def selection(campaign: Campaign, root: Node) -> Iterator[Mistake]:

@@ -161,7 +161,8 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     cases = named_cases(campaign)
     selections = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
     for i, figure in enumerate(part.figures):
-        selections += [(f"figures.{i}.cases.{k}", case) for k, case in enumerate(figure.cases)]
+        for k, case in enumerate(figure.cases):
+            selections.append((f"figures.{i}.cases.{k}", case))
     selections.append(("kml", part.kml or {}))
     for i, figure in enumerate(part.figures):
         if figure.flown:
@@ -211,7 +212,8 @@ def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], 
     for axis, level in wanted.items():
         if axis not in axes:
             return f"no axis {quoted(axis)}{meant(axis, axes)}"
-        levels = list(dict.fromkeys(case[axis] for case in cases))
+        labels = [case[axis] for case in cases]
+        levels = list(dict.fromkeys(labels))
         if level not in levels:
             return f"no level {quoted(level)} of the axis {axis}{meant(level, levels)}"
     matching = [case for case in cases if all(case[axis] == level for axis, level in wanted.items())]

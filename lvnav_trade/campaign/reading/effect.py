@@ -201,7 +201,8 @@ class Effects:
         unproven = []
         for root in self.roots:
             for setting in root.demands():
-                if not any(_acts(setting, used) for used in self._effective_settings(root, setting, known)):
+                prepared_settings = self._effective_settings(root, setting, known)
+                if not any(_acts(setting, effective) for effective in prepared_settings):
                     unproven.append((root, setting))
         best_case, most_settings = None, 0
         for case in self.cases:
@@ -277,7 +278,8 @@ class Effects:
         """
         chosen = self.levels[case.id]
         if root.axis >= 0 and chosen[root.axis] != root.level:
-            is_value = not setting.is_whole and setting.path == ".".join(self.steps[root.axis])
+            varied_path = ".".join(self.steps[root.axis])
+            is_value = not setting.is_whole and setting.path == varied_path
             if not is_value or chosen[root.axis] is None or self.campaign.design == "zip":
                 return False
         for axis in range(root.axis + 1, len(chosen)):
@@ -297,7 +299,8 @@ class Effects:
 
 def _is_within(path: str, steps: Sequence[str]) -> bool:
     """Whether a path is at or below the field with these steps."""
-    return path.split(".")[: len(steps)] == [*steps]
+    leading_steps = path.split(".")[: len(steps)]
+    return leading_steps == [*steps]
 
 
 def _level(case: Case, name: str, axis: Axis) -> int | None:
@@ -313,15 +316,22 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
     base = tree.find(written.root, ["base"]) if written.root is not None else None
     if base is None or written.root is None:
         return
-    is_resolved = {*written.root.value} >= {*Campaign.model_fields} and {*base.value} >= {*Scenario.model_fields}
-    reader = _SettingReader((HERE,) if is_resolved else (HERE, written.root.place.file))
+    has_all_sections = {*written.root.value} >= {*Campaign.model_fields}
+    is_resolved = has_all_sections and {*base.value} >= {*Scenario.model_fields}
+    files = (HERE,) if is_resolved else (HERE, written.root.place.file)
+    reader = _SettingReader(files)
     base_setting = reader.stated(base, Scenario, "", base.place, is_free=False)
-    filled = {".".join(axis.steps) for axis in campaign.axes} & written.filled
-    yield _Root(-1, 0, base_setting._replace(within=tuple(_without(base_setting.within, filled))))
-    for number, (axis, levels) in enumerate(zip(campaign.axes, written.levels, strict=True)):
-        kind = _kind_at(base, axis.steps)
+    varied_paths = {".".join(axis.steps) for axis in campaign.axes}
+    filled = varied_paths & written.filled
+    unfilled = tuple(_without(base_setting.within, filled))
+    yield _Root(-1, 0, base_setting._replace(within=unfilled))
+    axis_levels = zip(campaign.axes, written.levels, strict=True)
+    for number, (axis, levels) in enumerate(axis_levels):
+        annotation = _kind_at(base, axis.steps)
+        path = ".".join(axis.steps)
         for level, (node, place) in enumerate(levels):
-            yield _Root(number, level, reader.stated(node, kind, ".".join(axis.steps), place))
+            setting = reader.stated(node, annotation, path, place)
+            yield _Root(number, level, setting)
 
 
 def _kind_at(base: Node, steps: Sequence[str]) -> Any:
@@ -345,7 +355,7 @@ def _acts(setting: GivenSetting, effective: EffectiveSettings) -> bool:
     """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
     if _idle_reason(setting, effective):
         return False
-    if any(_is_within(setting.path, whole.split(".")) for whole in effective.whole):
+    if any(_is_within(setting.path, path.split(".")) for path in effective.whole):
         return True
     if not setting.is_whole and setting.counts in effective.read:
         return True

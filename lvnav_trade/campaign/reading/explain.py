@@ -47,7 +47,8 @@ def explain(error: ValidationError, node: tree.Node, kind: fields.Kind, path: st
     word_fields = {item["loc"][:-1] for item in all_items if item["type"] == "literal_error"}
     meant_items = (item for item in all_items if _is_meant(item, word_fields))
     items = list(itertools.islice(meant_items, MESSAGES + 1)) or all_items[:MESSAGES]
-    return list(dict.fromkeys(_mistake_of(item, node, kind, path) for item in items))
+    mistakes = [_mistake_of(item, node, kind, path) for item in items]
+    return list(dict.fromkeys(mistakes))
 
 
 def _is_meant(item: Any, word_fields: Container[Any]) -> bool:
@@ -90,7 +91,8 @@ def _located(steps: Sequence[str | int], root: tree.Node, kind: fields.Kind, pat
     location = _Location(root, kind, path, "", root.place, (kind, root))
     follows_tag = False
     for step in steps:
-        node, kind = location.node, location.kind
+        node = location.node
+        kind = location.kind
         below = tree.find(node, [step])
         is_tag = not follows_tag and str(step) in fields.tags(kind)
         if below is None or is_tag:  # the tag of an alternative, not a key, which may have the same name
@@ -119,10 +121,12 @@ def _mistake_of(item: Any, root: tree.Node, kind: fields.Kind, path: str) -> Mis
         match = _FIELD_MESSAGE.fullmatch(message)
         keys = (*fields.names(location.kind, node), *node.value)
         if match and match[1].partition(".")[0] in keys:
-            place = tree.nearest(node, match[1].split("."))
-            return tree.mistake(place, tree.join(location.path, match[1]), match[2])
+            field_path = match[1]
+            place = tree.nearest(node, field_path.split("."))
+            return tree.mistake(place, tree.join(location.path, field_path), match[2])
     if is_missing:
-        return tree.mistake(node.place, tree.join(location.path, item["loc"][-1]), message)
+        missing_path = tree.join(location.path, item["loc"][-1])
+        return tree.mistake(node.place, missing_path, message)
     if item["type"] != "extra_forbidden":
         return tree.mistake(node.place, location.path, message)
     names = fields.names(*location.parent)
@@ -139,7 +143,8 @@ def _message(item: Any, node: tree.Node, kind: fields.Kind) -> str:
         return _MESSAGES[error_type]
     if error_type == "literal_error":
         words = [str(word) for word in fields.literals(kind)]
-        return f"{quoted(node.value)} is not one of {', '.join(words)}{tree.hint(str(node.value), words)}"
+        suggestion = tree.hint(str(node.value), words)
+        return f"{quoted(node.value)} is not one of {', '.join(words)}{suggestion}"
     if error_type == "union_tag_invalid":
         tags = list(fields.tags(kind))
         value = item.get("ctx", {}).get("tag", "")
@@ -147,7 +152,8 @@ def _message(item: Any, node: tree.Node, kind: fields.Kind) -> str:
             value = node.value["kind"].value
         if not isinstance(value, dict | list):
             value = str(value)
-        return f"kind {quoted(value)} is not one of {', '.join(tags)}{tree.hint(str(value), tags)}"
+        suggestion = tree.hint(str(value), tags)
+        return f"kind {quoted(value)} is not one of {', '.join(tags)}{suggestion}"
     if error_type == "union_tag_not_found" and node.is_map:
         names = list(fields.names(kind))
         unknown_key = next((key for key in node.value if key not in names), None)
@@ -165,7 +171,8 @@ def _reworded(item: Any, node: tree.Node) -> str:
         return message
     unknown_unit = _UNKNOWN_UNIT.search(message)
     if unknown_unit:
-        return message + tree.hint(unknown_unit.group(1), _UNITS)
+        suggestion = tree.hint(unknown_unit.group(1), _UNITS)
+        return message + suggestion
     if message.startswith("Input should be"):
         expected = message.replace("Input should be", "should be", 1).partition(", unable")[0]
         return expected if node.is_map or node.is_list else f"{expected}, not {quoted(node.value)}"

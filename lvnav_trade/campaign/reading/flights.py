@@ -54,10 +54,11 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
     """
     errors: list[Mistake] = []
     for case in cases:
-        errors += _event_errors(campaign, events[case.id])
-        errors += _requirement_errors(campaign, case, events[case.id])
+        times = events[case.id]
+        errors += _event_errors(campaign, times)
+        errors += _requirement_errors(campaign, case, times)
         errors += _covariance_errors(campaign, case)
-        errors += _imu_and_fault_errors(campaign, case, events[case.id])
+        errors += _imu_and_fault_errors(campaign, case, times)
     for case in cases:
         errors += _condition_errors(campaign, case, events[case.id])
     errors += _unmeasured(campaign, cases)
@@ -87,9 +88,11 @@ def _requirement_errors(campaign: Campaign, case: Case, times: Mapping[str, floa
             yield campaign.written.mistake(f"requirements.{index}.metric", message)
         ends = requirement.events
         if requirement.during and len(ends) == 2 and all(event in times for event in ends):
-            first, last = times[ends[0]], times[ends[1]]
-            if first >= last:
-                message = f"the phase from {ends[0]} ({first:g} s) to {ends[1]} ({last:g} s) has no length"
+            begin, end = ends
+            t_begin = times[begin]
+            t_end = times[end]
+            if t_begin >= t_end:
+                message = f"the phase from {begin} ({t_begin:g} s) to {end} ({t_end:g} s) has no length"
                 yield campaign.written.mistake(f"requirements.{index}.during", message)
 
 

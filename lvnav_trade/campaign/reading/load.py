@@ -81,7 +81,8 @@ class _Loader:
         axes = self._read_axes()
         self.root, set_mistakes = splice(self.root, self.shelf)
         self.mistakes += set_mistakes
-        root = self._expand(self._complete_base(axes), Campaign, "")
+        complete_root = self._complete_base(axes)
+        root = self._expand(complete_root, Campaign, "")
         validated = self._validate(root, Campaign, "")
         base = root.value["base"]
         levels: list[list[tree.Node]] = []
@@ -93,11 +94,13 @@ class _Loader:
             self.mistakes.append(tree.mistake_at(self.root, "axes", message))
         if not base.is_map:
             self._raise()
-        cases = WrittenCases(base, axes, levels, validated.base if validated is not None else None)
+        base_scenario = validated.base if validated is not None else None
+        cases = WrittenCases(base, axes, levels, base_scenario)
         sections = self._level_sections(cases, axes, levels)
         self._raise()
         assert validated is not None
-        campaign = validated.model_copy(update={"axes": self._complete_axes(axes, sections)})
+        complete_axes = self._complete_axes(axes, sections)
+        campaign = validated.model_copy(update={"axes": complete_axes})
         self._raise()
         campaign = self._checked(campaign, cases, root, is_narrowed)
         campaign._written = campaign.probe._written = self._written(root, axes, levels)
@@ -243,9 +246,10 @@ class _Loader:
             self.mistakes.append(tree.mistake_at(varied.node, "path", message, f"axes.{index}"))
             return []
         expanded_levels = []
+        full_path = ".".join(("base", *path))
         for number, level in enumerate(varied.levels):
             n_before = len(self.mistakes)
-            expanded_levels.append(self._expand(level, kind, ".".join(("base", *path))))
+            expanded_levels.append(self._expand(level, kind, full_path))
             if len(self.mistakes) > n_before:
                 self.unread.add((index, number))
         return expanded_levels
@@ -352,8 +356,10 @@ def _unknown_path_message(base: tree.Node, path: list[str]) -> str:
     for depth, key in enumerate(path):
         below_kind, below = _kind_at(base, path[: depth + 1])
         if below_kind is None:
-            return _missing_field(".".join(path), kind, key, tree.hint(key, fields.names(kind, node)))
-        kind, node = below_kind, below
+            suggestion = tree.hint(key, fields.names(kind, node))
+            return _missing_field(".".join(path), kind, key, suggestion)
+        kind = below_kind
+        node = below
     raise AssertionError(f"{'.'.join(path)} exists")
 
 

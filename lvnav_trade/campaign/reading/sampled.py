@@ -137,7 +137,8 @@ def _check_count(root: Node, design: str, samples: Any, grid_size: int) -> None:
             message = f"no effect: of the designs {' and '.join(_RULES[1:])} only"
             raise InputError(records=[mistake_at(root, "samples", message)])
         if grid_size > DESIGNS:
-            raise InputError(records=[mistake_at(root, "axes", f"{grid_size} cases; at most {DESIGNS} are computed")])
+            message = f"{grid_size} cases; at most {DESIGNS} are computed"
+            raise InputError(records=[mistake_at(root, "axes", message)])
         return
     if isinstance(samples, bool) or not isinstance(samples, int) or not 2 <= samples <= DESIGNS:
         message = f"{quoted(samples)} is no count; a whole number from 2 to {DESIGNS}"
@@ -163,7 +164,8 @@ def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[AxisEnds, bo
         values = between(np.array([0.0, 1.0]), ends, is_log)
     except ValueError as error:
         raise refuse(limits.place, f"axes.{index}.between", str(error)) from None
-    axis_at_ends = with_values(axis, "between", [ends.text(float(value)) for value in values])
+    texts = [ends.text(float(value)) for value in values]
+    axis_at_ends = with_values(axis, "between", texts)
     return axis_at_ends, (ends, is_log)
 
 
@@ -184,7 +186,8 @@ def with_designs(at_ends: Campaign, rule: Rule) -> Campaign:
     probe = at_ends.model_copy(update={"exclude": (), "constraints": (), "axes": unconditional_axes})
     written_axes = []
     for axis, ends in zip(axes, rule.ends, strict=True):
-        written_axes.append(axis if ends is None else axis.model_copy(update=_written_fields(ends)))
+        written_axis = axis if ends is None else axis.model_copy(update=_written_fields(ends))
+        written_axes.append(written_axis)
     space._by_rule = ByRule(tuple(written_axes), probe)
     return space
 
@@ -215,8 +218,10 @@ def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats)
     values: list[Any]
     labels: list[str]
     if ends is None:
-        all_values, all_labels = axis.values or (), axis.labels or ()
-        levels = np.minimum((coordinate * len(all_values)).astype(int), len(all_values) - 1).tolist()
+        all_values = axis.values or ()
+        all_labels = axis.labels or ()
+        n_level = len(all_values)
+        levels = np.minimum((coordinate * n_level).astype(int), n_level - 1).tolist()
         values = [all_values[level] for level in levels]
         labels = [all_labels[level] for level in levels]
     else:
@@ -224,11 +229,13 @@ def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats)
         values = between(coordinate, limits, is_log).tolist()
         labels = [f"{value:.6g} {limits.unit}".rstrip() for value in values]
         least, largest = axis.values or (0.0, 1.0)
-        least_si, largest_si = split(least), split(largest)
+        least_si = split(least)
+        largest_si = split(largest)
         if least_si is not None and largest_si is not None:  # quantities, not numbers without a unit
             unit = least_si[1]
             limits_si = AxisEnds(least_si[0], largest_si[0], unit, False)
-            values = [f"{value!r} {unit}" for value in between(coordinate, limits_si, is_log).tolist()]
+            values_si = between(coordinate, limits_si, is_log).tolist()
+            values = [f"{value!r} {unit}" for value in values_si]
     return axis.model_copy(update={"values": tuple(values), "labels": tuple(labels)})
 
 

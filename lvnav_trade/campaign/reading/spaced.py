@@ -33,7 +33,9 @@ class AxisEnds(NamedTuple):
         """Return a value as written in a campaign: a quantity with the unit, or a number."""
         if self.unit:
             return f"{value:.{_DIGITS}g} {self.unit}"
-        return round(value) if self.whole and math.isclose(value, round(value)) else float(f"{value:.{_DIGITS}g}")
+        if self.whole and math.isclose(value, round(value)):
+            return round(value)
+        return float(f"{value:.{_DIGITS}g}")
 
 
 def spaced(root: Node) -> tuple[Node, list[Mistake]]:
@@ -46,19 +48,23 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
         return root, []
     design_node = find(root, ["design"])
     design = str(design_node.value) if design_node is not None else "grid"
-    axes, mistakes = list(node.value), list[Mistake]()
+    axes = list(node.value)
+    mistakes: list[Mistake] = []
     try:
         if design in SAMPLED:
             axes = _sampled(root, design, axes)
-            root = tree.without(tree.put(root, ["design"], Node("zip", node.place)), "samples")
+            root = tree.put(root, ["design"], Node("zip", node.place))
+            root = tree.without(root, "samples")
         else:
             samples = find(root, ["samples"])
             if samples is not None and samples.value is not None:
-                raise refuse(samples.place, "samples", f"no effect: of the designs {' and '.join(SAMPLED[:2])} only")
+                message = f"no effect: of the designs {' and '.join(SAMPLED[:2])} only"
+                raise refuse(samples.place, "samples", message)
             axes = [written(axis, index) for index, axis in enumerate(axes)]
     except InputError as error:
         mistakes += error.records
-    return tree.with_child(root, "axes", Node(axes, node.place), root.keys["axes"]), mistakes
+    complete_root = tree.with_child(root, "axes", Node(axes, node.place), root.keys["axes"])
+    return complete_root, mistakes
 
 
 def written(axis: Node, index: int) -> Node:
@@ -180,7 +186,8 @@ def _range(parts: Sequence[Any], ends: AxisEnds) -> Floats:
         raise ValueError("a step that leads away from its last value")
     steps = length / step * (1.0 + 1e-12)  # so that rounding does not lose the last value
     if not 1.0 <= steps < CASES:
-        raise ValueError(f"{math.floor(min(steps, 1e9)) + 1} values; from 2 to {CASES} are possible")
+        n_value = math.floor(min(steps, 1e9)) + 1
+        raise ValueError(f"{n_value} values; from 2 to {CASES} are possible")
     count = math.floor(steps) + 1
     return np.asarray(ends.first + step * np.arange(count))
 
@@ -257,8 +264,11 @@ def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
         if not is_power_of_two:
             next_power = 2 ** count.bit_length()
             raise ValueError(f"{count} samples; Sobol's sequence is even for a power of two, such as {next_power}")
-        return np.asarray(qmc.Sobol(dimensions, scramble=True, seed=seed).random_base2(count.bit_length() - 1))
-    return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(count))
+        sequence = qmc.Sobol(dimensions, scramble=True, seed=seed)
+        exponent = count.bit_length() - 1
+        return np.asarray(sequence.random_base2(exponent))
+    hypercube = qmc.LatinHypercube(dimensions, seed=seed)
+    return np.asarray(hypercube.random(count))
 
 
 def _box_behnken(dimensions: int) -> Floats:
@@ -278,7 +288,8 @@ def _box_behnken(dimensions: int) -> Floats:
 
 def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
     """Return the axes with one value per point of a sampled design."""
-    samples, seed = find(root, ["samples"]), find(root, ["seed"])
+    samples = find(root, ["samples"])
+    seed = find(root, ["seed"])
     try:
         if kind == "box_behnken" and samples is not None:
             raise ValueError("no effect: the number of axes decides how many points a Box-Behnken design has")
@@ -290,7 +301,11 @@ def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
         unit_cube = points(kind, len(axes), count, seed_number)
     except ValueError as error:
         raise InputError(records=[mistake_at(root, "samples", str(error))]) from None
-    return [_sampled_axis(axis, index, unit_cube[:, index]) for index, axis in enumerate(axes)]
+    sampled_axes = []
+    for index, axis in enumerate(axes):
+        coordinates = unit_cube[:, index]
+        sampled_axes.append(_sampled_axis(axis, index, coordinates))
+    return sampled_axes
 
 
 def _sampled_axis(axis: Node, index: int, fraction: Floats) -> Node:
@@ -305,10 +320,12 @@ def _sampled_axis(axis: Node, index: int, fraction: Floats) -> Node:
             if not isinstance(limits, list) or len(limits) != 2:
                 raise ValueError("should be [least, largest]")
             ends = ends_of(limits)._replace(whole=False)
-            values = between(fraction, ends, bool(log is not None and log.value))
+            is_log = bool(log is not None and log.value)
+            values = between(fraction, ends, is_log)
         except ValueError as error:
             raise refuse(limits_node.place, f"axes.{index}.between", str(error)) from None
-        return with_values(axis, "between", [ends.text(float(value)) for value in values])
+        texts = [ends.text(float(value)) for value in values]
+        return with_values(axis, "between", texts)
     axis = written(axis, index)
     key = "cards" if "cards" in axis.value else "values"
     levels = axis.value.get(key)

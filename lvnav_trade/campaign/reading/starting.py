@@ -163,14 +163,19 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
     table = _paired_table(settings)
     events = _with_injection(table_flight.suggested(table))
     guessed = _with_attitude(guessed, settings | {"events": events})
-    epoch_and_reason = (epoch, "") if epoch else clock or (EPOCH, "assumed")
+    guessed_epoch = clock or (EPOCH, "assumed")
+    epoch_and_reason = (epoch, "") if epoch else guessed_epoch
     hold = "60 s" if table_flight.at_rest(table) else "0 s"
     with writing(folder, "the campaign cannot be written there"):
         card.parent.mkdir(parents=True, exist_ok=True)
-        place = Path(os.path.relpath(file.resolve(), card.parent.resolve())).as_posix()
+        relative_path = os.path.relpath(file.resolve(), card.parent.resolve())
+        place = Path(relative_path).as_posix()
         unused_columns = guesses.left_out(str(file), guessed)
-        write_new(card, _card(name, place, epoch_and_reason, guessed, unused_columns, events, hold))
-        write_new(campaign, _CAMPAIGN.format(name=name, event=_INJECTION if _INJECTION in events else "end"))
+        card_text = _card(name, place, epoch_and_reason, guessed, unused_columns, events, hold)
+        write_new(card, card_text)
+        event = _INJECTION if _INJECTION in events else "end"
+        campaign_text = _CAMPAIGN.format(name=name, event=event)
+        write_new(campaign, campaign_text)
     return FirstCampaign(campaign, card, tuple(guessed), events)
 
 
@@ -181,7 +186,8 @@ def _contents(guessed: list[guesses.Guess]) -> dict[str, Any]:
 
 def _paired_table(settings: dict[str, Any]) -> TableTrajectory:
     """Return the card of the settings, with an event at each time for which the table has two rows."""
-    times = pairs(TableTrajectory.model_validate(settings))
+    table = TableTrajectory.model_validate(settings)
+    times = pairs(table)
     events = {f"pair_{number}": f"{time!r} s" for number, time in enumerate(times)}
     return TableTrajectory.model_validate(settings | {"events": events})
 
@@ -197,8 +203,9 @@ def _with_liftoff(guessed: list[guesses.Guess], card: TableTrajectory) -> list[g
         return guessed
     in_unit_of_column = t_liftoff / si(card.time.unit, "s")
     reason = "the first row, assumed" if end_of_rest is None else "the vehicle rests until then"
+    liftoff = float(f"{in_unit_of_column:.12g}")
     changed = time._replace(
-        content=time.content | {"liftoff": float(f"{in_unit_of_column:.12g}")},
+        content=time.content | {"liftoff": liftoff},
         why=f"{time.why}; lift-off: {reason}",
     )
     return [changed if guess is time else guess for guess in guessed]
@@ -210,7 +217,8 @@ def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
         return guess
     if not axes_remark(card, read_rows(card)):
         return guess
-    return guess._replace(content=guess.content | {"frame": "j2000"}, why=f"{guess.why}; the first row rests in J2000")
+    content = guess.content | {"frame": "j2000"}
+    return guess._replace(content=content, why=f"{guess.why}; the first row rests in J2000")
 
 
 def _with_attitude(guessed: list[guesses.Guess], settings: dict[str, Any]) -> list[guesses.Guess]:
@@ -227,8 +235,10 @@ def _with_attitude(guessed: list[guesses.Guess], settings: dict[str, Any]) -> li
         valid: list[tuple[float, dict[str, Any]]] = []
         for content in readings(guess.content):
             with suppress(InputError):
-                flight = table_flight.from_table(TableTrajectory.model_validate(settings | {"attitude": content}))
-                valid.append((float(flight.facts["force_off_roll_axis_median_rad"]), content))
+                table = TableTrajectory.model_validate(settings | {"attitude": content})
+                flight = table_flight.from_table(table)
+                angle = float(flight.facts["force_off_roll_axis_median_rad"])
+                valid.append((angle, content))
         if valid:
             angle, content = min(valid, key=lambda entry: entry[0])
             why = f"so the x axis lies {math.degrees(angle):.1f} deg off the forces; frame eci hinges on the epoch"

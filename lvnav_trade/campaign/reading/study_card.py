@@ -189,12 +189,14 @@ def load_study(
     files = {file.stem: file for file in sorted(place.glob("*.yaml")) if file.name != FILE}
     if not files:
         raise InputError(f"{folder}: no campaigns here")
-    written = SourceTree(tree.read_mapping(place / FILE)) if (place / FILE).is_file() else SourceTree()
+    study_file = place / FILE
+    written = SourceTree(tree.read_mapping(study_file)) if study_file.is_file() else SourceTree()
     study = _read(place, tuple(files), written.root)
     sections = []
     for index, study_campaign in enumerate(study.campaigns):
         campaign = load(files[study_campaign.campaign])
-        sections.append(StudySection(study_campaign, campaign, written, f"campaigns.{index}"))
+        section = StudySection(study_campaign, campaign, written, f"campaigns.{index}")
+        sections.append(section)
     figure_names = (*FIGURES, *figures)
     errors = []
     for section in sections:
@@ -203,14 +205,19 @@ def load_study(
         for path, message in of_study(section.part, section.campaign):
             errors.append(section.mistake(path, message))
     refuse_all(errors)
-    return study, tuple(section._replace(campaign=_with_runs(section.campaign, runs)) for section in sections)
+    sections_with_runs = []
+    for section in sections:
+        campaign = _with_runs(section.campaign, runs)
+        sections_with_runs.append(section._replace(campaign=campaign))
+    return study, tuple(sections_with_runs)
 
 
 def _figure_errors(section: StudyCampaign, names: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield path and message of unknown figures, and of settings for figures that no script draws."""
     for index, figure in enumerate(section.figures):
         if figure.plot not in names:
-            message = f"{quoted(figure.plot)} is not one of {', '.join(names)}{tree.hint(figure.plot, names)}"
+            suggestion = tree.hint(figure.plot, names)
+            message = f"{quoted(figure.plot)} is not one of {', '.join(names)}{suggestion}"
             yield f"figures.{index}.plot", message
         elif figure.plot in FIGURES and figure.settings:
             yield f"figures.{index}.settings", f"no effect: the study's script does not draw {figure.plot}"
@@ -233,21 +240,26 @@ def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> StudyC
         study = StudyCard.model_validate(tree.plain(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, StudyCard, "")) from None
-    unit_errors = [tree.mistake_at(root, f"units.{quantity}", message) for quantity, message in _unknown_units(study)]
+    unit_errors = []
+    for quantity, message in _unknown_units(study):
+        unit_errors.append(tree.mistake_at(root, f"units.{quantity}", message))
     refuse_all(unit_errors)
     for index, section in enumerate(study.campaigns):
         name = section.campaign
         if name not in names:
-            message = f"no campaign {name!r} in this folder{tree.hint(name, names)}"
+            suggestion = tree.hint(name, names)
+            message = f"no campaign {name!r} in this folder{suggestion}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
-    return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or by_name})
+    update = {"name": place.resolve().name, "campaigns": study.campaigns or by_name}
+    return study.model_copy(update=update)
 
 
 def _unknown_units(study: StudyCard) -> Iterator[tuple[str, str]]:
     """Yield quantity and message for each display unit that is not possible."""
     for quantity, unit in study.units.items():
         if quantity not in ERROR_UNITS:
-            yield quantity, f"no error is of {quoted(quantity)}{tree.hint(quantity, ERROR_UNITS)}"
+            suggestion = tree.hint(quantity, ERROR_UNITS)
+            yield quantity, f"no error is of {quoted(quantity)}{suggestion}"
             continue
         try:
             parse(f"1 {unit}", ERROR_UNITS[quantity])
@@ -262,5 +274,6 @@ def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:
     try:
         monte_carlo = MonteCarlo(runs=runs, block=campaign.monte_carlo.block, stop=None)
     except ValidationError as error:
-        raise InputError(f"--runs {runs}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise InputError(f"--runs {runs}: {message}") from None
     return campaign.model_copy(update={"monte_carlo": monte_carlo})

@@ -94,7 +94,8 @@ def unprotected(scenario: Scenario) -> str:
         if not isinstance(fault, ImuFault):
             continue
         for start, end in periods(number, fault, profile):
-            duration = min(end, profile.instants["end"]) - profile.begin(start)
+            last = min(end, profile.instants["end"])
+            duration = last - profile.begin(start)
             if duration > _BRIEF:
                 persistent.append(f"faults.{number} ({fault.kind})")
                 break
@@ -130,7 +131,8 @@ def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
                 epoch = int(np.searchsorted(t, start))
                 is_active[min(epoch, t.size - 1)] = True
         for name in getattr(fault, "satellites", ()):
-            tracked = sky.tracked[is_active, sky.names.index(name)]
+            satellite = sky.names.index(name)
+            tracked = sky.tracked[is_active, satellite]
             yield number, name, not np.any(tracked)
 
 
@@ -138,7 +140,8 @@ def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
     """Yield the conditions of a filter's tuning that are never met; events: times (s) by name."""
     for name in ("underweighting", "region_noise"):
         for number, card in enumerate(getattr(scenario.filter, name)):
-            for field, message in _unmet(card, _profile(card, scenario, events)):
+            profile = _profile(card, scenario, events)
+            for field, message in _unmet(card, profile):
                 yield f"{name}.{number}.{field}", message
 
 
@@ -156,7 +159,9 @@ def _profile(conditions: Conditions, scenario: Scenario, events: Mapping[str, fl
 def _flight_ends(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
     """Return the start and the end (s) of the flight by its events."""
     card = scenario.trajectory
-    return min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
+    start = min(events.values()) - card.pad_hold
+    end = max(events.values()) + card.coast_after_injection
+    return start, end
 
 
 def _unmet(conditions: Conditions, profile: FlightProfile) -> Found:
@@ -171,7 +176,8 @@ def _unmet(conditions: Conditions, profile: FlightProfile) -> Found:
 
 def _inactive(fault: AnyFault, text: str, profile: FlightProfile) -> Found:
     """Yield the reason why a fault that starts at a time `text` is never active."""
-    first, last = profile.instants["start"], profile.instants["end"]
+    first = profile.instants["start"]
+    last = profile.instants["end"]
     try:
         start = profile.time(text, "start")
         if start >= last:

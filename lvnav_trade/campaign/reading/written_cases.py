@@ -48,7 +48,11 @@ class WrittenCases:
 
     def scenario(self, chosen: design.Chosen) -> Scenario:
         """Return the scenario of the case with these levels; raises pydantic's ValidationError, and as `node`."""
-        return self.scenarios.known(chosen) or self.scenarios.validated(chosen, self.node(chosen).value)
+        known_scenario = self.scenarios.known(chosen)
+        if known_scenario:
+            return known_scenario
+        node = self.node(chosen)
+        return self.scenarios.validated(chosen, node.value)
 
 
 def first_cases(kind: str, axes: Sequence[WrittenAxis], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:

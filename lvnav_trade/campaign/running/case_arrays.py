@@ -80,14 +80,16 @@ class CaseArrays(CaseResults):
         components = self._components(quantity)
         if self.summary is None or event not in self.summary.events:
             return np.empty((0, len(components)))
-        return self.summary.event_error[:, self.summary.events.index(event), components]
+        index = self.summary.events.index(event)
+        return self.summary.event_error[:, index, components]
 
     def sizes(self, event: str, quantity: str, axis: str) -> Floats:
         """Return |error| (n_run,) at an event, SI; infinite for runs that failed."""
         column = self._column(quantity, axis)
         if self.summary is None or event not in self.summary.events or column is None:
             return np.empty(0)
-        error = self.summary.event_error[:, self.summary.events.index(event), column]
+        index = self.summary.events.index(event)
+        error = self.summary.event_error[:, index, column]
         return finite_sizes(error, self.failed_runs())
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
@@ -95,12 +97,15 @@ class CaseArrays(CaseResults):
         column = self._column(quantity, axis)
         if self.summary is None or column is None:
             return np.empty(0)
-        earliest, latest = first - SAME_TIME, last + SAME_TIME
+        earliest = first - SAME_TIME
+        latest = last + SAME_TIME
         is_within = [start >= earliest and end <= latest for start, end in pairwise(self.summary.t_bound)]
         if not any(is_within):
             return np.empty(0)
         largest_by_interval = self.summary.worst[:, is_within, column]
-        return finite_sizes(largest_by_interval, self.failed_runs()[:, None]).max(axis=1)
+        failed = self.failed_runs()[:, None]
+        sizes = finite_sizes(largest_by_interval, failed)
+        return sizes.max(axis=1)
 
     def history(self, quantity: str, axis: str) -> History:
         """Return true sigma and mean of an error over the flight, by linear covariance."""
@@ -122,7 +127,8 @@ class CaseArrays(CaseResults):
         components = self._components(quantity)
         mean = self.covariance.mean[epoch, components]
         covariance = symmetric(self.covariance.true_cov[epoch][np.ix_(components, components)])
-        return Gaussian(mean[selected], covariance[np.ix_(selected, selected)], {})
+        selected_covariance = covariance[np.ix_(selected, selected)]
+        return Gaussian(mean[selected], selected_covariance, {})
 
     def formal(self, event: str, quantity: str) -> Floats | None:
         """Return the formal covariance (3, 3) of the filter at an event, SI, reporting axes."""
@@ -176,7 +182,8 @@ class CaseArrays(CaseResults):
             return 0.0, 0.0
         # Transposed, so that of equal sigmas on several axes the first axis gives the time
         k = int(np.argmax(sigma.T)) % len(sigma)
-        return float(sigma.max()), float(self.covariance.t[before_liftoff][k])
+        t = self.covariance.t[before_liftoff]
+        return float(sigma.max()), float(t[k])
 
     @cached_property
     def _states(self) -> tuple[list[State], list[ErrorGaussian]]:
@@ -189,7 +196,8 @@ class CaseArrays(CaseResults):
         from lvnav_trade.results.tables.flight_tables import state_columns
 
         stored = state_columns(self.prepared, self.covariance)
-        rows, joint = stored["states"], stored["joint_covariances"]
+        rows = stored["states"]
+        joint = stored["joint_covariances"]
         if not rows:
             return [], []
         quaternions = np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1)
@@ -198,7 +206,8 @@ class CaseArrays(CaseResults):
         v_i = np.stack([rows[f"velocity_{axis}_m_per_s"] for axis in "xyz"], axis=1)
         fields = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], turns, strict=True)
         states = [State(*values) for values in fields]
-        return states, laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+        laws = laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+        return states, laws
 
     def _column(self, quantity: str, axis: str) -> int | None:
         """Return the column of an error in arrays with norms; None if the case does not have it."""

@@ -52,12 +52,14 @@ def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
     summaries = dict(zip(by_trajectory, results, strict=True))
     errors = []
     for text, case in by_trajectory.items():
-        if isinstance(summaries[text], InputError):
-            errors += flights.located(campaign, case, summaries[text].records)
+        summary = summaries[text]
+        if isinstance(summary, InputError):
+            errors += flights.located(campaign, case, summary.records)
     refuse_all(list(dict.fromkeys(errors)))  # cases that differ in their IMU alone have the same errors
     times = {case.id: summaries[_trajectory_text(case)].events for case in distinct_cases}
     misfits = [*flights.mistakes(campaign, distinct_cases, times)]
-    misfits += Effects(campaign, distinct_cases).mistakes({})
+    effects = Effects(campaign, distinct_cases)
+    misfits += effects.mistakes({})
     refuse_all(misfits)
     remarks = [remark for summary in summaries.values() for remark in summary.remarks]
     return TrajectoryCheck(times, flights.remarks(distinct_cases, remarks))

@@ -131,8 +131,7 @@ class _Run:
             # The few designs that are analysed completely need not read every setting of the campaign.
             check_effect(campaign.probe, checked_cases, engine)
         elif self.shard is not None:
-            # A shard can decide neither which settings have an effect nor when a case has enough runs: both need all
-            # cases and runs.
+            # which settings have an effect, and when a case has enough runs, is decided by all cases and runs
             check_effect(campaign, self.cases, engine)
             self._select_shard(self.shard)
 
@@ -157,9 +156,7 @@ class _Run:
         self.job = self.job._replace(results=results)
 
     def share(self, store: Store, mode: Mode) -> CampaignOutcome:
-        """Compute a shard: linear covariance of its cases, diagnostics of the cases whose first block it has, and its
-        blocks of runs.
-        """
+        """Compute a shard: covariance of its cases, diagnostics of those whose first block it has, its blocks."""
         self._open_results(store, mode)
         if self.space is not None and self.shard is not None:
             self.space.evaluate(self.job, self._evaluate_parts, self.shard.of(range(self.space.parts)))
@@ -214,7 +211,8 @@ class _Run:
             "blocks_removed": self.space is not None and not self.lost,
         }
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
-        self.job.results.finish(record, self._trace_worst_runs if is_tested else None, partial(each, self.jobs))
+        trace = self._trace_worst_runs if is_tested else None
+        self.job.results.finish(record, trace, partial(each, self.jobs))
         end_workers(self.jobs)  # this process alone makes the report and can use their memory
         if self.lost:  # the same command repeats the lost work items, and merges them with these tables
             return
@@ -246,7 +244,8 @@ class _Run:
         from lvnav_trade.results.requirements.margins import worst_runs
         from lvnav_trade.results.tables.read import Tables
 
-        worst = worst_runs(Tables(folder)).groupby("case", sort=False).run_number
+        table = worst_runs(Tables(folder))
+        worst = table.groupby("case", sort=False).run_number
         runs = {str(case): sorted(set(numbers)) for case, numbers in worst}
         items = [(self.job, case, runs[case.id]) for case in self.cases if case.id in runs]
         self._process_cases("worst runs", replay.trace, items, "its worst runs over time")

@@ -151,7 +151,8 @@ def _total_seconds(
     """
     linear = sum(_CASE_S + covariance_seconds(case, duration[case.id]) for case in all_cases)
     monte_carlo = sum(block.n_run * _run_seconds(block.case, duration[block.case.id]) for block in remaining)
-    return linear * (1 + _RETUNED * campaign.covariance.sensitivity) + monte_carlo
+    n_pass = 1 + _RETUNED * campaign.covariance.sensitivity
+    return linear * n_pass + monte_carlo
 
 
 def _worker_bytes(campaign: Campaign, all_cases: Sequence[Case], duration: Mapping[str, float]) -> float:
@@ -172,7 +173,9 @@ def _worker_bytes(campaign: Campaign, all_cases: Sequence[Case], duration: Mappi
     for case in all_cases:
         ticks = duration[case.id] * case.scenario.imu.rate
         history_times = duration[case.id] / campaign.keep.history
-        largest = max(largest, ticks * _TICK_BYTES + runs_at_once * history_times * _HISTORY_BYTES)
+        tick_bytes = ticks * _TICK_BYTES
+        history_bytes = runs_at_once * history_times * _HISTORY_BYTES
+        largest = max(largest, tick_bytes + history_bytes)
     return _BASE_BYTES + largest
 
 
@@ -188,7 +191,8 @@ def _states(case: Case) -> int:
 def _block_bytes(block: Block, times: float) -> float:
     columns = _COLUMNS * _states(block.case)
     bytes_per_run = _BIN_BYTES * times + _RUN_BYTES
-    return columns * (_SUM_BYTES * times + bytes_per_run * block.n_run)
+    bytes_per_column = _SUM_BYTES * times + bytes_per_run * block.n_run
+    return columns * bytes_per_column
 
 
 def _table_bytes(case: Case, times: float, runs: int) -> float:
@@ -196,14 +200,17 @@ def _table_bytes(case: Case, times: float, runs: int) -> float:
     bytes_per_time = _LINEAR_BYTES
     if runs > 0:
         bytes_per_time += _STATISTICS_BYTES
-    return _CASE_BYTES + _TABLE_BYTES * times + columns * (bytes_per_time * times + _ROW_BYTES * runs)
+    bytes_per_column = bytes_per_time * times + _ROW_BYTES * runs
+    return _CASE_BYTES + _TABLE_BYTES * times + columns * bytes_per_column
 
 
 def _run_seconds(case: Case, duration: float) -> float:
     """Return the computing time (s) of a run."""
     scenario = case.scenario
     step_seconds = _STEP_S * _states(case) ** _STEP_POWER
-    return float(duration * (_TICK_S * scenario.imu.rate + step_seconds * scenario.filter.covariance_rate))
+    ticks_share = _TICK_S * scenario.imu.rate
+    steps_share = step_seconds * scenario.filter.covariance_rate
+    return float(duration * (ticks_share + steps_share))
 
 
 def covariance_seconds(case: Case, duration: float) -> float:

@@ -146,8 +146,10 @@ def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
 
     columns = {"t_s": block.t}
     for index, output in enumerate(outputs):
-        columns[error_column(output.quantity, output.axis, output.unit)] = block.err[0, :, index]
-        columns[f"{output.quantity}_{output.axis}_sigma_{SI_SUFFIX[output.unit]}"] = block.sigma[0, :, index]
+        error_name = error_column(output.quantity, output.axis, output.unit)
+        sigma_name = f"{output.quantity}_{output.axis}_sigma_{SI_SUFFIX[output.unit]}"
+        columns[error_name] = block.err[0, :, index]
+        columns[sigma_name] = block.sigma[0, :, index]
     columns["nees_ratio"] = block.nees[0]
     return pd.DataFrame(columns)
 
@@ -159,9 +161,11 @@ def _event_errors(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str
     for name in sorted(events, key=lambda name: float(events[name])):
         t = float(events[name])
         step = int(np.argmin(np.abs(block.t - t)))
-        sizes, units = {}, {}
+        sizes = {}
+        units = {}
         for label, components in navigation(prepared.outputs):
-            error_norm = float(np.linalg.norm(block.err[0, step, components]))
+            error = block.err[0, step, components]
+            error_norm = float(np.linalg.norm(error))
             sizes[label.quantity] = error_norm * label.label_factor
             units[label.quantity] = label.label_unit
         rows.append((name, t, sizes, units))

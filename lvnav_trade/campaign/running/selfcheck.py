@@ -60,7 +60,7 @@ def _combined_checks(labels: list[str], by_case: list[list[CheckResult]]) -> lis
             key = (check.kind, check.what, repr(check.figure), check.where, check.reason)
             distinct.setdefault(key, check)
             labels_of.setdefault(key, []).append(label)
-    return [
-        CombinedCheck(check, tuple(check_labels))
-        for check, check_labels in zip(bounded(distinct.values()), labels_of.values(), strict=True)
-    ]
+    combined = []
+    for check, check_labels in zip(bounded(distinct.values()), labels_of.values(), strict=True):
+        combined.append(CombinedCheck(check, tuple(check_labels)))
+    return combined

@@ -142,10 +142,15 @@ def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
 def covariance_request(campaign: Campaign) -> CovarianceRequest:
     """Return the results that a campaign requires of linear covariance."""
     card = campaign.covariance
-    events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
+    events: dict[str, None] = {}
+    for requirement in campaign.requirements:
+        events |= dict.fromkeys(requirement.events)
     protection = None if card.protection is None else ProtectionRisks(**card.protection.model_dump())
-    settings = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0, "protection": protection}
-    return CovarianceRequest(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
+    settings = card.model_dump()
+    settings["at"] = card.at or ""
+    settings["window"] = card.window or 0.0
+    settings["protection"] = protection
+    return CovarianceRequest(events=tuple(events), seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
 
 
 class CovarianceResult(NamedTuple):
@@ -182,11 +187,13 @@ def trajectory_summary(engine: Engine, case: Case) -> TrajectorySummary | InputE
 def answer(job: Job, case: Case, save: Save = scratch.save) -> CovarianceResult:
     """Compute a case's linear covariance and save it: by default to a scratch file that all workers can read."""
     try:
-        prepared, used = _prepared_and_settings(job, case)
+        prepared, effective_settings = _prepared_and_settings(job, case)
         file, identity = _covariance_file(job, case)
         if not scratch.is_sound(file, CovHistory, identity):
             save(file, job.engine.covariance(prepared), identity)
-        return _covariance_result(case, prepared, _load_covariance(job, case))._replace(used=used)
+        covariance = _load_covariance(job, case)
+        result = _covariance_result(case, prepared, covariance)
+        return result._replace(used=effective_settings)
     except InputError as error:
         return CovarianceResult(case.id, "", mistakes=error.records)
     except Exception as error:
@@ -198,8 +205,10 @@ def diagnose(job: Job, case: Case, save: Save = scratch.save) -> WorkOutcome:
     try:
         file, identity = diagnostics_file(job, case)
         if not scratch.is_sound(file, case_diagnostics.CaseDiagnostics, identity):
-            covariance, prepared = _load_covariance(job, case), prepared_of(job, case)
-            save(file, job.engine.explain(case.scenario, prepared, covariance, job.request), identity)
+            covariance = _load_covariance(job, case)
+            prepared = prepared_of(job, case)
+            diagnostics = job.engine.explain(case.scenario, prepared, covariance, job.request)
+            save(file, diagnostics, identity)
         return WorkOutcome(case.id, 0, 0)
     except Exception as error:
         return WorkOutcome(case.id, 0, 0, error=message_of(error))
@@ -209,14 +218,14 @@ def fly(job: Job, block: Block) -> WorkOutcome:
     """Simulate a block of runs and store its statistics."""
     outcome = WorkOutcome(block.case.id, block.first_run, block.n_run)
     try:
-        prepared, covariance = prepared_of(job, block.case), _load_covariance(job, block.case)
+        prepared = prepared_of(job, block.case)
+        covariance = _load_covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         if job.request.protection is not None and job.request.protection.alarms:
             protected = _load_diagnostics(*diagnostics_file(job, block.case)).protected
             runs = with_alarms(runs, prepared, protected, job.seed)
-        summary = job.engine.summarise(
-            runs, case_diagnostics.flown_events(prepared), covariance.true_sigma, prepared.outputs
-        )
+        events = case_diagnostics.flown_events(prepared)
+        summary = job.engine.summarise(runs, events, covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
         if job.requirements:
@@ -228,7 +237,8 @@ def fly(job: Job, block: Block) -> WorkOutcome:
 
 def tally(job: Job, case: Case) -> list[WorkOutcome]:
     """Count the runs beyond each requirement in the stored blocks of a case, one block in memory at a time."""
-    prepared, covariance = prepared_of(job, case), _load_covariance(job, case)
+    prepared = prepared_of(job, case)
+    covariance = _load_covariance(job, case)
     outcomes = []
     for summary in job.results.parts(case.id):
         beyond = job.engine.beyond(job.requirements, case.id, prepared, covariance, summary)
@@ -239,7 +249,8 @@ def tally(job: Job, case: Case) -> list[WorkOutcome]:
 def close(job: Job, case: Case, runs: int) -> WorkOutcome:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
-        prepared, covariance = prepared_of(job, case), _load_covariance(job, case)
+        prepared = prepared_of(job, case)
+        covariance = _load_covariance(job, case)
         if not job.request.budget:
             injection = by_part(covariance.injection)
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0], injection=injection)
@@ -318,9 +329,12 @@ def _covariance_result(case: Case, prepared: Any, covariance: CovHistory) -> Cov
     k = int(np.argmin(np.abs(covariance.t - t_event)))
     rows = []
     for label, index in navigation(prepared.outputs):
-        true = math.hypot(*covariance.true_sigma[k, index], *covariance.mean[k, index]) * label.label_factor
-        formal = math.hypot(*covariance.formal[k, index]) * label.label_factor
-        rows.append((label.quantity, true, formal, label.label_unit))
+        true_sigma = covariance.true_sigma[k, index]
+        mean = covariance.mean[k, index]
+        formal_sigma = covariance.formal[k, index]
+        true_error = math.hypot(*true_sigma, *mean) * label.label_factor
+        formal_error = math.hypot(*formal_sigma) * label.label_factor
+        rows.append((label.quantity, true_error, formal_error, label.label_unit))
     return CovarianceResult(case.id, event, tuple(rows))
 
 

@@ -59,7 +59,8 @@ def search(
         return PermittedValues((), math.nan, "", True)
     crossings = []  # between neighbours on different sides of 1: first value beyond the crossing, and the crossing
     for low, high in pairwise(possible_values):
-        is_low_permitted, is_high_permitted = excess(low) <= 0.0, excess(high) <= 0.0
+        is_low_permitted = excess(low) <= 0.0
+        is_high_permitted = excess(high) <= 0.0
         if is_low_permitted != is_high_permitted:
             permitted = low if is_low_permitted else high
             try:
@@ -67,14 +68,17 @@ def search(
             except ValueError:  # a value between them is not possible: excess is NaN there
                 crossing = permitted
             crossings.append((high, crossing))
-    first, last = possible_values[0], possible_values[-1]
-    intervals, first_beyond = _intervals(first, last, crossings, excess(first) <= 0.0)
+    first = possible_values[0]
+    last = possible_values[-1]
+    is_first_permitted = excess(first) <= 0.0
+    intervals, first_beyond = _intervals(first, last, crossings, is_first_permitted)
     if not intervals:
         return PermittedValues((), math.nan, _largest(ratios_at(first)), True)
     answer = intervals[-1][1]
     limiting = ""
     if not math.isnan(first_beyond):
-        limiting = _largest(ratios_at(_nearest(cache, answer) if refine else first_beyond))
+        value_beyond = _nearest(cache, answer) if refine else first_beyond
+        limiting = _largest(ratios_at(value_beyond))
     is_monotone = len(intervals) == 1 and intervals[0][0] == first
     return PermittedValues(tuple(intervals), answer, limiting, is_monotone)
 
@@ -107,7 +111,8 @@ def _intervals(
         Intervals; grid value after the end of the last interval, NaN if this ends at the last value.
     """
     intervals = []
-    begin, is_permitted = first, is_first_permitted
+    begin = first
+    is_permitted = is_first_permitted
     first_beyond = math.nan
     for next_value, crossing in crossings:
         if is_permitted:
@@ -141,7 +146,10 @@ def _crossing(excess: Callable[[float], float], low: float, high: float, log: bo
     def excess_of_log(u: float) -> float:
         return excess(math.exp(u))
 
-    return math.exp(float(optimize.brentq(excess_of_log, math.log(low), math.log(high), xtol=0.3 * _CLOSE)))
+    log_low = math.log(low)
+    log_high = math.log(high)
+    root = optimize.brentq(excess_of_log, log_low, log_high, xtol=0.3 * _CLOSE)
+    return math.exp(float(root))
 
 
 def _nearest(evaluated: Mapping[float, Any], value: float) -> float:

@@ -99,9 +99,10 @@ def indices(campaign: Campaign, settings: Indices, jobs: int = 1) -> ErrorIndice
     u = _sampled_designs(len(sources), settings.samples, campaign.seed)
     items = [(case.scenario, sources, settings.factor**design, requirement) for design in u]
     mean_squares = np.array(list(each(jobs, mean_square, items, ordered=True)))
+    retuned = _fitted_indices(u, mean_squares, campaign.seed)
     verdicts = look(campaign, case.scenario, [requirement.name])
     return ErrorIndices(
-        indices=_index_table(sources, variances, budget.total, _fitted_indices(u, mean_squares, campaign.seed)),
+        indices=_index_table(sources, variances, budget.total, retuned),
         case=case.label,
         error=f"{requirement.metric} at {requirement.at}",
         covered=float(variances.sum() / budget.total),
@@ -138,7 +139,8 @@ def _sampled_designs(n_source: int, samples: int, seed: int) -> Floats:
     if samples < 2 * terms:
         raise InputError(f"indices.samples: {samples} are too few for {terms} polynomials; give {2 * terms}")
     power_of_two = 1 << (samples - 1).bit_length()  # Sobol sequences are balanced for powers of two only
-    return 2.0 * points("sobol", n_source, power_of_two, seed)[:samples] - 1.0
+    unit_cube = points("sobol", n_source, power_of_two, seed)[:samples]
+    return 2.0 * unit_cube - 1.0
 
 
 class _FittedIndices(NamedTuple):
@@ -195,7 +197,8 @@ def _index_table(sources: list[str], variances: Floats, total: float, retuned: _
         Indices of the re-tuned filter.
     """
     share = variances / total
-    frozen = variances**2 / np.sum(variances**2)
+    squares = variances**2
+    frozen = squares / np.sum(squares)
     columns = [
         sources,
         share,
@@ -207,7 +210,8 @@ def _index_table(sources: list[str], variances: Floats, total: float, retuned: _
         retuned.total,
         retuned.total_half_width,
     ]
-    return pd.DataFrame(list(zip(*columns, strict=True)), columns=COLUMNS)
+    rows = list(zip(*columns, strict=True))
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _requirement(campaign: Campaign, name: str) -> Requirement:
@@ -268,13 +272,15 @@ def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirem
     epoch = int(np.argmin(np.abs(history.t - t_event)))
     by_source = history.budget[epoch][:, columns].sum(axis=1)
     mean = history.mean[epoch, columns]
-    return _MeanSquares(history.sources, by_source, float(by_source.sum() + np.sum(mean**2)))
+    total = by_source.sum() + np.sum(mean**2)
+    return _MeanSquares(history.sources, by_source, float(total))
 
 
 def _injection_mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
     """As `_mean_squares`, for an error of the injection of a guided ascent."""
     results = CaseArrays(prepared, history)
-    distribution = metric_of(requirement.metric).law(results, requirement.model_dump(mode="json"))
+    metric = metric_of(requirement.metric)
+    distribution = metric.law(results, requirement.model_dump(mode="json"))
     if isinstance(distribution, str):
         raise InputError(f"indices.requirement: {requirement.metric}: {distribution}")
     law = distribution.law

@@ -61,16 +61,20 @@ def least(campaign: Campaign, problem: Solve, jobs: int = 1) -> LeastTotal:
     for case, total in zip(all_cases, totals, strict=True):
         if not np.isfinite(total.get(column, np.nan)):
             raise InputError(f"solve.least: {problem.least}: no device of the case {case.label} states it (resources)")
-    ratios = list(each(jobs, _ratio, [(campaign, case, problem) for case in all_cases], ordered=True))
-    rows = [_row(case, total, *ratio) for case, total, ratio in zip(all_cases, totals, ratios, strict=True)]
-    table = pd.DataFrame(rows, columns=COLUMNS).sort_values(column, kind="stable")
+    ratio_items = [(campaign, case, problem) for case in all_cases]
+    ratios = list(each(jobs, _ratio, ratio_items, ordered=True))
+    evaluated = zip(all_cases, totals, ratios, strict=True)
+    rows = [_row(case, total, *ratio) for case, total, ratio in evaluated]
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    table = table.sort_values(column, kind="stable")
     meeting = np.flatnonzero(table.meets)
     checked_cases: list[Case] = []
     if len(meeting):
         best = int(meeting[0])
         table.loc[table.index[best], "chosen"] = True
         # Runs check the chosen case, and the case with the next smaller total, which should not meet the requirements.
-        checked_cases = [all_cases[number] for number in table.index[max(0, best - 1) : best + 1]]
+        checked_numbers = table.index[max(0, best - 1) : best + 1]
+        checked_cases = [all_cases[number] for number in checked_numbers]
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     items = [(campaign, case, problem, runs) for case in checked_cases if runs]
     confirmed: list[tuple[Any, ...]] = []
@@ -127,4 +131,5 @@ def _ratio(campaign: Campaign, case: Case, problem: Solve) -> tuple[float, str, 
 
 def _confirm(campaign: Campaign, case: Case, problem: Solve, runs: int) -> list[tuple[Any, ...]]:
     """Return the rows of `CONFIRMED` for a case."""
-    return [(case.label, *row) for row in confirm(campaign, case.scenario, problem.meet, runs)]
+    rows = confirm(campaign, case.scenario, problem.meet, runs)
+    return [(case.label, *row) for row in rows]

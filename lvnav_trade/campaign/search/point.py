@@ -142,14 +142,16 @@ def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     settings_text = ", ".join(f"{path}={value}" for path, value in values.items())
     try:
         for path, value in values.items():
-            data = put(data, path.removeprefix("base.").split("."), value)
+            steps = path.removeprefix("base.").split(".")
+            data = put(data, steps, value)
         return Scenario.model_validate(data)
     except ValidationError as error:
         first_error = error.errors()[0]
         field = ".".join(map(str, first_error["loc"]))
         raise InputError(f"{settings_text}: {field}: {first_error['msg']}") from None
     except (ValueError, IndexError) as error:
-        raise InputError(f"{settings_text}: {str(error).splitlines()[0]}") from None
+        first_line = str(error).splitlines()[0]
+        raise InputError(f"{settings_text}: {first_line}") from None
 
 
 def number_at(scenario: Scenario, path: str, unit: str) -> float:
@@ -164,7 +166,8 @@ def number_at(scenario: Scenario, path: str, unit: str) -> float:
     unit : str
         Unit of the number; empty for the unit of the stored value (SI).
     """
-    value = get(scenario.model_dump(mode="json"), path.removeprefix("base.").split("."))
+    steps = path.removeprefix("base.").split(".")
+    value = get(scenario.model_dump(mode="json"), steps)
     if value is None or isinstance(value, bool | dict | list):
         return float("nan")
     number, _, si_unit = str(value).partition(" ")
@@ -186,7 +189,8 @@ def frozen(start: Scenario) -> FilterCard:
     if isinstance(start.filter.receiver, str) and not solves(start):
         numbers = {name: getattr(receiver, name) for name in ReceiverModel.model_fields}
         update["receiver"] = ReceiverModel.model_construct(**numbers)
-    models = {card.measurement: sensor_model(start, card) for card in sensors_used(start).values()}
+    sensors = sensors_used(start).values()
+    models = {card.measurement: sensor_model(start, card) for card in sensors}
     update["sensor_models"] = start.filter.sensor_models.model_copy(update=models)
     return start.filter.model_copy(update=update)
 
@@ -224,7 +228,8 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCar
     events = flown_events(prepared)
     violations = np.zeros(len(requirements), dtype=int)
     for first in range(0, runs, block_size):
-        block = work.ENGINE.run_block(prepared, campaign.seed, first, min(block_size, runs - first))
+        n_run = min(block_size, runs - first)
+        block = work.ENGINE.run_block(prepared, campaign.seed, first, n_run)
         summary = summarise(block, events, history.true_sigma, prepared.outputs)
         block_counts = stopping.violating_runs(requirements, "", prepared, history, summary)
         violations += [count or 0 for count in block_counts]
@@ -269,7 +274,8 @@ def confirm(
         expected = min(1.0, max(0.0, result.expected))
         test = stats.binomtest(result.beyond, result.runs, expected)
         agrees = float(test.pvalue) >= ALPHA
-        rows.append((name, result.runs, result.beyond, result.expected, result.verdict, agrees))
+        row = (name, result.runs, result.beyond, result.expected, result.verdict, agrees)
+        rows.append(row)
     return rows
 
 

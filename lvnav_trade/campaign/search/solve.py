@@ -156,13 +156,16 @@ def _confirmation_items(
 
 def _whole_numbers(vary: Vary, case: Case) -> Vary:
     """Return the variation of an integer field as a list of whole numbers; any other variation unchanged."""
-    value = get(case.scenario.model_dump(mode="json"), vary.path.removeprefix("base.").split("."))
-    if vary.between is None or not isinstance(value, int) or isinstance(value, bool):
+    steps = vary.path.removeprefix("base.").split(".")
+    value = get(case.scenario.model_dump(mode="json"), steps)
+    is_integer = isinstance(value, int) and not isinstance(value, bool)
+    if vary.between is None or not is_integer:
         return vary
     ends, _ = span(vary)
-    count = min(int(abs(ends.last - ends.first)) + 1, 100)
-    rounded = np.round(np.linspace(ends.first, ends.last, count))
-    return Vary(path=vary.path, values=tuple(np.unique(rounded).astype(int).tolist()))
+    n_number = int(abs(ends.last - ends.first)) + 1
+    spaced = np.linspace(ends.first, ends.last, min(n_number, 100))
+    numbers = np.unique(np.round(spaced)).astype(int)
+    return Vary(path=vary.path, values=tuple(numbers.tolist()))
 
 
 def span(vary: Vary) -> tuple[AxisEnds, Floats]:
@@ -176,10 +179,12 @@ def span(vary: Vary) -> tuple[AxisEnds, Floats]:
         ends = ends_of(vary.between or ())
         fraction = np.linspace(0.0, 1.0, vary.points)
         if not vary.log:
-            return ends, ends.first + fraction * (ends.last - ends.first)
+            length = ends.last - ends.first
+            return ends, ends.first + fraction * length
         if ends.first <= 0.0:
             raise ValueError("a logarithm needs ends above zero")
-        return ends, np.asarray(ends.first * (ends.last / ends.first) ** fraction)
+        ratio = ends.last / ends.first
+        return ends, np.asarray(ends.first * ratio**fraction)
     except ValueError as error:
         raise InputError(f"solve.vary: {vary.path}: {error}") from None
 

@@ -90,11 +90,13 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
     scores: dict[tuple[float, ...], float] = {}
 
     def goal(x: Floats) -> float:
-        key = tuple(np.round(np.clip(x, 0.0, 1.0), 9))
+        clipped = np.clip(x, 0.0, 1.0)
+        key = tuple(np.round(clipped, 9))
         if key not in scores:
             values = _values_at(spans, x)
             items = [(campaign, case, name, values) for case in tuning_cases]
-            scores[key] = score(list(each(jobs, point, items, ordered=True)), settings)
+            points = list(each(jobs, point, items, ordered=True))
+            scores[key] = score(points, settings)
         return scores[key]
 
     x0 = [_position(starts[path], ends) for path, ends in spans.items()]
@@ -107,7 +109,8 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
     value_rows = []
     for path, ends in spans.items():
         after = number_at(tuned_scenario, path, ends.unit)
-        value_rows.append((path, starts[path], after, ends.unit, ends.first, ends.last))
+        row = (path, starts[path], after, ends.unit, ends.first, ends.last)
+        value_rows.append(row)
     case_rows = _before_and_after(campaign, settings, all_cases, name, tuned_values, jobs)
     return TunedFilter(
         values=pd.DataFrame(value_rows, columns=VALUES),
@@ -134,8 +137,11 @@ def _values_at(spans: Mapping[str, AxisEnds], x: Floats) -> dict[str, str]:
         Values as written in a campaign, by dotted path.
     """
     values = {}
-    for (path, ends), position in zip(spans.items(), np.clip(x, 0.0, 1.0), strict=True):
-        values[path] = ends.text(float(ends.first * (ends.last / ends.first) ** position))
+    positions = np.clip(x, 0.0, 1.0)
+    for (path, ends), position in zip(spans.items(), positions, strict=True):
+        ratio = ends.last / ends.first
+        value = ends.first * ratio**position
+        values[path] = ends.text(float(value))
     return values
 
 
@@ -173,7 +179,9 @@ def _before_and_after(
     run_items = [(campaign, case, tuned_values, runs, name) for case in all_cases]
     run_results = list(each(jobs, _confirm, run_items, ordered=True))
     rows = []
-    for case, before, after, run_result in zip(all_cases, points[::2], points[1::2], run_results, strict=True):
+    original = points[::2]
+    tuned = points[1::2]
+    for case, before, after, run_result in zip(all_cases, original, tuned, run_results, strict=True):
         row = (
             case.label,
             "held out" if case.label in settings.hold_out else "tuned",
@@ -211,7 +219,8 @@ def _confirm(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: in
     """
     if not runs:
         return 0, 0, ""
-    result = fly(campaign, changed(case.scenario, values), runs)[name]
+    scenario = changed(case.scenario, values)
+    result = fly(campaign, scenario, runs)[name]
     return result.runs, result.beyond, result.verdict
 
 
@@ -236,7 +245,8 @@ def _position(start: float, ends: AxisEnds) -> float:
     """Return the position of a start value between the ends, in the logarithm, 0 to 1; 0.5 if it is not a number."""
     if not start > 0.0:
         return 0.5
-    position = np.log(start / ends.first) / np.log(ends.last / ends.first)
+    span = np.log(ends.last / ends.first)
+    position = np.log(start / ends.first) / span
     return float(np.clip(position, 0.0, 1.0))
 
 
@@ -262,10 +272,12 @@ def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) 
     scenario = changed(case.scenario, values)
     verdicts, history, degrees_of_freedom = covariance_verdicts(campaign, scenario, [name])
     (requirement,) = (requirement for requirement in campaign.requirements if requirement.name == name)
-    t_event = trajectory_of(scenario).events.get(requirement.at or "", history.t[-1])
+    events = trajectory_of(scenario).events
+    t_event = events.get(requirement.at or "", history.t[-1])
     epoch = int(np.argmin(np.abs(history.t - t_event)))
-    nees_per_state = float(history.expected_nees[epoch]) / degrees_of_freedom
-    return TuningPoint(verdicts[name].ratio, nees_per_state, verdicts[name].outside)
+    nees = float(history.expected_nees[epoch])
+    verdict = verdicts[name]
+    return TuningPoint(verdict.ratio, nees / degrees_of_freedom, verdict.outside)
 
 
 def score(points: Sequence[TuningPoint], settings: Tune) -> float:

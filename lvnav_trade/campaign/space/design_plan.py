@@ -37,15 +37,18 @@ def select_designs(table: pa.Table, campaign: Campaign) -> Selection:
     possible = np.flatnonzero(case != "")
     numbers = table["design_number"].to_numpy()
     ratio = _column(table, "error_ratio")
-    selection: Selection = {"best": numbers[_best(table, possible, ratio)].tolist()}
+    best = _best(table, possible, ratio)
+    selection: Selection = {"best": numbers[best].tolist()}
     if campaign.covariance.spot_check:
         rng = np.random.default_rng([campaign.seed, len(possible)])
-        sample = rng.choice(possible, min(AT_RANDOM, len(possible)), replace=False)
-        selection["at random"] = numbers[np.sort(sample)].tolist()
+        n_sample = min(AT_RANDOM, len(possible))
+        sample = np.sort(rng.choice(possible, n_sample, replace=False))
+        selection["at random"] = numbers[sample].tolist()
     card = campaign.monte_carlo
     if card is not None:
         candidates = front(table, possible) if card.cases == "front" else nearest(possible, ratio)
-        selection[card.cases or "undecided"] = numbers[candidates[: card.chosen_most]].tolist()
+        selected = candidates[: card.chosen_most]
+        selection[card.cases or "undecided"] = numbers[selected].tolist()
     return selection
 
 
@@ -76,7 +79,9 @@ def nearest(possible: Ints, ratio: Floats) -> Ints:
     ratio : (n,) array
         Largest ratio of error to limit, by row.
     """
-    evaluated = possible[np.isfinite(ratio[possible]) & (ratio[possible] > 0.0)]
+    possible_ratio = ratio[possible]
+    has_logarithm = np.isfinite(possible_ratio) & (possible_ratio > 0.0)
+    evaluated = possible[has_logarithm]
     distance = np.abs(np.log(ratio[evaluated]))
     return evaluated[np.argsort(distance, kind="stable")]
 
@@ -90,7 +95,8 @@ def front(table: pa.Table, possible: Ints) -> Ints:
         return possible
     values = np.stack(criteria, axis=1)
     is_complete = np.isfinite(values).all(axis=1)
-    rows, values = possible[is_complete], values[is_complete]
+    rows = possible[is_complete]
+    values = values[is_complete]
     on_front = np.array([dominating(values, k) < 0 for k in range(len(rows))], dtype=bool)
     ascending = np.argsort(values[on_front, 0], kind="stable")
     return rows[on_front][ascending]

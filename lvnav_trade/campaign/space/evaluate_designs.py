@@ -96,12 +96,14 @@ def evaluate(request: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
         if design.case is None:
             rows[design.number] = _row(design, part.axes) | {"reason": design.reason}
         else:
-            groups[_other_levels(design, request.shared)].append(design)
+            common_levels = _other_levels(design, request.shared)
+            groups[common_levels].append(design)
     for designs in groups.values():
         for design, metrics in _group_metrics(request, part, designs, passes):
             rows[design.number] = _row(design, part.axes) | metrics
     in_order = [rows[number] for number in part.numbers]
-    return _columns(in_order, part.numbers, passes, time.process_time() - begun)
+    seconds = time.process_time() - begun
+    return _columns(in_order, part.numbers, passes, seconds)
 
 
 def _other_levels(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
@@ -252,25 +254,29 @@ def _event_errors(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]
         for quantity, unit in NAVIGATION_UNITS.items():
             law = results.gaussian(event, quantity, "3d")
             if law is not None:
-                row[at_event(f"{quantity}_{unit_suffix(unit)}", event)] = _rms(law)
+                column = at_event(f"{quantity}_{unit_suffix(unit)}", event)
+                row[column] = _rms(law)
         for requirement in at_any_event:
             error = asked_of(results, {**requirement, "at": event})
             if not isinstance(error, str):
                 error_column, _, _ = requirement_columns(requirement)
-                row[at_event(error_column, event)] = error.quantile(error.probability)
+                column = at_event(error_column, event)
+                row[column] = error.quantile(error.probability)
     return row
 
 
 def _rms(law: Gaussian) -> float:
     """Return the RMS of an error, sqrt(tr P + m' m)."""
-    return float(np.sqrt(np.trace(law.covariance) + law.mean @ law.mean))
+    mean_square = np.trace(law.covariance) + law.mean @ law.mean
+    return float(np.sqrt(mean_square))
 
 
 def _combined_verdict(ratios: Mapping[str, float], verdicts: Mapping[str, str]) -> dict[str, Any]:
     """Return the columns on all requirements together: the limiting requirement and the worst verdict."""
     if not verdicts:
         return {}
-    limiting, error_ratio = "", np.nan
+    limiting = ""
+    error_ratio = np.nan
     if not any(np.isnan(ratio) for ratio in ratios.values()):
         limiting = max(ratios, key=lambda name: ratios[name])
         error_ratio = ratios[limiting]
@@ -284,19 +290,23 @@ def _combined_verdict(ratios: Mapping[str, float], verdicts: Mapping[str, str]) 
 
 def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
     """Return the errors at injection (or the last event)."""
-    events, history = results.events(), results.covariance
+    events = results.events()
+    history = results.covariance
     event = "injection" if "injection" in events else next(reversed(events), "")
     row: dict[str, Any] = {}
     for quantity, unit in NAVIGATION_UNITS.items():
-        law, formal = results.gaussian(event, quantity, "3d"), results.formal(event, quantity)
+        law = results.gaussian(event, quantity, "3d")
+        formal = results.formal(event, quantity)
         if law is None or formal is None:
             continue
         suffix = unit_suffix(unit)
         row[f"{quantity}_{suffix}"] = _rms(law)
-        row[f"{quantity}_formal_{suffix}"] = float(np.sqrt(np.trace(formal)))
+        formal_square = np.trace(formal)
+        row[f"{quantity}_formal_{suffix}"] = float(np.sqrt(formal_square))
     if event:
         epoch = int(np.argmin(np.abs(history.t - events[event])))
-        row["nees_per_state_ratio"] = float(history.expected_nees[epoch]) / prepared.layout.n_estimated
+        nees = float(history.expected_nees[epoch])
+        row["nees_per_state_ratio"] = nees / prepared.layout.n_estimated
     return row
 
 

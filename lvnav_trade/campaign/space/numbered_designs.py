@@ -93,14 +93,16 @@ class DesignSpace:
         """Return the value of every axis in a design."""
         values: list[Any] = []
         for axis, index in zip(self.campaign.axes, self.levels[number], strict=True):
-            values.append(Unvaried if index is None else (axis.values or ())[index])
+            value = Unvaried if index is None else (axis.values or ())[index]
+            values.append(value)
         return tuple(values)
 
     def labels(self, number: int) -> tuple[str, ...]:
         """Return the label of every axis in a design."""
         labels = []
         for axis, index in zip(self.campaign.axes, self.levels[number], strict=True):
-            labels.append(BASE_LABEL if index is None else (axis.labels or ())[index])
+            label = BASE_LABEL if index is None else (axis.labels or ())[index]
+            labels.append(label)
         return tuple(labels)
 
     def part(self, numbers: Sequence[int]) -> DesignBatch:
@@ -152,24 +154,28 @@ def make_designs(part: DesignBatch) -> Iterator[Design]:
         keys = {}
         for name, axes in axes_of.items():
             level_texts = [labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in axes]
-            keys[name] = (name, tuple(level_texts))
-            data[name] = valid_sections.get(keys[name]) or _section(base, name, axes, part.axes, values)
+            key = (name, tuple(level_texts))
+            keys[name] = key
+            data[name] = valid_sections.get(key) or _section(base, name, axes, part.axes, values)
         try:
             scenario = Scenario.model_validate(data)
         except (ValidationError, InputError) as error:
-            yield Design(number, values, None, levels, reason_of(error))
+            reason = reason_of(error)
+            yield Design(number, values, None, levels, reason)
             continue
         breach = next(iter(breaches_of_case(scenario)), None)
         if breach is not None:
             path, message = breach
-            yield Design(number, values, None, levels, _without_numbers(f"{path}: {message}"))
+            reason = _without_numbers(f"{path}: {message}")
+            yield Design(number, values, None, levels, reason)
             continue
         for name, key in keys.items():
             valid_sections.setdefault(key, getattr(scenario, name))
         digest = case_id(scenario, part.seed, part.history, digests)
         if len(digests) >= _CACHED:  # limits the memory of the cache
             digests = dict(base_digests)
-        yield Design(number, values, Case(digest, label_of(number), levels, scenario), levels)
+        case = Case(digest, label_of(number), levels, scenario)
+        yield Design(number, values, case, levels)
 
 
 def label_of(number: int) -> str:

@@ -90,11 +90,12 @@ def group_passes(
     passes : CovariancePasses
         Computes and counts the passes.
     """
-    sigmas = np.array([[_sigma(design, axis) for axis in shared] for design in designs])
-    sigmas = sigmas.reshape(len(designs), len(shared))
+    rows = [[_sigma(design, axis) for axis in shared] for design in designs]
+    sigmas = np.array(rows).reshape(len(designs), len(shared))
     varied = []
     for k, axis in enumerate(shared):
-        if np.isfinite(sigmas[:, k]).all() and np.ptp(sigmas[:, k]) > 0.0:
+        column = sigmas[:, k]
+        if np.isfinite(column).all() and np.ptp(column) > 0.0:
             varied.append(k)
         elif len({design.values[axis] for design in designs}) > 1:
             return None  # the axis varies a value that is not a sigma
@@ -109,16 +110,19 @@ def group_passes(
         prepared, base = _single_pass(part, design, axes, least.tolist(), history, passes)
         raised = []  # one sigma at its largest, the others at their smallest value
         for k in range(len(axes)):
-            one_raised = np.where(np.arange(len(axes)) == k, largest, least)
+            is_raised = np.arange(len(axes)) == k
+            one_raised = np.where(is_raised, largest, least)
             _, covariance_raised = _single_pass(part, design, axes, one_raised.tolist(), history, passes)
             raised.append(covariance_raised)
-        shared_passes = shared_pass(prepared.model.gate_squared, least.tolist(), largest.tolist(), base, raised)
+        gate_squared = prepared.model.gate_squared
+        shared_passes = shared_pass(gate_squared, least.tolist(), largest.tolist(), base, raised)
         _, separate = _single_pass(part, design, axes, middle, history, passes)
     except (InputError, ValueError, ArithmeticError):
         return None
     if not is_same_filter(base, separate):
         return None
-    difference = largest_difference(covariance_of(shared_passes, middle), separate)
+    interpolated = covariance_of(shared_passes, middle)
+    difference = largest_difference(interpolated, separate)
     return GroupPasses(prepared, axes, shared_passes) if difference < TOLERANCE else None
 
 
@@ -180,23 +184,24 @@ def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
         Step of the history (s).
     """
     count = min(len(designs), _INSPECTED)
-    part = designs.part(range(count))
-    first = next((design for design in make_designs(part) if design.case is not None), None)
+    batch = designs.part(range(count))
+    first = next((design for design in make_designs(batch) if design.case is not None), None)
     if first is None:
         return ()
     shared = []
     passes = CovariancePasses()
-    for axis in range(len(part.axes.names)):
-        quantities = [number_of(values[axis]) for values in part.values]
+    for axis in range(len(batch.axes.names)):
+        quantities = [number_of(values[axis]) for values in batch.values]
         numbers = [quantity[0] for quantity in quantities if quantity is not None]
         if len(numbers) < count:
             continue
-        least, largest = min(numbers), max(numbers)
+        least = min(numbers)
+        largest = max(numbers)
         if not least < largest:
             continue
         try:
-            _, covariance_least = _single_pass(part, first, (axis,), (least,), history, passes)
-            _, covariance_largest = _single_pass(part, first, (axis,), (largest,), history, passes)
+            _, covariance_least = _single_pass(batch, first, (axis,), (least,), history, passes)
+            _, covariance_largest = _single_pass(batch, first, (axis,), (largest,), history, passes)
         except (InputError, ValueError, ArithmeticError):
             continue
         if is_same_filter(covariance_least, covariance_largest):

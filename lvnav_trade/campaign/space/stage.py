@@ -85,8 +85,9 @@ class SpaceEvaluation:
         for number in range(self.parts):
             file, identity = _part_file(job, self._request, number)
             parts.append(scratch.read(file, EvaluatedDesigns, identity))
-        n_passes = sum(part.passes for part in parts)
-        return design_tables.table_of(parts, _identity(job, self._request, "designs"), n_passes)
+        n_passes = sum(evaluated.passes for evaluated in parts)
+        identity = _identity(job, self._request, "designs")
+        return design_tables.table_of(parts, identity, n_passes)
 
     @property
     def parts(self) -> int:

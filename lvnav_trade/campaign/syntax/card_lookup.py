@@ -68,8 +68,10 @@ class Shelf(NamedTuple):
         name = str(node.value)
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
-            candidates = [*self.known(), *_neighbours(name, node.place.folder), *map(str, words)]
-            raise tree.refuse(node.place, path, f"no card {quoted(name)}{_suggestion(name, candidates)}")
+            neighbours = _neighbours(name, node.place.folder)
+            candidates = [*self.known(), *neighbours, *map(str, words)]
+            suggestion = _suggestion(name, candidates)
+            raise tree.refuse(node.place, path, f"no card {quoted(name)}{suggestion}")
         state = file.stat()
         card = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
         if isinstance(card, InputError):
@@ -111,14 +113,17 @@ def _neighbours(name: str, folder: Path) -> list[str]:
     has_suffix = bool(Path(name).suffix)
     names = []
     for file in (*place.glob("*.yaml"), *place.glob("*.yml")):
-        names.append(str(Path(name).with_name(file.name if has_suffix else file.stem)))
+        file_name = file.name if has_suffix else file.stem
+        names.append(str(Path(name).with_name(file_name)))
     return names
 
 
 def _cards(folder: Path) -> Iterator[tuple[str, Path]]:
     """Yield name (path below the folder without extension) and file of each card of a folder."""
-    for file in sorted([*folder.rglob("*.yaml"), *folder.rglob("*.yml")]):
-        yield str(file.relative_to(folder).with_suffix("")), file
+    files = [*folder.rglob("*.yaml"), *folder.rglob("*.yml")]
+    for file in sorted(files):
+        name = file.relative_to(folder).with_suffix("")
+        yield str(name), file
 
 
 class CardInfo(NamedTuple):

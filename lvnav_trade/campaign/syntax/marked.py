@@ -17,7 +17,8 @@ def with_marks_of(base: Node, result: Node, over: Node) -> Node:
         override_marks = over.value.get(mark)
         if override_marks is not None and override_marks.is_map:
             remaining |= set(override_marks.value)
-        result = tree.with_child(result, mark, _selected_marks(result.value[mark], remaining), result.keys[mark])
+        remaining_marks = _selected_marks(result.value[mark], remaining)
+        result = tree.with_child(result, mark, remaining_marks, result.keys[mark])
     return result
 
 
@@ -29,16 +30,19 @@ def unmarked_at(node: Node, steps: Sequence[str]) -> Node:
         marks = node.value.get(mark)
         if marks is not None and marks.is_map:
             remaining = {path for path in marks.value if path.split(".")[: len(steps)] != [*steps]}
-            node = tree.with_child(node, mark, _selected_marks(marks, remaining), node.keys[mark])
+            remaining_marks = _selected_marks(marks, remaining)
+            node = tree.with_child(node, mark, remaining_marks, node.keys[mark])
     return node
 
 
 def put(node: Node, path: Sequence[str], child: Node) -> Node:
     """Return the tree with `child` at `path`, as `tree.put`, without the marks on replaced values."""
     for depth in range(len(path)):
-        above = tree.find(node, path[:depth])
+        path_above = path[:depth]
+        above = tree.find(node, path_above)
         if above is not None and above.is_map and any(mark in above.value for mark in MARKS):
-            node = tree.put(node, [*path[:depth]], unmarked_at(above, path[depth:]))
+            unmarked = unmarked_at(above, path[depth:])
+            node = tree.put(node, [*path_above], unmarked)
     return tree.put(node, [*path], child)
 
 

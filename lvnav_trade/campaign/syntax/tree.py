@@ -82,10 +82,14 @@ class SourceTree:
         if self.root is None:
             return Mistake(message, path)
         tree_path = [str(step) for step in (path.split(".") if steps is None else steps)]
-        node, above = find(self.root, tree_path), find(self.root, tree_path[:-1])
-        if node is not None and node.is_map and above is not None and tree_path[-1] in above.keys:
-            return mistake(above.keys[tree_path[-1]], path, message)
-        return mistake(nearest(self.root, tree_path), path, message)
+        node = find(self.root, tree_path)
+        above = find(self.root, tree_path[:-1])
+        is_group = node is not None and node.is_map
+        if is_group and above is not None and tree_path[-1] in above.keys:
+            key_place = above.keys[tree_path[-1]]
+            return mistake(key_place, path, message)
+        place = nearest(self.root, tree_path)
+        return mistake(place, path, message)
 
 
 def nearest(node: Node, steps: Iterable[str | int]) -> Place:
@@ -209,7 +213,8 @@ class _Conversion:
     """Converts composed nodes into tree nodes; collects duplicate keys and other content that is not permitted."""
 
     def __init__(self, file: str, folder: Path) -> None:
-        self.file, self.folder = file, folder
+        self.file = file
+        self.folder = folder
         self.mistakes: list[Mistake] = []
         self.nodes = 0
 
@@ -229,14 +234,17 @@ class _Conversion:
         if isinstance(raw, MappingNode):
             return self._mapping(raw, place, path, containers)
         if isinstance(raw, SequenceNode):
-            items = [self.node(item, join(path, index), containers) for index, item in enumerate(raw.value)]
+            items = []
+            for index, item in enumerate(raw.value):
+                items.append(self.node(item, join(path, index), containers))
             return Node(items, place)
         if _short_tag(raw) not in _TAGS:
             self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
-        hidden_character = HIDDEN.search(_text(raw))
+        text = _text(raw)
+        hidden_character = HIDDEN.search(text)
         if hidden_character:  # it would change the text in a terminal or a report
             code = f"U+{ord(hidden_character[0]):04X}"
-            message = f"{quoted(_text(raw))} has the hidden character {code}; remove it"
+            message = f"{quoted(text)} has the hidden character {code}; remove it"
             self.mistakes.append(mistake(place, path, message))
         return Node(_scalar(raw), place)
 
@@ -250,7 +258,8 @@ class _Conversion:
                 continue
             key = str(key_node.value)
             if key in values:
-                message = f"the key {quoted(key)} is given twice (first on line {keys[key].line})"
+                first_line = keys[key].line
+                message = f"the key {quoted(key)} is given twice (first on line {first_line})"
                 self.mistakes.append(mistake(key_place, join(path, key), message))
                 continue
             keys[key] = key_place

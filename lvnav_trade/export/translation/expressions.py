@@ -128,9 +128,9 @@ class Expressions:
         return TupleValue(items)
 
     def _binop(self, node: ast.BinOp) -> Value:
-        left = self.value(node.left)
-        right = self.value(node.right)
-        return operators.binary(node.op, left, right)
+        left_operand = self.value(node.left)
+        right_operand = self.value(node.right)
+        return operators.binary(node.op, left_operand, right_operand)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         return operators.unary(node.op, self.value(node.operand))
@@ -150,11 +150,11 @@ class Expressions:
 
     def _compare(self, node: ast.Compare) -> Value:
         comparisons: list[Value] = []
-        left = self.value(node.left)
+        left_operand = self.value(node.left)
         for comparator, item in zip(node.ops, node.comparators, strict=True):
-            right = self.value(item)
-            comparisons.append(operators.compared(comparator, left, right))
-            left = right
+            right_operand = self.value(item)
+            comparisons.append(operators.compared(comparator, left_operand, right_operand))
+            left_operand = right_operand
         if len(comparisons) == 1:
             return comparisons[0]
         return operators.joined(comparisons, any_of=False)

@@ -85,21 +85,23 @@ def binary(kind: ast.operator, a: Value, b: Value) -> Value:
         return _power(as_scalar(a), b)
     if type(kind) not in _BINARY:
         raise TranslationError(f"the operator {type(kind).__name__} is not translated")
-    left = as_scalar(a)
-    right = as_scalar(b)
-    number_type = common_type([left, right])
+    left_operand = as_scalar(a)
+    right_operand = as_scalar(b)
+    number_type = common_type([left_operand, right_operand])
     if isinstance(kind, ast.FloorDiv | ast.Mod):
         if number_type != INT:
             raise TranslationError("// and % of numbers that are no integers")
         name = "floor_divided" if isinstance(kind, ast.FloorDiv) else "remainder_of"  # C rounds towards zero
-        return Scalar(f"{name}({left.text}, {right.text})", INT)
+        return Scalar(f"{name}({left_operand.text}, {right_operand.text})", INT)
     if isinstance(kind, ast.Div) and number_type == INT:
-        return Scalar(f"(double){held(left, UNARY)} / {held(right, UNARY)}", DOUBLE, PRODUCT)
+        numerator = held(left_operand, UNARY)
+        denominator = held(right_operand, UNARY)
+        return Scalar(f"(double){numerator} / {denominator}", DOUBLE, PRODUCT)
     _, sign, level = _BINARY[type(kind)]
     # Brackets as the precedence requires; comparisons next to & and | get brackets, because compilers warn otherwise
     limit = UNARY if level in (BIT_AND, BIT_OR) else level
-    left_text = held(left, limit)
-    right_text = held(right, min(limit, level - 1))
+    left_text = held(left_operand, limit)
+    right_text = held(right_operand, min(limit, level - 1))
     return Scalar(f"{left_text} {sign} {right_text}", number_type, level)
 
 
@@ -146,9 +148,9 @@ def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
     evaluate, sign, level = _COMPARED[type(kind)]
     if isinstance(a, Constant) and isinstance(b, Constant):
         return Constant(bool(evaluate(a.value, b.value)))
-    left = held(as_scalar(a), SUM)
-    right = held(as_scalar(b), SUM)
-    return Scalar(f"{left} {sign} {right}", INT, level)
+    left_text = held(as_scalar(a), SUM)
+    right_text = held(as_scalar(b), SUM)
+    return Scalar(f"{left_text} {sign} {right_text}", INT, level)
 
 
 def _among(kind: ast.cmpop, a: Value, b: Value) -> Value:
@@ -204,9 +206,9 @@ def called(function: Any, arguments: list[Value]) -> Value | None:
     if function not in FUNCTIONS:
         return None
     name, evaluate = FUNCTIONS[function]
-    known = [argument.value for argument in arguments if isinstance(argument, Constant)]
-    if len(known) == len(arguments):
-        return Constant(evaluate(*known))
+    constants = [argument.value for argument in arguments if isinstance(argument, Constant)]
+    if len(constants) == len(arguments):
+        return Constant(evaluate(*constants))
     numbers = [as_scalar(argument) for argument in arguments]
     number_type = DOUBLE
     if name in ("fmin", "fmax") and common_type(numbers) == INT:

@@ -203,9 +203,10 @@ class Body(Expressions):
     def _augassign_statement(self, node: ast.AugAssign) -> bool:
         assert isinstance(node.target, ast.Name | ast.Subscript)
         reading = ast.copy_location(_loaded(node.target), node.target)
-        left = self.value(reading)
-        right = self.value(node.value)
-        self.store(node.target, operators.binary(node.op, left, right))
+        present = self.value(reading)
+        operand = self.value(node.value)
+        result = operators.binary(node.op, present, operand)
+        self.store(node.target, result)
         return False
 
     def _unpack(self, node: ast.Assign, target: ast.Tuple, value: Value) -> None:

@@ -162,4 +162,5 @@ def recover_previous_epoch(P, previous_epoch, delayed):
                 column[i] = cross[i, delayed.cloned[c]]
             _solve(previous_epoch.lu, column)
             for d in range(n_clone):
-                P[first + d, first + c] = growth * growth * column[delayed.cloned[d]]
+                earlier_state = delayed.cloned[d]
+                P[first + d, first + c] = growth * growth * column[earlier_state]

@@ -90,17 +90,21 @@ def _move(stored, seconds, dt, gravity_model):
 
     seconds : s, of either sign; dt : s, of a strapdown step
     """
-    rotation = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
-    gravitation = gravity(gravity_model, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
+    attitude = NAV + Q
+    position = NAV + R
+    velocity = NAV + V
+    rotation = matrix(stored[attitude], stored[attitude + 1], stored[attitude + 2], stored[attitude + 3])
+    gravitation = gravity(gravity_model, stored[position], stored[position + 1], stored[position + 2])
     # specific force, body axes
     x = stored[LAST + 3] / dt
     y = stored[LAST + 4] / dt
     z = stored[LAST + 5] / dt
     for i in range(3):
-        velocity = stored[NAV + V + i]
+        speed = stored[velocity + i]
         acceleration = gravitation[i] + rotation[3 * i] * x + rotation[3 * i + 1] * y + rotation[3 * i + 2] * z
-        stored[NAV + R + i] = stored[NAV + R + i] + seconds * (velocity + 0.5 * seconds * acceleration)
-        stored[NAV + V + i] = velocity + seconds * acceleration
+        mean_speed = speed + 0.5 * seconds * acceleration
+        stored[position + i] = stored[position + i] + seconds * mean_speed
+        stored[velocity + i] = speed + seconds * acceleration
 
 
 @jit
@@ -112,12 +116,12 @@ def _turn(stored, seconds, dt):
         fraction * stored[LAST + 1],
         fraction * stored[LAST + 2],
     )
-    first = NAV + Q
-    stored[first], stored[first + 1], stored[first + 2], stored[first + 3] = multiply(
-        stored[first],
-        stored[first + 1],
-        stored[first + 2],
-        stored[first + 3],
+    attitude = NAV + Q
+    stored[attitude], stored[attitude + 1], stored[attitude + 2], stored[attitude + 3] = multiply(
+        stored[attitude],
+        stored[attitude + 1],
+        stored[attitude + 2],
+        stored[attitude + 3],
         d0,
         d1,
         d2,
@@ -186,8 +190,9 @@ def correct_stored_errors(state_history, late, x, before):
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:
+                stored = state_history[place]
                 for i in range(9):
-                    state_history[place, ERROR + i] = state_history[place, ERROR + i] + x[i] - before[i]
+                    stored[ERROR + i] = stored[ERROR + i] + x[i] - before[i]
 
 
 @jit
@@ -206,7 +211,8 @@ def predicted_of_stored(state_history, place, h, entries, columns, x):
     for c in range(columns.shape[0]):
         state = columns[c]
         if state < 9:
-            total = total + h[entries[c]] * (stored[ERROR + state] - x[state])
+            error_difference = stored[ERROR + state] - x[state]
+            total = total + h[entries[c]] * error_difference
     return total
 
 
@@ -246,7 +252,7 @@ def carry_on(z, reported, state_history, P, late, epoch):
     stored = state_history[place_of(late, late.receiver, epoch)]
     last = state_history[late.buffered.shape[0]]
     delay = late.delay[epoch]
-    half_square = 0.5 * late.delay[epoch] * late.delay[epoch]
+    half_square = 0.5 * delay * delay
     # estimated velocity at the time of validity: in an open loop that of the inertial system plus the error state
     velocity = NAV + V
     error = ERROR + VEL
@@ -263,18 +269,26 @@ def carry_on(z, reported, state_history, P, late, epoch):
     jx = rate_factor * (ax - last[BEFORE])
     jy = rate_factor * (ay - last[BEFORE + 1])
     jz = rate_factor * (az - last[BEFORE + 2])
+    sx = half_square * ax
+    sy = half_square * ay
+    sz = half_square * az
     _shift_acceleration(last)
     derivative = (vx, vy, vz, ax, ay, az)
-    truncation = (half_square * ax, half_square * ay, half_square * az, jx, jy, jz)
+    truncation = (sx, sy, sz, jx, jy, jz)
     for i in range(6):
         z[i] = z[i] + delay * derivative[i]
         for j in range(6):
-            jitter = late.jitter * derivative[i] * derivative[j]
-            reported[i, j] = reported[i, j] + jitter + truncation[i] * truncation[j]
+            jitter_covariance = late.jitter * derivative[i] * derivative[j]
+            truncation_product = truncation[i] * truncation[j]
+            reported[i, j] = reported[i, j] + jitter_covariance + truncation_product
+    # uncertainty of the velocity in position, and of the acceleration in velocity
     delay_square = delay * delay
+    acceleration_variance = delay_square * late.acceleration
     for i in range(3):
-        reported[3 + i, 3 + i] = reported[3 + i, 3 + i] + delay_square * late.acceleration
-        last[BEFORE + i] = derivative[3 + i]
+        velocity_scalar = 3 + i
+        reported[velocity_scalar, velocity_scalar] = reported[velocity_scalar, velocity_scalar] + acceleration_variance
+        last[BEFORE + i] = derivative[velocity_scalar]
         for j in range(3):
-            reported[i, j] = reported[i, j] + delay_square * P[VEL + i, VEL + j]
+            velocity_covariance = delay_square * P[VEL + i, VEL + j]
+            reported[i, j] = reported[i, j] + velocity_covariance
     last[KNOWN] = like(vx, 1.0)

@@ -194,11 +194,15 @@ def clone(P, delayed):
     """Replace the clones in the covariance P (n, n) by copies of the present states: P <- S P S'."""
     n = P.shape[0]
     for c in range(delayed.cloned.shape[0]):
+        state = delayed.cloned[c]
+        clone_state = delayed.clone + c
         for j in range(n):
-            P[delayed.clone + c, j] = P[delayed.cloned[c], j]
+            P[clone_state, j] = P[state, j]
     for c in range(delayed.cloned.shape[0]):
+        state = delayed.cloned[c]
+        clone_state = delayed.clone + c
         for i in range(n):
-            P[i, delayed.clone + c] = P[i, delayed.cloned[c]]
+            P[i, clone_state] = P[i, state]
 
 
 @jit
@@ -210,12 +214,14 @@ def _correct_antenna(antenna_state, state, error):
     elif state < ATT + 3:  # an attitude error about one axis rotates the lever arm: x cross arm
         second = (state - ATT + 1) % 3
         third = (state - ATT + 2) % 3
-        third_change = error * antenna_state[6 + second]
-        second_change = error * antenna_state[6 + third]
+        second_arm = 6 + second
+        third_arm = 6 + third
+        third_change = error * antenna_state[second_arm]
+        second_change = error * antenna_state[third_arm]
         antenna_state[third] = antenna_state[third] + third_change
-        antenna_state[6 + third] = antenna_state[6 + third] + third_change
+        antenna_state[third_arm] = antenna_state[third_arm] + third_change
         antenna_state[second] = antenna_state[second] - second_change
-        antenna_state[6 + second] = antenna_state[6 + second] - second_change
+        antenna_state[second_arm] = antenna_state[second_arm] - second_change
 
 
 @jit

@@ -79,7 +79,8 @@ def begin_motion(motion, samples):
     """Set the estimated motion to zero, and the last sample to the first true sample."""
     if samples is not None:
         for i in range(3):
-            motion.rate[i], motion.force[i] = like(motion.rate[0], 0.0), like(motion.rate[0], 0.0)
+            motion.rate[i] = like(motion.rate[0], 0.0)
+            motion.force[i] = like(motion.rate[0], 0.0)
             motion.sample[i] = like(motion.rate[0], samples.rate[0, i])
             motion.sample[3 + i] = like(motion.rate[0], samples.force[0, i])
 
@@ -101,9 +102,10 @@ def correct_vehicle(work, motion, model, vehicle):
             for i in range(3):
                 work.x[model.par_offset[b] + i] = like(work.x[0], 0.0)
         for i in range(6):
-            to, at = motion.rate if i < 3 else motion.force, vehicle.motion + i
-            to[i % 3] = to[i % 3] + work.x[at]
-            work.x[at] = like(work.x[0], 0.0)
+            estimate = motion.rate if i < 3 else motion.force
+            state = vehicle.motion + i
+            estimate[i % 3] = estimate[i % 3] + work.x[state]
+            work.x[state] = like(work.x[0], 0.0)
 
 
 @inlined
@@ -140,13 +142,15 @@ def predict_samples(run, work, motion, vehicle, at, dt):
         for i in range(3):
             for sensor in range(2):
                 r = 3 * sensor + i
-                total = motion.rate[i] if sensor == 0 else motion.force[i]
+                predicted = motion.rate[i] if sensor == 0 else motion.force[i]
                 for k in range(vehicle.blocks.shape[1]):
                     b = vehicle.blocks[sensor, k, 0]
                     if b >= 0:
-                        total = total + motion.h[r, 1 + k] * work.par[b, i]
-                motion.sample[r] = work.increments[at, r] / dt
-                motion.z[r] = motion.sample[r] - total
+                        parameter_error = motion.h[r, 1 + k] * work.par[b, i]
+                        predicted = predicted + parameter_error
+                sample = work.increments[at, r] / dt
+                motion.sample[r] = sample
+                motion.z[r] = sample - predicted
 
 
 @inlined

@@ -91,11 +91,9 @@ def store_prediction(iteration, work, epoch):
         _copy(iteration.nav, work.nav)
         _copy(iteration.clock, work.clock_hat)
         _copy(iteration.extra, work.extra)
-        iteration.counts[0], iteration.counts[1], iteration.counts[2] = (
-            work.nis[epoch],
-            work.n_row[epoch],
-            work.n_reject[epoch],
-        )
+        iteration.counts[0] = work.nis[epoch]
+        iteration.counts[1] = work.n_row[epoch]
+        iteration.counts[2] = work.n_reject[epoch]
 
 
 @jit
@@ -109,11 +107,9 @@ def _move(work, iteration, passes, model, epoch):
     correct_motion(work.nav, work.x)
     correct_receiver(work, model)
     _copy(work.x, iteration.x)
-    work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = (
-        iteration.counts[0],
-        iteration.counts[1],
-        iteration.counts[2],
-    )
+    work.nis[epoch] = iteration.counts[0]
+    work.n_row[epoch] = iteration.counts[1]
+    work.n_reject[epoch] = iteration.counts[2]
 
 
 @jit
@@ -128,8 +124,10 @@ def _restore_estimates(work, iteration):
 def _add_linear_term(work, iteration, model, row, channel):
     """Add H_i x_i to an innovation, which then refers to the state that the error state refers to."""
     for c in range(model.n_entry[channel]):
-        value = work.H[row, model.entry[channel, c]] * iteration.at[model.column[channel, c]]
-        work.z[row] = work.z[row] + value
+        entry = model.entry[channel, c]
+        state = model.column[channel, c]
+        linear_term = work.H[row, entry] * iteration.at[state]
+        work.z[row] = work.z[row] + linear_term
 
 
 @jit
@@ -143,12 +141,15 @@ def linearise_receiver(work, parts, case, iteration, epoch):
     iteration : IterationWork, of `store_prediction`
     epoch : index
     """
-    model, signals, options = case.model, case.signals, case.options
+    model = case.model
+    signals = case.signals
+    options = case.options
     _move(work, iteration, options.iterated, model, epoch)
     place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
     fill_receiver(work, parts.previous_epoch, options.delayed, model, signals, epoch)
     for row in range(n_measured(model, signals, epoch)):
-        _add_linear_term(work, iteration, model, row, channel_of(model, signals, epoch, row))
+        channel = channel_of(model, signals, epoch, row)
+        _add_linear_term(work, iteration, model, row, channel)
     _restore_estimates(work, iteration)
     place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
     repeat_extrapolation(parts.state_history, options.late)
@@ -158,10 +159,12 @@ def linearise_receiver(work, parts, case, iteration, epoch):
 @jit
 def linearise_sensor(work, parts, case, iteration, k, epoch):
     """Undo the last pass and set the rows of sensor k, linearised at its result."""
-    model, sensors = case.model, case.sensors
-    at = row_of(model, work, sensors.channel[k])
+    model = case.model
+    sensors = case.sensors
+    first_channel = sensors.channel[k]
+    first_row = row_of(model, work, first_channel)
     _move(work, iteration, case.options.iterated, model, epoch)
     fill_sensor_at_state(work, parts, case, k, epoch)
     for i in range(sensors.scalars[k]):
-        _add_linear_term(work, iteration, model, at + i, sensors.channel[k] + i)
+        _add_linear_term(work, iteration, model, first_row + i, first_channel + i)
     _restore_estimates(work, iteration)

@@ -232,8 +232,10 @@ def _covariance_error(P, rules):
     """Return 1 where a variance of position or velocity exceeds its limit, is not positive or is not a number."""
     error = like(P[0, 0], 0.0)
     for row in range(N_SPREAD):
-        variance = P[_nav_state(row), _nav_state(row)]
-        error = where((variance > 0.0) & (variance <= rules.spread[row]), error, 1.0)
+        state = _nav_state(row)
+        variance = P[state, state]
+        is_allowed = (variance > 0.0) & (variance <= rules.spread[row])
+        error = where(is_allowed, error, 1.0)
     return error
 
 
@@ -254,7 +256,7 @@ def update_mode(mode_state, rules, epoch, P):
     Called after the sample was processed or rejected. P (n, n) is the covariance after the update.
     """
     state = mode_state.state
-    used = mode_state.sample[0]
+    accepted = mode_state.sample[0]
     starts = mode_state.sample[1] > 0.0
     before = state[MODE]
     good = rules.good[epoch]
@@ -263,21 +265,25 @@ def update_mode(mode_state, rules, epoch, P):
     running = where(starts, 1.0, is_running(before))
     mode = where(starts, CONVERGING, before)
     state[SINCE] = where(starts, 0.0, state[SINCE] + rules.interval)
-    no_error = where(bad_covariance > 0.0, 0.0, where(starts, 1.0, used))
-    state[ERROR] = where(running * (1.0 - no_error) > 0.0, state[ERROR] + rules.interval, 0.0)
+    good_sample = where(starts, 1.0, accepted)
+    no_error = where(bad_covariance > 0.0, 0.0, good_sample)
+    has_error = running * (1.0 - no_error) > 0.0
+    state[ERROR] = where(has_error, state[ERROR] + rules.interval, 0.0)
     # with a good sample converging becomes aiding after a delay, and predicting becomes aiding; without a good sample
     # converging becomes waiting, and aiding becomes predicting
     if good:
-        due = (state[SINCE] >= rules.correct_after) & (used > 0.0) & (before == CONVERGING)
+        due = (state[SINCE] >= rules.correct_after) & (accepted > 0.0) & (before == CONVERGING)
+        again = (before == PREDICTING) & (accepted > 0.0)
         mode = where(due, AIDING, mode)
-        mode = where((before == PREDICTING) & (used > 0.0), AIDING, mode)
+        mode = where(again, AIDING, mode)
     else:
         mode = where(before == CONVERGING, WAITING, mode)
         mode = where(before == AIDING, PREDICTING, mode)
     persists = (state[ERROR] >= rules.stop_after) & (is_running(mode) > 0.0)
     mode = where(persists, STOPPED, mode)
     error = where(bad_covariance > 0.0, COVARIANCE_PERSISTS, RESIDUAL_PERSISTS if good else LOSS_PERSISTS)
-    state[WHY] = where(persists, error, where(starts, 0.0, state[WHY]))
+    previous_reason = where(starts, 0.0, state[WHY])
+    state[WHY] = where(persists, error, previous_reason)
     state[MODE] = mode
     mode_state.mode[epoch] = mode
     mode_state.reason[epoch] = _transition_reason(before, mode, error)

@@ -86,9 +86,15 @@ def propagate_held(work, mode_state, rules, model, length):
     transition that `propagate_open_loop` has left in `work.D`.
     """
     if mode_state is not None and rules.after_stop == PREDICTED:
-        clock, seconds = model.clock, model.seconds[length]
-        rows, columns, decay = model.block_rows, model.block_columns, model.decay[length]
-        apply_phi(mode_state.held, work.D, rows, columns, decay, clock, seconds)
+        apply_phi(
+            mode_state.held,
+            work.D,
+            model.block_rows,
+            model.block_columns,
+            model.decay[length],
+            model.clock,
+            model.seconds[length],
+        )
 
 
 @jit
@@ -127,7 +133,8 @@ def apply_correction(work, open_loop, mode_state, model):
     _copy_estimates(open_loop, work)
     if mode_state is not None:
         for i in range(work.x.shape[0]):
-            work.x[i] = where(is_correcting(mode_state.state[MODE]) > 0.0, work.x[i], mode_state.held[i])
+            correcting = is_correcting(mode_state.state[MODE])
+            work.x[i] = where(correcting > 0.0, work.x[i], mode_state.held[i])
     ekf.correct(work, None, None, model)
 
 
@@ -144,27 +151,33 @@ def compare_receiver(work, state_history, case, late, epoch):
     validity (open loop; DelayProcessing, or None).
     """
     if late is not None and not late.extrapolated:
-        model, place = case.model, place_of(late, late.receiver, epoch)
+        model = case.model
+        place = place_of(late, late.receiver, epoch)
         for row in range(ekf.n_measured(model, case.signals, epoch)):
             channel = ekf.channel_of(model, case.signals, epoch, row)
             n = model.n_entry[channel]
-            entries, columns = model.entry[channel, :n], model.column[channel, :n]
-            work.z[row] = work.z[row] - predicted_of_stored(state_history, place, work.H[row], entries, columns, work.x)
+            entries = model.entry[channel, :n]
+            columns = model.column[channel, :n]
+            change = predicted_of_stored(state_history, place, work.H[row], entries, columns, work.x)
+            work.z[row] = work.z[row] - change
 
 
 @jit
 def _compare_sensor(work, state_history, case, open_loop, late, k, epoch):
     """Correct the innovations of sensor k as `compare_receiver` does, for the error state before this epoch."""
     if open_loop is not None and late is not None and late.of_sensor[k] >= 0:
-        model, place = case.model, place_of(late, late.of_sensor[k], epoch)
-        first = ekf.row_of(model, work, case.sensors.channel[k])
+        model = case.model
+        place = place_of(late, late.of_sensor[k], epoch)
+        first_channel = case.sensors.channel[k]
+        first_row = ekf.row_of(model, work, first_channel)
         for i in range(case.sensors.scalars[k]):
-            channel, row = case.sensors.channel[k] + i, first + i
+            channel = first_channel + i
+            row = first_row + i
             n = model.n_entry[channel]
-            entries, columns = model.entry[channel, :n], model.column[channel, :n]
-            work.z[row] = work.z[row] - predicted_of_stored(
-                state_history, place, work.H[row], entries, columns, open_loop.x
-            )
+            entries = model.entry[channel, :n]
+            columns = model.column[channel, :n]
+            change = predicted_of_stored(state_history, place, work.H[row], entries, columns, open_loop.x)
+            work.z[row] = work.z[row] - change
 
 
 @inlined

@@ -46,8 +46,9 @@ def _store_rows(work, sigma_points, column, is_plus, first, n_row):
         else:
             plus = sigma_points.row_odd[row, column]
             minus = work.z[row]
+            mean = 0.5 * (plus + minus)
             sigma_points.row_odd[row, column] = (-0.5 / REACH) * (plus - minus)
-            sigma_points.row_even[row, column] = sigma_points.z[row] - 0.5 * (plus + minus)
+            sigma_points.row_even[row, column] = sigma_points.z[row] - mean
 
 
 @jit
@@ -70,10 +71,12 @@ def _regress(work, sigma_points, first, n_row):
         for column in range(N_NAV - 1, -1, -1):
             slope = sigma_points.row_odd[row, column]
             for later in range(column + 1, N_NAV):
-                slope = slope - h[_entry(later)] * sigma_points.root[later, column]
+                later_slope = h[_entry(later)]
+                slope = slope - later_slope * sigma_points.root[later, column]
             pivot = sigma_points.root[column, column]
+            divisor = where(pivot > 0.0, pivot, 1.0)
             entry = _entry(column)
-            h[entry] = where(pivot > 0.0, slope / where(pivot > 0.0, pivot, 1.0), 0.0)
+            h[entry] = where(pivot > 0.0, slope / divisor, 0.0)
             even = sigma_points.row_even[row, column]
             unexplained = unexplained + (1.0 / 3.0) * even * even
             shift = shift - (1.0 / 3.0) * even + h[entry] * work.x[column]

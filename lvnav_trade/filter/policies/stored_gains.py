@@ -122,17 +122,19 @@ def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> 
     """
     starts = np.zeros(len(schedule.segments))
     if schedule.by == "event":
-        missing = [s.event for s in schedule.segments if s.event not in events]
+        names = [segment.event for segment in schedule.segments]
+        missing = [name for name in names if name not in events]
         if missing:
             raise ValueError(f"the gain schedule {schedule.name!r} needs the event {missing[0]!r}")
-        starts = np.array([events[s.event] for s in schedule.segments])
+        starts = np.array([events[name] for name in names])
     order = np.argsort(starts, kind="stable")
     last_started = np.searchsorted(starts[order], t + 1e-6, side="right") - 1
     place_of_segment = np.clip(last_started, 0, None)
     gains = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
     for place, k in enumerate(order):
         in_segment = place_of_segment == place
-        gains[in_segment] = _interpolate(schedule.segments[k], t[in_segment] - starts[k])
+        since = t[in_segment] - starts[k]
+        gains[in_segment] = _interpolate(schedule.segments[k], since)
     return gains
 
 
@@ -141,11 +143,14 @@ def _interpolate(segment: GainSegment, since: Floats) -> Floats:
     times = np.array([knot.since for knot in segment.knots])
     gains = np.array([knot.gain for knot in segment.knots])
     last = len(times) - 1
-    after = np.clip(np.searchsorted(times, since, side="right"), min(1, last), last)
+    next_knot = np.searchsorted(times, since, side="right")
+    after = np.clip(next_knot, min(1, last), last)
     before = np.maximum(after - 1, 0)
     span = np.where(after > before, times[after] - times[before], 1.0)
-    share = np.clip((since - times[before]) / span, 0.0, 1.0)[:, None, None]
-    return np.asarray(gains[before] + share * (gains[after] - gains[before]))
+    elapsed = since - times[before]
+    fraction = np.clip(elapsed / span, 0.0, 1.0)[:, None, None]
+    change = gains[after] - gains[before]
+    return np.asarray(gains[before] + fraction * change)
 
 
 def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float = 0.0) -> list[int]:
@@ -167,16 +172,20 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
     flat = gains.reshape(len(t), -1)
     # a scale of at least negligible / tolerance, so that an error of `negligible` is within the tolerance
     least_scale = np.maximum(np.ravel(negligible) / tolerance, 1e-300)
-    scaled = flat / np.maximum(np.abs(flat).max(axis=0), least_scale)
-    knots = {0, len(t) - 1}
-    open_spans = [(0, len(t) - 1)]
+    largest = np.abs(flat).max(axis=0)
+    scaled = flat / np.maximum(largest, least_scale)
+    end = len(t) - 1
+    knots = {0, end}
+    open_spans = [(0, end)]
     while open_spans:
         first, last = open_spans.pop()
         if last - first < 2:
             continue
         inner = np.arange(first + 1, last)
-        fraction = ((t[inner] - t[first]) / (t[last] - t[first]))[:, None]
-        line = scaled[first] + fraction * (scaled[last] - scaled[first])
+        span = t[last] - t[first]
+        fraction = ((t[inner] - t[first]) / span)[:, None]
+        change = scaled[last] - scaled[first]
+        line = scaled[first] + fraction * change
         error = np.abs(scaled[inner] - line).max(axis=1)
         if error.max() > tolerance:
             middle = int(inner[np.argmax(error)])
@@ -241,7 +250,8 @@ def schedule_of(
         since = t[samples] - (0.0 if by == "time" else start)
         knots = []
         for i in thin(since, segment_gains, tolerance, negligible):
-            knots.append(GainKnot(since=round(float(since[i]), 6), gain=_round_gain(segment_gains[i])))
+            knot_time = round(float(since[i]), 6)
+            knots.append(GainKnot(since=knot_time, gain=_round_gain(segment_gains[i])))
         segments.append(GainSegment(event=event, knots=tuple(knots)))
     states = tuple(history.states)
     return GainSchedule(

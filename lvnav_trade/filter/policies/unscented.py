@@ -155,7 +155,8 @@ def factorise(root, P, model, n):
         for b in range(a):
             pivot = pivot - root[j, b] * root[j, b]
         is_positive = pivot > SMALLEST * P[j, j]
-        scale = where(is_positive, 1.0 / sqrt(where(is_positive, pivot, 1.0)), 0.0)
+        square = where(is_positive, pivot, 1.0)
+        scale = where(is_positive, 1.0 / sqrt(square), 0.0)
         for i in range(P.shape[0]):
             value = P[i, j]
             for b in range(a):
@@ -191,7 +192,8 @@ def rotation_between(p, q):
         -q[Q + 2],
         -q[Q + 3],
     )
-    series = _arcsine_series(d1 * d1 + d2 * d2 + d3 * d3)
+    sine_square = d1 * d1 + d2 * d2 + d3 * d3
+    series = _arcsine_series(sine_square)
     factor = where(d0 < 0.0, -2.0, 2.0) * series
     return factor * d1, factor * d2, factor * d3
 
@@ -206,7 +208,8 @@ def _fill_point(sigma_points, work, model, column, reach):
     for b in range(model.par_offset.shape[0]):
         for i in range(3):
             state = model.par_offset[b] + i
-            sigma_points.par[b, i] = work.par[b, i] + work.x[state] + reach * sigma_points.root[state, column]
+            point_offset = reach * sigma_points.root[state, column]
+            sigma_points.par[b, i] = work.par[b, i] + work.x[state] + point_offset
     processes.gather(sigma_points.tables, sigma_points.par, model.par_sensor, model.par_driver)
 
 
@@ -264,10 +267,12 @@ def _propagate_points(sigma_points, work, case, open_loop, w):
         _copy(odd, sigma_points.x, N_NAV)
         _propagate_point(sigma_points, work, case, column, -REACH, w)
         for i in range(N_NAV):
-            plus, minus = odd[i], sigma_points.x[i]
+            plus = odd[i]
+            minus = sigma_points.x[i]
+            mean = 0.5 * (plus + minus)
             # the odd part is scaled to one column of the factor, so that sum (odd odd') replaces sum (o o') / 3
             odd[i] = (0.5 / REACH) * (plus - minus)
-            even[i] = 0.5 * (plus + minus) - sigma_points.centre[i]
+            even[i] = mean - sigma_points.centre[i]
             sigma_points.mean[i] = sigma_points.mean[i] + (1.0 / 3.0) * even[i]
 
 
@@ -279,11 +284,13 @@ def _set_navigation_covariance(P, sigma_points):
         for j in range(i, n):
             total = like(P[0, 0], 0.0)
             for column in range(sigma_points.odd.shape[0]):
+                odd = sigma_points.odd[column]
+                even = sigma_points.even[column]
                 if j < N_NAV:
-                    total = total + sigma_points.odd[column, i] * sigma_points.odd[column, j]
-                    total = total + (1.0 / 3.0) * sigma_points.even[column, i] * sigma_points.even[column, j]
+                    total = total + odd[i] * odd[j]
+                    total = total + (1.0 / 3.0) * even[i] * even[j]
                 else:
-                    total = total + sigma_points.odd[column, i] * sigma_points.root[j, column]
+                    total = total + odd[i] * sigma_points.root[j, column]
             P[i, j] = total
             P[j, i] = total
 
@@ -302,7 +309,8 @@ def propagate_by_points(work, case, sigma_points, open_loop, w):
     open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
     w : window
     """
-    model, P = case.model, work.P
+    model = case.model
+    P = work.P
     length = case.schedule.length[w]
     noise = model.noise[length]
     seconds = model.seconds[length]

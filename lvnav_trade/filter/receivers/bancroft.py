@@ -37,9 +37,12 @@ _DECIDED = 100.0
 @jit
 def measured(ranges, slot):
     """Return weight, pseudorange and range rate of a slot; zeros in runs in which either is NaN."""
-    together = ranges[slot, 0] + ranges[slot, 1]
-    on = together == together
-    return where(on, 1.0, 0.0), where(on, ranges[slot, 0], 0.0), where(on, ranges[slot, 1], 0.0)
+    rho = ranges[slot, 0]
+    rate = ranges[slot, 1]
+    together = rho + rate
+    is_measured = together == together
+    weight = where(is_measured, 1.0, 0.0)
+    return weight, where(is_measured, rho, 0.0), where(is_measured, rate, 0.0)
 
 
 @jit
@@ -54,8 +57,9 @@ def factorise(A):
         for k in range(i):
             pivot = pivot - A[i, k] * A[i, k] * A[k, k]
         positive = pivot > 0.0
-        share = where(positive, pivot / where(positive, A[i, i], 1.0), 0.0)
-        least = where(share < least, share, least)
+        diagonal = where(positive, A[i, i], 1.0)
+        ratio = where(positive, pivot / diagonal, 0.0)
+        least = where(ratio < least, ratio, least)
         pivot = where(positive, pivot, 1.0)
         A[i, i] = pivot
         for j in range(i + 1, 4):
@@ -83,7 +87,8 @@ def solve(A, b):
 def _clear(receiver):
     zero = like(receiver.near[0], 0.0)
     for i in range(4):
-        receiver.sides[0, i], receiver.sides[1, i] = zero, zero
+        receiver.sides[0, i] = zero
+        receiver.sides[1, i] = zero
         for j in range(4):
             receiver.normal[i, j] = zero
 
@@ -91,10 +96,11 @@ def _clear(receiver):
 @jit
 def _add_row(receiver, weight, row, first, second):
     """Add a weighted row (4,) to the normal matrix and its two right-hand sides."""
+    sides = receiver.sides
     for i in range(4):
         weighted = weight * row[i]
-        receiver.sides[0, i] = receiver.sides[0, i] + weighted * first
-        receiver.sides[1, i] = receiver.sides[1, i] + weighted * second
+        sides[0, i] = sides[0, i] + weighted * first
+        sides[1, i] = sides[1, i] + weighted * second
         for j in range(i + 1):
             receiver.normal[i, j] = receiver.normal[i, j] + weighted * row[j]
 
@@ -107,9 +113,11 @@ def _closed_form(receiver, satellite, used, n_used, ranges):
     for slot in range(n_used):
         weight, rho, _ = measured(ranges, slot)
         s = satellite[used[slot]]
-        row = (s[0] - receiver.near[0], s[1] - receiver.near[1], s[2] - receiver.near[2], rho)
-        half = 0.5 * (row[0] * row[0] + row[1] * row[1] + row[2] * row[2] - rho * rho)
-        _add_row(receiver, weight, row, like(half, 1.0), half)
+        x = s[0] - receiver.near[0]
+        y = s[1] - receiver.near[1]
+        z = s[2] - receiver.near[2]
+        half = 0.5 * (x * x + y * y + z * z - rho * rho)
+        _add_row(receiver, weight, (x, y, z, rho), like(half, 1.0), half)
         count = count + weight
     least = factorise(receiver.normal)
     solve(receiver.normal, receiver.sides[0])
@@ -125,8 +133,13 @@ def _product(a, b):
 @jit
 def _candidate(receiver, root):
     """Return position relative to `near`, and clock bias, that belong to a root."""
-    u, v = receiver.sides[0], receiver.sides[1]
-    return root * u[0] + v[0], root * u[1] + v[1], root * u[2] + v[2], -(root * u[3] + v[3])
+    u = receiver.sides[0]
+    v = receiver.sides[1]
+    x = root * u[0] + v[0]
+    y = root * u[1] + v[1]
+    z = root * u[2] + v[2]
+    clock_bias = -(root * u[3] + v[3])
+    return x, y, z, clock_bias
 
 
 @jit
@@ -139,7 +152,8 @@ def _misfit(receiver, y, satellite, used, n_used, ranges):
         dx = s[0] - receiver.near[0] - y[0]
         dy = s[1] - receiver.near[1] - y[1]
         dz = s[2] - receiver.near[2] - y[2]
-        residual = rho - y[3] - sqrt(dx * dx + dy * dy + dz * dz)
+        distance = sqrt(dx * dx + dy * dy + dz * dz)
+        residual = rho - y[3] - distance
         total = total + weight * (residual * residual + 1.0)
     return total
 
@@ -156,7 +170,8 @@ def _choose(receiver, satellite, used, n_used, ranges):
 
     Returns whether the roots are real.
     """
-    u, v = receiver.sides[0], receiver.sides[1]
+    u = receiver.sides[0]
+    v = receiver.sides[1]
     # a L^2 + 2 b L + c = 0
     a = _product(u, u)
     b = _product(u, v) - 1.0
@@ -166,15 +181,18 @@ def _choose(receiver, satellite, used, n_used, ranges):
     root = sqrt(where(is_real, discriminant, 0.0))
     # the roots are c / q and q / a: without the difference of nearly equal numbers
     q = where(b < 0.0, root - b, -root - b)
+    divisor = where(a == 0.0, 1.0, a)
     first = _candidate(receiver, c / q)
-    second = _candidate(receiver, q / where(a == 0.0, 1.0, a))
+    second = _candidate(receiver, q / divisor)
     first_misfit = _misfit(receiver, first, satellite, used, n_used, ranges)
     second_misfit = _misfit(receiver, second, satellite, used, n_used, ranges)
     is_nearer = _square(second) < _square(first)
-    similar_and_nearer = (second_misfit < _DECIDED * first_misfit) & is_nearer
-    is_second = (_DECIDED * second_misfit < first_misfit) | similar_and_nearer
+    is_similar = second_misfit < _DECIDED * first_misfit
+    is_better = _DECIDED * second_misfit < first_misfit
+    is_second = is_better | (is_similar & is_nearer)
     for i in range(3):
-        receiver.fix[FIX_POS + i] = receiver.near[i] + where(is_second, second[i], first[i])
+        offset = where(is_second, second[i], first[i])
+        receiver.fix[FIX_POS + i] = receiver.near[i] + offset
     receiver.fix[FIX_BIAS] = where(is_second, second[3], first[3])
     return is_real
 
@@ -192,8 +210,10 @@ def _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges):
         velocity = satellite_velocity[used[slot]]
         ux, uy, uz, distance = line_of_sight(s, receiver.fix)
         residual = rho - distance - receiver.fix[FIX_BIAS]
-        receiver_rate = rate - (ux * velocity[0] + uy * velocity[1] + uz * velocity[2])
-        _add_row(receiver, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, receiver_rate)
+        satellite_rate = ux * velocity[0] + uy * velocity[1] + uz * velocity[2]
+        receiver_rate = rate - satellite_rate
+        row = (-ux, -uy, -uz, like(ux, 1.0))
+        _add_row(receiver, weight, row, residual, receiver_rate)
     return factorise(receiver.normal)
 
 
@@ -210,7 +230,8 @@ def _normalised_residuals(receiver, satellite, satellite_velocity, used, n_used,
         wx = velocity[0] - receiver.fix[FIX_VEL]
         wy = velocity[1] - receiver.fix[FIX_VEL + 1]
         wz = velocity[2] - receiver.fix[FIX_VEL + 2]
-        rate_residual = rate - (ux * wx + uy * wy + uz * wz) - receiver.fix[FIX_DRIFT]
+        along = ux * wx + uy * wy + uz * wz
+        rate_residual = rate - along - receiver.fix[FIX_DRIFT]
         range_square = range_residual * range_residual / model.range_variance
         rate_square = rate_residual * rate_residual / model.rate_variance
         total = total + weight * (range_square + rate_square)
@@ -274,8 +295,9 @@ def fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
         NO_FIX, INCONSISTENT (residuals), UNTESTED (four satellites), or CONSISTENT.
     """
     count, least = _closed_form(receiver, satellite, used, n_used, ranges)
-    sound = (count >= 4.0) & (least > _SINGULAR)
-    sound = sound & _choose(receiver, satellite, used, n_used, ranges)
+    has_real_roots = _choose(receiver, satellite, used, n_used, ranges)
+    is_regular = (count >= 4.0) & (least > _SINGULAR)
+    sound = is_regular & has_real_roots
     for _ in range(model.refinements):
         _refine(receiver, satellite, satellite_velocity, used, n_used, ranges)
     least = _linearise(receiver, satellite, satellite_velocity, used, n_used, ranges)
@@ -286,7 +308,8 @@ def fix(receiver, model, satellite, satellite_velocity, used, n_used, ranges):
     _invert(receiver)
     squares = _normalised_residuals(receiver, satellite, satellite_velocity, used, n_used, ranges, model)
     sound = sound & (least > _SINGULAR) & (squares == squares)
-    quality = where(sound, _test_fix(count, squares, model, n_used), NO_FIX)
+    tested_quality = _test_fix(count, squares, model, n_used)
+    quality = where(sound, tested_quality, NO_FIX)
     for i in range(N_FIX):
         receiver.fix[i] = where(sound, receiver.fix[i], 0.0)
     for i in range(4):
@@ -302,17 +325,18 @@ def _report_covariance(receiver, model):
     """Set the reported covariance of the solution: that of the point solution, or constant variances."""
     reported = model.reported
     zero = like(receiver.near[0], 0.0)
+    covariance = receiver.covariance
     for i in range(3):
         for j in range(3):
-            receiver.covariance[i, 3 + j] = zero
-            receiver.covariance[3 + i, j] = zero
+            covariance[i, 3 + j] = zero
+            covariance[3 + i, j] = zero
             if reported.own and (reported.correlated or i == j):
                 inverse = receiver.inverse[i, j]
-                receiver.covariance[i, j] = reported.factor * model.range_variance * inverse
-                receiver.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * inverse
+                covariance[i, j] = reported.factor * model.range_variance * inverse
+                covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * inverse
             else:
-                receiver.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
-                receiver.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
+                covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
+                covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
 
 
 @jit

@@ -70,7 +70,8 @@ def _code_minus_carrier(shared, errors, smoothing, epoch, s):
     for family in range(smoothing.code.shape[0]):
         partial = smoothing.code[family, epoch, s]
         if partial != 0.0:
-            total = total + partial * errors[shared.member[family, 2 * s]]
+            component = shared.member[family, 2 * s]
+            total = total + partial * errors[component]
     return total
 
 
@@ -100,9 +101,13 @@ def smooth(receiver, work, smoothing, signals, word, epoch, key):
         code_normal, _, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
         phase_normal, _, _, _ = normals(k0, k1, smoothing.source, run, word, signals.words[s])
         # code minus carrier: white noise of both, then correlated errors; range and clock are in both
-        difference = signals.sigma[epoch, 2 * s] * code_normal - smoothing.sigma[epoch, s] * phase_normal
-        difference = difference + _code_minus_carrier(signals.shared, work.shared, smoothing, epoch, s)
+        code_noise = signals.sigma[epoch, 2 * s] * code_normal
+        phase_noise = smoothing.sigma[epoch, s] * phase_normal
+        correlated = _code_minus_carrier(signals.shared, work.shared, smoothing, epoch, s)
+        difference = code_noise - phase_noise
+        difference = difference + correlated
         gain = smoothing.gain[epoch, s]
-        average = gain * difference + (1.0 - gain) * receiver.average[s]
+        previous_average = receiver.average[s]
+        average = gain * difference + (1.0 - gain) * previous_average
         receiver.average[s] = average
         ranges[slot, 0] = ranges[slot, 0] + average - difference

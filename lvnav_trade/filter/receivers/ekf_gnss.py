@@ -78,25 +78,30 @@ def drive(P, model, x, y, z):
     for i in range(3):
         for first in range(3):
             for second in range(3):
-                row, column = blocks[first] + i, blocks[second] + i
-                P[row, column] = P[row, column] + model.drive[first] * model.drive[second] * variance[i]
-    gain = (0.5 * model.interval * model.interval, model.interval)
+                row = blocks[first] + i
+                column = blocks[second] + i
+                gain_product = model.drive[first] * model.drive[second]
+                P[row, column] = P[row, column] + gain_product * variance[i]
+    interval = model.interval
+    clock_gain = (0.5 * interval * interval, interval)
     for i in range(2):
         for j in range(2):
-            P[BIAS + i, BIAS + j] = P[BIAS + i, BIAS + j] + gain[i] * gain[j] * model.clock
+            clock_covariance = clock_gain[i] * clock_gain[j] * model.clock
+            P[BIAS + i, BIAS + j] = P[BIAS + i, BIAS + j] + clock_covariance
 
 
 @jit
 def propagate(receiver, model, x, y, z):
     """Propagate state and covariance over an interval, with driving variances x, y, z."""
     nav = receiver.nav
+    interval = model.interval
     for i in range(3):
         velocity = nav[VEL + i]
         acceleration = nav[ACC + i]
-        nav[POS + i] = nav[POS + i] + model.interval * velocity + model.to_position * acceleration
+        nav[POS + i] = nav[POS + i] + interval * velocity + model.to_position * acceleration
         nav[VEL + i] = velocity + model.to_velocity * acceleration
         nav[ACC + i] = model.decay * acceleration
-    nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
+    nav[BIAS] = nav[BIAS] + interval * nav[DRIFT]
     predict(
         receiver.P,
         model.blocks,
@@ -122,7 +127,8 @@ def _update_acceleration(receiver, model, fixed):
         acceleration = (velocity - memory[LAST_VELOCITY + i]) / seconds
         memory[ACCELERATION + i] = where(has_both, acceleration, memory[ACCELERATION + i])
         memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
-    memory[SINCE] = where(fixed, 0.0, where(has_earlier, seconds, -1.0))
+    since_earlier = where(has_earlier, seconds, -1.0)
+    memory[SINCE] = where(fixed, 0.0, since_earlier)
 
 
 @jit
@@ -176,7 +182,8 @@ def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used,
     variances : of a range (m^2) and of a range rate (m^2/s^2).
     """
     range_variance, rate_variance = variances
-    nav, h = receiver.nav, receiver.h
+    nav = receiver.nav
+    h = receiver.h
     _begin_update(receiver)
     count = like(nav[0], 0.0)
     accepted = like(nav[0], 0.0)
@@ -187,8 +194,11 @@ def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used,
         started = receiver.memory[STARTED] > 0.0
         rho = where(started, ranges[slot, 0], np.nan)
         rate = where(started, ranges[slot, 1], np.nan)
-        count = count + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
-        innovation = rho - range_row(h, receiver.at, ux, uy, uz, distance, nav[BIAS])
+        has_range = where(rho == rho, 1.0, 0.0)
+        has_rate = where(rate == rate, 1.0, 0.0)
+        count = count + has_range + has_rate
+        predicted_range = range_row(h, receiver.at, ux, uy, uz, distance, nav[BIAS])
+        innovation = rho - predicted_range
         range_accepted, receiver.innovation[2 * s] = _update_scalar(
             receiver,
             model,
@@ -198,7 +208,8 @@ def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used,
             RANGE_ENTRIES,
             RANGE_COLUMNS,
         )
-        innovation = rate - rate_row(h, receiver.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        predicted_rate = rate_row(h, receiver.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        innovation = rate - predicted_rate
         rate_accepted, receiver.innovation[2 * s + 1] = _update_scalar(
             receiver,
             model,
@@ -228,17 +239,22 @@ def _copy_block(P, inverse, variance, first, clock, begin):
 @jit
 def _start(receiver, model, point, begin):
     """Start the filter from the point solution in the runs with `begin`."""
-    nav, P = receiver.nav, receiver.P
+    nav = receiver.nav
+    P = receiver.P
+    point_fix = receiver.fix
     for i in range(N_STATE):
         for j in range(N_STATE):
             P[i, j] = where(begin, 0.0, P[i, j])
     for i in range(3):
-        nav[ACC + i] = where(begin, 0.0, nav[ACC + i])
-        nav[VEL + i] = where(begin, receiver.fix[FIX_VEL + i], nav[VEL + i])
-        nav[POS + i] = where(begin, receiver.fix[FIX_POS + i], nav[POS + i])
-        P[ACC + i, ACC + i] = where(begin, model.start, P[ACC + i, ACC + i])
-    nav[BIAS] = where(begin, receiver.fix[FIX_BIAS], nav[BIAS])
-    nav[DRIFT] = where(begin, receiver.fix[FIX_DRIFT], nav[DRIFT])
+        position = POS + i
+        velocity = VEL + i
+        acceleration = ACC + i
+        nav[acceleration] = where(begin, 0.0, nav[acceleration])
+        nav[velocity] = where(begin, point_fix[FIX_VEL + i], nav[velocity])
+        nav[position] = where(begin, point_fix[FIX_POS + i], nav[position])
+        P[acceleration, acceleration] = where(begin, model.start, P[acceleration, acceleration])
+    nav[BIAS] = where(begin, point_fix[FIX_BIAS], nav[BIAS])
+    nav[DRIFT] = where(begin, point_fix[FIX_DRIFT], nav[DRIFT])
     # position and bias, velocity and drift: covariance of the point solution by its inverse normal matrix
     _copy_block(P, receiver.inverse, point.range_variance, POS, BIAS, begin)
     _copy_block(P, receiver.inverse, point.rate_variance, VEL, DRIFT, begin)
@@ -249,7 +265,8 @@ def _output(receiver, model, satellites):
     """Set solution and reported covariance; the solution is NaN before the start and after too long a coast."""
     memory = receiver.memory
     valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
-    quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, PROPAGATED))
+    partial_quality = where(satellites > 0.0, PARTIAL, PROPAGATED)
+    quality = where(satellites >= 4.0, FULL, partial_quality)
     receiver.used[0] = where(valid, quality, NO_FIX)
     reported = model.reported
     zero = like(satellites, 0.0)
@@ -307,8 +324,10 @@ def step(receiver, model, point, satellite, satellite_velocity, used, n_used, ra
         (range_variance, rate_variance),
     )
     # a filter that rejects most measurements of several fixes in succession has diverged
-    memory[MISSES] = where(fixed & (accepted < 0.5 * count), memory[MISSES] + 1.0, 0.0)
-    begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
+    rejects_most = fixed & (accepted < 0.5 * count)
+    memory[MISSES] = where(rejects_most, memory[MISSES] + 1.0, 0.0)
+    has_diverged = memory[MISSES] >= model.restart
+    begin = fixed & ((memory[STARTED] == 0.0) | has_diverged)
     _start(receiver, model, point, begin)
     for channel in range(receiver.innovation.shape[0]):  # no innovations at the epoch of a restart
         receiver.innovation[channel] = where(begin, np.nan, receiver.innovation[channel])

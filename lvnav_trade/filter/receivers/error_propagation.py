@@ -104,7 +104,8 @@ def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Flo
     x, y, z, range_variance, rate_variance = adapted(ax, ay, az, model)
     noise = np.zeros((N_STATE, N_STATE))
     drive(noise, model, x, y, z)
-    return noise, np.tile([range_variance, rate_variance], n_row // 2)
+    variances = np.tile([range_variance, rate_variance], n_row // 2)
+    return noise, variances
 
 
 def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
@@ -124,7 +125,9 @@ def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
             acceleration[k] = acceleration[k - 1]
         if fixed[k]:
             if last_fix >= 0:
-                acceleration[k] = (v_i[k] - v_i[last_fix]) / (interval * (k - last_fix))
+                velocity_change = v_i[k] - v_i[last_fix]
+                elapsed = interval * (k - last_fix)
+                acceleration[k] = velocity_change / elapsed
             last_fix = k
     return acceleration
 
@@ -152,7 +155,8 @@ def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> ErrorProp
 
     The filter starts with zero acceleration, so that its acceleration error is the true acceleration.
     """
-    gains, acceleration = point_solution(point, rows), range(ACC, ACC + 3)
+    gains = point_solution(point, rows)
+    acceleration = range(ACC, ACC + 3)
     gains.P[acceleration, acceleration] = model.start
     gains.keep[acceleration, acceleration] = 1.0
     return gains
@@ -173,12 +177,18 @@ def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Float
     """
     noise, variance = noises(model, acceleration, len(rows))
     phi = transition(model)
-    P = phi @ P @ phi.T + noise
-    innovation_covariance = rows @ P @ rows.T + np.diag(variance)
-    gain = np.asarray(np.linalg.solve(innovation_covariance, rows @ P).T, dtype=np.float64)
+    propagated = phi @ P @ phi.T
+    P = propagated + noise
+    state_part = rows @ P @ rows.T
+    innovation_covariance = state_part + np.diag(variance)
+    # K' = S^-1 H P, because S and P are symmetric
+    gain_transposed = np.linalg.solve(innovation_covariance, rows @ P)
+    gain = np.asarray(gain_transposed.T, dtype=np.float64)
     keep = np.eye(N_STATE) - gain @ rows
     # Joseph's form: (I - K H) P (I - K H)' + K R K'
-    P = keep @ P @ keep.T + (gain * variance) @ gain.T
+    corrected = keep @ P @ keep.T
+    from_noise = (gain * variance) @ gain.T
+    P = corrected + from_noise
     return ErrorPropagation(phi, keep, gain, P)
 
 
@@ -200,6 +210,8 @@ def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floa
 def reported_covariance(reported: ReportedCovariance, P: Floats) -> Floats:
     """Return the covariance (6, 6) reported with a solution of a filter with covariance P (11, 11)."""
     if not reported.own:
-        return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
-    R = np.asarray(reported.factor * P[np.ix_(SOLUTION, SOLUTION)])
+        variances = [reported.position_variance] * 3 + [reported.velocity_variance] * 3
+        return np.diag(variances)
+    solution_covariance = P[np.ix_(SOLUTION, SOLUTION)]
+    R = np.asarray(reported.factor * solution_covariance)
     return R if reported.correlated else np.diag(np.diag(R))

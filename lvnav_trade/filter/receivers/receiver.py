@@ -212,7 +212,9 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
 def switch_on(receiver: Any, x: Any, y: Any, z: Any) -> None:
     """Set a receiver to its state before the first epoch; x, y, z (m, frame i) is the guess for its first fix."""
     zero = 0.0 * x
-    receiver.near[0], receiver.near[1], receiver.near[2] = x, y, z
+    receiver.near[0] = x
+    receiver.near[1] = y
+    receiver.near[2] = z
     for i in range(N_STATE):
         receiver.nav[i] = zero
         for j in range(N_STATE):
@@ -251,7 +253,8 @@ def point_model(
         Largest number of satellites in a solution.
     """
     limits = np.full(most + 1, math.inf)
-    limits[5:] = chdtri(2 * (np.arange(5, most + 1) - 4), false_alarm)
+    degrees_of_freedom = 2 * (np.arange(5, most + 1) - 4)
+    limits[5:] = chdtri(degrees_of_freedom, false_alarm)
     return PointModel(refinements, limits, range_sigma**2, rate_sigma**2, float(least_quality), reported)
 
 
@@ -262,8 +265,10 @@ def _acting(dt: float, time: float) -> tuple[float, float, float]:
     """
     if math.isinf(time):
         return 1.0, dt, 0.5 * dt * dt
+    decay = math.exp(-dt / time)
     to_velocity = -time * math.expm1(-dt / time)
-    return math.exp(-dt / time), to_velocity, time * (dt - to_velocity)
+    to_position = time * (dt - to_velocity)
+    return decay, to_velocity, to_position
 
 
 class FilterSettings(NamedTuple):
@@ -306,13 +311,18 @@ class FilterSettings(NamedTuple):
 
 def receiver_filter(reported: ReportedCovariance, interval: float, settings: FilterSettings) -> ReceiverFilter:
     """Return the settings of the receiver's filter as numbers for an interval (s) between epochs."""
-    dt, acceleration, time = interval, settings.acceleration, settings.acceleration_time
+    dt = interval
+    acceleration = settings.acceleration
+    time = settings.acceleration_time
     decay, to_velocity, to_position = _acting(dt, math.inf if time is None else time)
     pairs = [(POS, VEL, dt)]
     if acceleration:
         # the kernel applies the blocks in this order: position and velocity first, by the acceleration before its decay
-        pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, decay - 1.0)]
-    blocks = np.array([value * np.eye(3).ravel() for _, _, value in pairs])
+        pairs.append((POS, ACC, to_position))
+        pairs.append((VEL, ACC, to_velocity))
+        pairs.append((ACC, ACC, decay - 1.0))
+    identity = np.eye(3).ravel()
+    blocks = np.array([value * identity for _, _, value in pairs])
     drive = [dt, 0.5 * dt**2, dt**3 / 6.0] if acceleration else [0.0, dt, 0.5 * dt**2]
     return ReceiverFilter(
         interval=dt,

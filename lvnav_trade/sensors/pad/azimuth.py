@@ -63,7 +63,8 @@ class AzimuthCard(StandingCard):
     def _normal(flight: FlightView) -> Floats:
         """Return the mirror's normal (n_epoch, 3), north-east-down axes."""
         normal_i = matrices(flight.q_b_i)[:, :, 1]
-        return np.asarray(np.einsum("nij,nj->ni", rotation_i_n(flight.r_i, flight.theta), normal_i))
+        C_i_n = rotation_i_n(flight.r_i, flight.theta)
+        return np.asarray(np.einsum("nij,nj->ni", C_i_n, normal_i))
 
 
 @jit
@@ -79,7 +80,9 @@ def measure(out, truth, e0):
     e0 : float
         Error of the azimuth (rad).
     """
-    out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
+    cosine = math.cos(truth[0])
+    sine = math.sin(truth[0])
+    out[0], out[1] = turned(cosine, sine, e0)
 
 
 @jit
@@ -101,7 +104,8 @@ def fill(H, z, at, observed, nav):
     """
     # axes of the local horizon: u up, e east, n north
     _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
-    scale = 1.0 / sqrt(ux * ux + uy * uy)
+    level_square = ux * ux + uy * uy
+    scale = 1.0 / sqrt(level_square)
     ex = -uy * scale
     ey = ux * scale
     nx = -uz * ey
@@ -109,19 +113,28 @@ def fill(H, z, at, observed, nav):
     nz = ux * ey - uy * ex
     # components of the mirror's normal, the body y axis
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    north = nx * c[1] + ny * c[4] + nz * c[7]
-    east = ex * c[1] + ey * c[4]
-    up = ux * c[1] + uy * c[4] + uz * c[7]
-    inverse_square = 1.0 / (north * north + east * east)
+    mx = c[1]
+    my = c[4]
+    mz = c[7]
+    north = nx * mx + ny * my + nz * mz
+    east = ex * mx + ey * my
+    up = ux * mx + uy * my + uz * mz
+    horizontal_square = north * north + east * east
+    inverse_square = 1.0 / horizontal_square
     # arc sine, to third order, of the sine of measured minus predicted azimuth
-    sine = (observed[1] * north - observed[0] * east) * sqrt(inverse_square)
+    cross_product = observed[1] * north - observed[0] * east
+    sine = cross_product * sqrt(inverse_square)
     z[at] = sine * (1.0 + sine * sine * (1.0 / 6.0))
-    h = H[at]
+    # d - (m . d / |m_h|^2) m_h, with d = -u and m_h = north n + east e
     tilt = up * inverse_square
+    horizontal_x = north * nx + east * ex
+    horizontal_y = north * ny + east * ey
+    horizontal_z = north * nz
+    h = H[at]
     clear(h)
-    h[H_ATT] = tilt * (north * nx + east * ex) - ux
-    h[H_ATT + 1] = tilt * (north * ny + east * ey) - uy
-    h[H_ATT + 2] = tilt * (north * nz) - uz
+    h[H_ATT] = tilt * horizontal_x - ux
+    h[H_ATT + 1] = tilt * horizontal_y - uy
+    h[H_ATT + 2] = tilt * horizontal_z - uz
 
 
 SENSORS = (

@@ -51,12 +51,16 @@ def begin_rows(H, at, entry, theta):
     for axis in range(3):
         clear(H[at + axis])
     zero = H[at, entry]
-    c, s = math.cos(theta), math.sin(theta)
-    H[at, entry] = like(zero, c)
-    H[at, entry + 1] = like(zero, s)
-    H[at + 1, entry] = like(zero, -s)
-    H[at + 1, entry + 1] = like(zero, c)
-    H[at + 2, entry + 2] = like(zero, 1.0)
+    c = math.cos(theta)
+    s = math.sin(theta)
+    x_row = H[at]
+    y_row = H[at + 1]
+    z_row = H[at + 2]
+    x_row[entry] = like(zero, c)
+    x_row[entry + 1] = like(zero, s)
+    y_row[entry] = like(zero, -s)
+    y_row[entry + 1] = like(zero, c)
+    z_row[entry + 2] = like(zero, 1.0)
 
 
 @jit
@@ -70,5 +74,8 @@ def to_earth(theta, x, y):
     x, y : float
         Components in frame i.
     """
-    c, s = math.cos(theta), math.sin(theta)
-    return c * x + s * y, c * y - s * x
+    c = math.cos(theta)
+    s = math.sin(theta)
+    x_e = c * x + s * y
+    y_e = c * y - s * x
+    return x_e, y_e

@@ -64,7 +64,9 @@ def fill(H, z, at, observed, nav, theta):
         Earth angle (rad).
     """
     # velocity relative to the Earth: vel - Omega x pos
-    x, y = to_earth(theta, nav[V] + OMEGA * nav[R + 1], nav[V + 1] - OMEGA * nav[R])
+    relative_x = nav[V] + OMEGA * nav[R + 1]
+    relative_y = nav[V + 1] - OMEGA * nav[R]
+    x, y = to_earth(theta, relative_x, relative_y)
     z[at] = observed[0] - x
     z[at + 1] = observed[1] - y
     z[at + 2] = observed[2] - nav[V + 2]
@@ -72,10 +74,12 @@ def fill(H, z, at, observed, nav, theta):
     # derivative by position: -C_i_e Omega x
     c = OMEGA * math.cos(theta)
     s = OMEGA * math.sin(theta)
-    H[at, H_POS] = like(z[at], -s)
-    H[at, H_POS + 1] = like(z[at], c)
-    H[at + 1, H_POS] = like(z[at], -c)
-    H[at + 1, H_POS + 1] = like(z[at], -s)
+    x_row = H[at]
+    y_row = H[at + 1]
+    x_row[H_POS] = like(z[at], -s)
+    x_row[H_POS + 1] = like(z[at], c)
+    y_row[H_POS] = like(z[at], -c)
+    y_row[H_POS + 1] = like(z[at], -s)
 
 
 SENSORS = (

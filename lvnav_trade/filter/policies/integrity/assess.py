@@ -31,7 +31,8 @@ def _innovation_variance(P, h, entries, columns):
     total = like(P[0, 0], 0.0)
     for i in range(columns.shape[0]):
         for j in range(columns.shape[0]):
-            total = total + h[entries[i]] * P[columns[i], columns[j]] * h[entries[j]]
+            covariance = P[columns[i], columns[j]]
+            total = total + h[entries[i]] * covariance * h[entries[j]]
     return total
 
 
@@ -52,7 +53,8 @@ def _test_rows(monitor, P, H, case, epoch, n_row):
         entries = model.entry[channel, :n]
         columns = model.column[channel, :n]
         noise_variance = monitor.variance[row]
-        innovation_variance = _innovation_variance(P, H[row], entries, columns) + noise_variance
+        state_variance = _innovation_variance(P, H[row], entries, columns)
+        innovation_variance = state_variance + noise_variance
         is_measured = z[row] == z[row]
         in_use = (monitor.out[channel] <= RETURNING) & is_measured
         square = where(in_use, z[row] * z[row] / innovation_variance, 0.0)
@@ -66,18 +68,20 @@ def _count_down(monitor, ends):
     """Reduce every hold time by one epoch; a hold time that ends is set to `ends`."""
     for c in range(monitor.out.shape[0]):
         out = monitor.out[c]
-        monitor.out[c] = where(out > 1.0, out - 1.0, where(out == 1.0, ends, 0.0))
+        ended = where(out == 1.0, ends, 0.0)
+        monitor.out[c] = where(out > 1.0, out - 1.0, ended)
 
 
 @jit
 def _exclude(monitor, tests, selected, n_kind, epoch, channel):
     """Exclude the satellite of a channel in the runs where `selected` is 1, and clear its stored innovations."""
     first = channel - channel % n_kind
+    is_excluded = selected > 0.0
     for c in range(first, first + n_kind):
-        monitor.out[c] = where(selected > 0.0, tests.hold, monitor.out[c])
-        monitor.excluded[epoch, c] = where(selected > 0.0, 1.0, monitor.excluded[epoch, c])
+        monitor.out[c] = where(is_excluded, tests.hold, monitor.out[c])
+        monitor.excluded[epoch, c] = where(is_excluded, 1.0, monitor.excluded[epoch, c])
         for k in range(monitor.recent_squares.shape[1]):
-            monitor.recent_squares[c, k] = where(selected > 0.0, 0.0, monitor.recent_squares[c, k])
+            monitor.recent_squares[c, k] = where(is_excluded, 0.0, monitor.recent_squares[c, k])
 
 
 @jit
@@ -108,12 +112,14 @@ def _isolate_satellites(monitor, H, case, fails, first, kind, epoch, n_row):
     agrees = like(fails, 0.0)
     for attempt in range(tests.exclusions + 1):
         residuals, dof = fit(monitor, H, monitor.z, first, kind, model.n_kind, n_row)
-        significant = where(residuals > limit(tests.consistent, dof), 1.0, 0.0)
+        threshold = limit(tests.consistent, dof)
+        significant = where(residuals > threshold, 1.0, 0.0)
         agrees = where((dof >= 0.0) & (significant == 0.0), 1.0, 0.0)
         if attempt < tests.exclusions:
             largest = _largest_square(monitor, kind, model.n_kind, n_row)
             # an exclusion takes one of the redundant satellites
-            faulty = where((fails > 0.0) & (significant > 0.0) & (dof >= 1.0), 1.0, 0.0)
+            is_faulty = (fails > 0.0) & (significant > 0.0) & (dof >= 1.0)
+            faulty = where(is_faulty, 1.0, 0.0)
             excluded_any = where(faulty > 0.0, 1.0, excluded_any)
             for row in range(kind, n_row, model.n_kind):
                 is_largest = (monitor.square[row] == largest) & (monitor.weight[row] > 0.0)
@@ -154,9 +160,11 @@ def _readmit(monitor, tests, running, model, signals, epoch, n_row):
     """
     renewed = like(monitor.fit[0], 0.0)
     _, healthy = _count_out(monitor, model, signals, epoch, n_row)
-    trusted = where((healthy > N_FIT) & (persists(monitor) == 0.0), running, 0.0)
+    imu_is_sound = persists(monitor) == 0.0
+    trusted = where((healthy > N_FIT) & imu_is_sound, running, 0.0)
     for row in range(n_row):
-        returning = monitor.out[channel_of(model, signals, epoch, row)] == RETURNING
+        channel = channel_of(model, signals, epoch, row)
+        returning = monitor.out[channel] == RETURNING
         disagrees = monitor.square[row] > tests.single
         selected = where(returning & (trusted > 0.0) & disagrees, 1.0, 0.0)
         _exclude_row(monitor, tests, selected, model, signals, epoch, row)
@@ -201,12 +209,14 @@ def _exclude_beyond(monitor, case, fails, isolated, epoch, n_row):
     """Exclude the satellites beyond their limits if the fault is neither a single satellite nor common to all; return
     the kind of fault.
     """
-    tests, model = case.options.integrity, case.model
+    tests = case.options.integrity
+    model = case.model
     not_isolated = where(isolated == 0.0, fails, 0.0)
     for row in range(n_row):
         beyond = (monitor.square[row] > tests.single) & (monitor.weight[row] > 0.0)
         selected = where((not_isolated > 0.0) & beyond, 1.0, 0.0)
-        _exclude(monitor, tests, selected, model.n_kind, epoch, channel_of(model, case.signals, epoch, row))
+        channel = channel_of(model, case.signals, epoch, row)
+        _exclude(monitor, tests, selected, model.n_kind, epoch, channel)
         isolated = where(selected > 0.0, OF_CHANNEL, isolated)
     return isolated
 
@@ -217,10 +227,14 @@ def _assess_ranges(monitor, work, case, running, epoch, n_row):
 
     Range rates come first: a fault of velocity or clock drift is then also tested in position or clock bias.
     """
-    tests, P, model, signals = case.options.integrity, work.P, case.model, case.signals
+    tests = case.options.integrity
+    P = work.P
+    model = case.model
+    signals = case.signals
     factor = tests.recovery * tests.recovery
     renewed = _readmit(monitor, tests, running, model, signals, epoch, n_row)
-    fails = running * _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
+    any_detected = _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
+    fails = running * any_detected
     zero = like(fails, 0.0)
     isolated = zero
     motion_fault = zero
@@ -231,15 +245,19 @@ def _assess_ranges(monitor, work, case, running, epoch, n_row):
         first, state = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
         clock_state = model.clock + kind
         excluded_any, agrees = _isolate_satellites(monitor, work.H, case, fails, first, kind, epoch, n_row)
-        isolated = where((excluded_any > 0.0) & (isolated == 0.0), OF_CHANNEL, isolated)
+        is_channel = (excluded_any > 0.0) & (isolated == 0.0)
+        isolated = where(is_channel, OF_CHANNEL, isolated)
         suspected = agrees * fails
-        detected = suspected * _is_detected(monitor, tests, model, signals, epoch, kind, n_row)
+        kind_detected = _is_detected(monitor, tests, model, signals, epoch, kind, n_row)
+        detected = suspected * kind_detected
         shift, drift, size, offset = compare(monitor, tests, P, state, clock_state)
         # a fault seen in the range rates need not be detected again in the ranges
         motion_suspected = suspected * where(motion_fault > 0.0, 1.0, detected)
         clock_suspected = suspected * where(clock_fault > 0.0, 1.0, detected)
-        motion_shifted = where((shift > 1.0) & (motion_suspected > 0.0), 1.0, 0.0)
-        clock_shifted = where((drift > 1.0) & (clock_suspected > 0.0), 1.0, 0.0)
+        has_motion_shift = (shift > 1.0) & (motion_suspected > 0.0)
+        has_clock_shift = (drift > 1.0) & (clock_suspected > 0.0)
+        motion_shifted = where(has_motion_shift, 1.0, 0.0)
+        clock_shifted = where(has_clock_shift, 1.0, 0.0)
         clock_fault = where(clock_shifted > 0.0, 1.0, clock_fault)
         is_motion = (clock_shifted == 0.0) | (shift > drift)
         motion_fault = where((motion_shifted > 0.0) & is_motion, 1.0, motion_fault)
@@ -247,17 +265,21 @@ def _assess_ranges(monitor, work, case, running, epoch, n_row):
         inflate(P, clock_state, 1, clock_shifted, factor * offset)
         if kind == 1:
             speed = where(motion_shifted > 0.0, size, zero)
-    isolated = where(clock_fault > motion_fault, OF_CLOCK, where(motion_fault > 0.0, OF_INERTIAL, isolated))
+    isolated_or_inertial = where(motion_fault > 0.0, OF_INERTIAL, isolated)
+    isolated = where(clock_fault > motion_fault, OF_CLOCK, isolated_or_inertial)
     excluded, in_use = _count_out(monitor, model, signals, epoch, n_row)
     not_isolated = where(isolated == 0.0, fails, 0.0)
     common, common_speed = find_common(monitor, work, case, not_isolated, excluded, n_row)
     isolated = where(common > 0.0, common, isolated)
     speed = where(common > 0.0, common_speed, speed)
-    learn(monitor, tests, P, model, where(isolated == OF_INERTIAL, 1.0, 0.0), speed)
+    inertial = where(isolated == OF_INERTIAL, 1.0, 0.0)
+    learn(monitor, tests, P, model, inertial, speed)
     _readmit_mistaken(monitor, tests, isolated, in_use)
     isolated = _exclude_beyond(monitor, case, fails, isolated, epoch, n_row)
-    clear_innovations(monitor, where(isolated > OF_CHANNEL, 1.0, 0.0))
-    return where((isolated == 0.0) & (renewed > 0.0), OF_CHANNEL, isolated)
+    recovered = where(isolated > OF_CHANNEL, 1.0, 0.0)
+    clear_innovations(monitor, recovered)
+    only_renewed = (isolated == 0.0) & (renewed > 0.0)
+    return where(only_renewed, OF_CHANNEL, isolated)
 
 
 @jit
@@ -271,17 +293,22 @@ def _assess_solution(monitor, tests, P, fails, n_channel):
     over = where(waited >= tests.hold, 1.0, 0.0)
     largest = like(fails, 0.0)
     for row in range(6):
-        largest = where(monitor.square[row] > largest, monitor.square[row], largest)
+        square = monitor.square[row]
+        largest = where(square > largest, square, largest)
     growth = where(over > 0.0, tests.recovery * tests.recovery * largest, 0.0)
+    factor = 1.0 + growth
     for i in range(3):
-        P[POS + i, POS + i] = P[POS + i, POS + i] * (1.0 + growth)
-        P[VEL + i, VEL + i] = P[VEL + i, VEL + i] * (1.0 + growth)
+        position = POS + i
+        velocity = VEL + i
+        P[position, position] = P[position, position] * factor
+        P[velocity, velocity] = P[velocity, velocity] * factor
     rejected = (fails > 0.0) & (over == 0.0)
     for c in range(n_channel):
         monitor.out[c] = where(rejected, 1.0, monitor.out[c])
     clear_innovations(monitor, over)
     monitor.waited[0] = where(over > 0.0, 0.0, waited)
-    return where(over > 0.0, OF_INERTIAL, where(fails > 0.0, OF_CHANNEL, 0.0))
+    channel_or_none = where(fails > 0.0, OF_CHANNEL, 0.0)
+    return where(over > 0.0, OF_INERTIAL, channel_or_none)
 
 
 @jit
@@ -296,7 +323,9 @@ def assess(monitor, work, case, running, epoch):
     running : 1 in the runs whose filter runs
     epoch : index
     """
-    model, signals, tests = case.model, case.signals, case.options.integrity
+    model = case.model
+    signals = case.signals
+    tests = case.options.integrity
     monitor.isolated[epoch] = like(monitor.fit[0], 0.0)
     for c in range(monitor.out.shape[0]):
         monitor.excluded[epoch, c] = like(monitor.fit[0], 0.0)
@@ -307,6 +336,7 @@ def assess(monitor, work, case, running, epoch):
         if model.tight:
             isolated = _assess_ranges(monitor, work, case, running, epoch, n_row)
         else:
-            fails = running * _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
+            any_detected = _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
+            fails = running * any_detected
             isolated = _assess_solution(monitor, tests, work.P, fails, model.n_receiver)
         monitor.isolated[epoch] = isolated

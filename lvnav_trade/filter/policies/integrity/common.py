@@ -53,10 +53,16 @@ def compare(monitor, tests, P, first, clock):
     shift, drift : squares of the normalised shifts divided by their limits; above 1: a fault
     size, offset : squares of the shifts, m^2 or (m/s)^2
     """
-    offset = monitor.fit[3] * monitor.fit[3]
-    drift = offset / (tests.offset * (P[clock, clock] + monitor.inverse[3, 3]))
-    size = monitor.fit[0] * monitor.fit[0] + monitor.fit[1] * monitor.fit[1] + monitor.fit[2] * monitor.fit[2]
-    shift = _shift_square(monitor, P, first) / tests.shift  # overwrites the inverse
+    x = monitor.fit[0]
+    y = monitor.fit[1]
+    z = monitor.fit[2]
+    clock_shift = monitor.fit[3]
+    clock_variance = P[clock, clock] + monitor.inverse[3, 3]
+    offset = clock_shift * clock_shift
+    drift = offset / (tests.offset * clock_variance)
+    size = x * x + y * y + z * z
+    normalised_square = _shift_square(monitor, P, first)  # overwrites the inverse
+    shift = normalised_square / tests.shift
     return shift, drift, size, offset
 
 
@@ -95,8 +101,9 @@ def _withhold(monitor, tests, model, n_row):
     """
     largest = like(monitor.fit[0], 0.0)
     for row in range(n_row):
-        is_larger = (monitor.weight[row] > 0.0) & (monitor.square[row] > largest)
-        largest = where(is_larger, monitor.square[row], largest)
+        square = monitor.square[row]
+        is_larger = (monitor.weight[row] > 0.0) & (square > largest)
+        largest = where(is_larger, square, largest)
     in_use = like(monitor.fit[0], 0.0)
     for row in range(0, n_row, model.n_kind):
         in_use = where(monitor.weight[row] > 0.0, in_use + 1.0, in_use)
@@ -107,11 +114,14 @@ def _withhold(monitor, tests, model, n_row):
         fails = like(largest, 0.0)
         for row in range(first, first + model.n_kind):
             row_in_use = monitor.weight[row] > 0.0
-            has_largest = where(row_in_use & (monitor.square[row] == largest), 1.0, has_largest)
-            fails = where(row_in_use & (monitor.square[row] > tests.single), 1.0, fails)
+            is_largest = row_in_use & (monitor.square[row] == largest)
+            is_beyond = row_in_use & (monitor.square[row] > tests.single)
+            has_largest = where(is_largest, 1.0, has_largest)
+            fails = where(is_beyond, 1.0, fails)
         beyond = beyond + fails
         for row in range(first, first + model.n_kind):
-            monitor.weight[row] = where(has_largest > few, -monitor.weight[row], monitor.weight[row])
+            weight = monitor.weight[row]
+            monitor.weight[row] = where(has_largest > few, -weight, weight)
     return beyond, few
 
 
@@ -166,7 +176,8 @@ def find_common(monitor, work, case, suspected, excluded, n_row):
     isolated : OF_INERTIAL or OF_CLOCK; 0 if the fault is not common
     speed : (m/s)^2. Square of the shift of velocity
     """
-    tests, P, model, z = case.options.integrity, work.P, case.model, monitor.z
+    tests, model = case.options.integrity, case.model
+    P, z = work.P, monitor.z
     zero = like(monitor.fit[0], 0.0)
     factor = tests.recovery * tests.recovery
     beyond, few = _withhold(monitor, tests, model, n_row)
@@ -184,7 +195,8 @@ def find_common(monitor, work, case, suspected, excluded, n_row):
         common_to_few = where(jumped > 0.0, 0.0, several)
         common_to_many = where(joint > tests.joint, suspected, 0.0)
         common = where(few > 0.0, common_to_few, common_to_many)
-        few_fit_clock = steady * where((dof >= 0.0) & (shift <= 1.0), 1.0, 0.0)
+        no_motion_shift = (dof >= 0.0) & (shift <= 1.0)
+        few_fit_clock = steady * where(no_motion_shift, 1.0, 0.0)
         is_clock = where(few > 0.0, few_fit_clock, drift - shift) > 0.0
         # within the hold time of an inertial decision the fault counts as inertial again
         clock_fault = where(is_clock & (monitor.waited[0] <= 0.0), common, 0.0)
@@ -207,7 +219,9 @@ def find_common(monitor, work, case, suspected, excluded, n_row):
 @jit
 def persists(monitor):
     """Return 1 while an IMU error counts as persistent."""
-    return where((monitor.waited[0] > 0.0) & (monitor.waited[1] >= N_PERSISTENT), 1.0, 0.0)
+    is_recent = monitor.waited[0] > 0.0
+    is_repeated = monitor.waited[1] >= N_PERSISTENT
+    return where(is_recent & is_repeated, 1.0, 0.0)
 
 
 @jit
@@ -225,7 +239,8 @@ def learn(monitor, tests, P, model, inertial, speed):
     speed : (m/s)^2. Square of the velocity shift
     """
     remaining = monitor.waited[0]
-    count = where(remaining > 0.0, monitor.waited[1], 0.0) + inertial
+    earlier_count = where(remaining > 0.0, monitor.waited[1], 0.0)
+    count = earlier_count + inertial
     remaining_after = where(remaining > 0.0, remaining - 1.0, 0.0)
     monitor.waited[0] = where(inertial > 0.0, tests.hold, remaining_after)
     monitor.waited[1] = count
@@ -233,6 +248,7 @@ def learn(monitor, tests, P, model, inertial, speed):
     scale = tests.recovery / tests.interval
     variance = scale * scale * speed
     for b in range(model.par_offset.shape[0]):
+        first = model.par_offset[b]
         is_bias = model.par_sensor[b] == ACCEL and model.par_driver[b] == CONSTANT
-        if is_bias and model.par_offset[b] < model.n_estimated:
-            inflate(P, model.par_offset[b], 3, persistent, variance)
+        if is_bias and first < model.n_estimated:
+            inflate(P, first, 3, persistent, variance)

@@ -241,7 +241,8 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
             weighted = weight * _direction(H, row, first, i)
             monitor.b[i] = monitor.b[i] + weighted * z[row]
             for j in range(N_FIT):
-                monitor.A[i, j] = monitor.A[i, j] + weighted * _direction(H, row, first, j)
+                normal_term = weighted * _direction(H, row, first, j)
+                monitor.A[i, j] = monitor.A[i, j] + normal_term
     invert(monitor.inverse, monitor.A)
     for i in range(N_FIT):
         total = zero
@@ -253,5 +254,6 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
         residual = z[row]
         for i in range(N_FIT):
             residual = residual - _direction(H, row, first, i) * monitor.fit[i]
-        square = square + _fit_weight(monitor, row) * residual * residual
+        weight = _fit_weight(monitor, row)
+        square = square + weight * residual * residual
     return square, dof
