@@ -27,7 +27,7 @@ def faults(claims: Claims, campaign: Campaign) -> Iterator[Fault]:
     """Yield the claims on cases and axes that the campaign does not have."""
     cases = named_cases(campaign)
     axes = axes_of_errors(campaign)
-    for key in ("references", "flown"):
+    for key in ("references", "missions"):
         yield from _below(key, reference_faults(campaign, getattr(claims, key)))
     for index, order in enumerate(claims.orderings):
         yield from _below(f"orderings.{index}", _ordering_faults(order, cases))
@@ -74,7 +74,7 @@ def faults_in_flight(claims: Claims, events: Mapping[str, Mapping[str, float]]) 
 
 def _measured_metrics(claims: Claims) -> Iterator[tuple[str, MeasuredMetric]]:
     """Yield path and content of everything in a file that names a metric."""
-    for key in ("references", "flown", "orderings"):
+    for key in ("references", "missions", "orderings"):
         for index, measured in enumerate(getattr(claims, key)):
             yield f"{key}.{index}", measured
     for index, statement in enumerate(claims.statements):

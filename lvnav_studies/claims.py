@@ -165,7 +165,7 @@ class Claims(Card):
     statements: tuple[Statement, ...] = Field(
         (), max_length=STATEMENTS, description="published statements, each a bound on an expression of metrics"
     )
-    flown: tuple[PublishedNumber, ...] = Field(
+    missions: tuple[PublishedNumber, ...] = Field(
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
     )
 

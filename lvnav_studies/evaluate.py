@@ -29,7 +29,7 @@ from lvnav_trade.api.measures import (
     verdict,
 )
 
-NOT_FLOWN = "not flown"
+NOT_RUN = "not run"
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 _BASE = "base"  # level of an axis that is not varied
 
@@ -40,28 +40,28 @@ LevelValues = list[tuple[str, ExpressionValue]]
 """Levels of an axis with the value of a statement at each."""
 
 
-def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
+def bounds(statement: Mapping[str, Any], runs: int) -> tuple[float, float]:
     """Return the bounds of a statement, NaN for none.
 
     runs : number of runs, which sets the bounds of a NEES or of a ratio of root mean squares
 
     The NEES of a run is correlated from time to time: its mean over a phase has the bound of a single time.
     """
-    if stated.get("at_least") is None:
+    if statement.get("at_least") is None:
         low = np.nan
     else:
-        low = float(stated["at_least"])
-    if stated.get("at_most") is None:
+        low = float(statement["at_least"])
+    if statement.get("at_most") is None:
         high = np.nan
     else:
-        high = float(stated["at_most"])
+        high = float(statement["at_most"])
     n = max(runs, 1)
-    if stated.get("probability") is not None:
+    if statement.get("probability") is not None:
         freedom = 3.0 * n
-        quantile = stats.chi2.ppf(float(stated["probability"]), freedom)
+        quantile = stats.chi2.ppf(float(statement["probability"]), freedom)
         high = float(quantile / freedom)
-    if stated.get("of_runs") is not None:
-        probability = float(stated["of_runs"])
+    if statement.get("of_runs") is not None:
+        probability = float(statement["of_runs"])
         low_quantile = stats.chi2.ppf(0.5 * (1.0 - probability), n)
         high_quantile = stats.chi2.ppf(0.5 * (1.0 + probability), n)
         low = float(np.sqrt(low_quantile / n))
@@ -69,22 +69,22 @@ def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
     return low, high
 
 
-def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def rows(tables: Tables, statement: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield a row of the table of references for each reading of a statement: each choice of the axes left open."""
-    along = stated.get("along") or ""
-    tested_by = stated.get("tested_by") or NUMBERS
-    term_levels = _term_levels(stated)
-    values_along = _values_along(tables, stated, along) if along else {}
+    along = statement.get("along") or ""
+    tested_by = statement.get("tested_by") or NUMBERS
+    term_levels = _term_levels(statement)
+    values_along = _values_along(tables, statement, along) if along else {}
     planned_runs = int((tables.campaign.get("monte_carlo") or {}).get("runs") or 1)
     is_read = False
-    for levels, value in _read_values(tables, stated, term_levels):
+    for levels, value in _read_values(tables, statement, term_levels):
         is_read = True
-        low, high = bounds(stated, value.runs or planned_runs)
+        low, high = bounds(statement, value.runs or planned_runs)
         tested = value
-        if stated.get("of_runs") is not None:  # these bounds include the interval of the runs
+        if statement.get("of_runs") is not None:  # these bounds include the interval of the runs
             tested = value._replace(low=np.nan, high=np.nan)
         word = verdict(tested, low, high, tested_by)
-        remarks = [str(stated.get("remark") or ""), *value.remarks]
+        remarks = [str(statement.get("remark") or ""), *value.remarks]
         if not value.runs and "monte_carlo" in tested_by:
             remarks.append("linear covariance alone" if np.isnan(value.monte_carlo) else "without an interval")
         if word != HOLDS:
@@ -93,10 +93,10 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             if crossing:
                 remarks.append(f"bound reached at {along} = {crossing}")
         yield {
-            **_identity_cells(stated),
-            "case": case_named(stated.get("case") or {}, levels),
-            "metric": _metric_text(stated),
-            "unit": stated.get("unit") or "-",
+            **_identity_cells(statement),
+            "case": case_named(statement.get("case") or {}, levels),
+            "metric": _metric_text(statement),
+            "unit": statement.get("unit") or "-",
             **{key: getattr(value, key) for key in (*NUMBERS, "low", "high")},
             "ours": _best_number(value),
             "band_low": low,
@@ -107,21 +107,21 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         }
     if not is_read:
         yield {
-            **_identity_cells(stated),
+            **_identity_cells(statement),
             "case": "",
-            "metric": _metric_text(stated),
-            "unit": stated.get("unit") or "-",
+            "metric": _metric_text(statement),
+            "unit": statement.get("unit") or "-",
             "in_band": False,
-            "verdict": NOT_FLOWN,
+            "verdict": NOT_RUN,
             "remark": "its cases are not among the results",
         }
 
 
-def _term_levels(stated: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+def _term_levels(statement: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Return the levels that each term names, with those of the whole statement."""
-    common = stated.get("case") or {}
+    common = statement.get("case") or {}
     term_levels = {}
-    for name, term in stated["terms"].items():
+    for name, term in statement["terms"].items():
         levels_of_term = term.get("case") or {}
         term_levels[name] = {**common, **levels_of_term}
     return term_levels
@@ -135,15 +135,15 @@ def _best_number(value: ExpressionValue) -> float:
     return np.nan
 
 
-def _identity_cells(stated: Mapping[str, Any]) -> dict[str, str]:
-    cells = {key: str(stated.get(key) or "") for key in ("id", "source", "item")}
-    return cells | marks(stated, "statement")
+def _identity_cells(statement: Mapping[str, Any]) -> dict[str, str]:
+    cells = {key: str(statement.get(key) or "") for key in ("id", "source", "item")}
+    return cells | marks(statement, "statement")
 
 
-def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
+def case_named(statement: Mapping[str, str], levels: Mapping[str, str]) -> str:
     """Return the levels that a statement names and those of a reading as text, without axes at the base."""
     varied = {axis: level for axis, level in levels.items() if level != _BASE}
-    named_levels = {**stated, **varied}
+    named_levels = {**statement, **varied}
     text = ", ".join(f"{axis}={level}" for axis, level in named_levels.items())
     if text:
         return text
@@ -151,23 +151,23 @@ def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
 
 
 def _read_values(
-    tables: Tables, stated: Mapping[str, Any], term_levels: Mapping[str, Mapping[str, str]]
+    tables: Tables, statement: Mapping[str, Any], term_levels: Mapping[str, Mapping[str, str]]
 ) -> Iterator[tuple[dict[str, str], ExpressionValue]]:
     """Yield the levels of the open axes and the value of a statement, for each of its readings."""
     cases = list(tables.levels)
     case_levels = list(tables.levels.values())
-    unit = str(stated.get("unit") or "-")
+    unit = str(statement.get("unit") or "-")
     complete_levels = {}
     for name, levels in term_levels.items():
-        first_levels = _first_levels(case_levels, stated["terms"][name])
+        first_levels = _first_levels(case_levels, statement["terms"][name])
         complete_levels[name] = {**levels, **first_levels}
     for levels, case_numbers in readings(case_levels, complete_levels):
         terms = {}
         for name, number in case_numbers.items():
             case = cases[number]
-            term = stated["terms"][name]
+            term = statement["terms"][name]
             terms[name] = _term_value(tables, case, term, unit)
-        yield levels, value_of(str(stated["value"]), terms)
+        yield levels, value_of(str(statement["value"]), terms)
 
 
 def _first_levels(case_levels: Sequence[Mapping[str, str]], term: Mapping[str, Any]) -> dict[str, str]:
@@ -231,33 +231,33 @@ def _case_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -
     return value._replace(remark=f"{value.remark}; {pool_remark}" if value.remark else pool_remark)
 
 
-def _metric_text(stated: Mapping[str, Any]) -> str:
-    names = dict.fromkeys(name_of(term) for term in stated["terms"].values())
+def _metric_text(statement: Mapping[str, Any]) -> str:
+    names = dict.fromkeys(name_of(term) for term in statement["terms"].values())
     name_list = "; ".join(names)
-    return f"{stated['value']}: {name_list}"
+    return f"{statement['value']}: {name_list}"
 
 
-def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, LevelValues]]:
+def locus(tables: Tables, statement: Mapping[str, Any]) -> list[tuple[str, LevelValues]]:
     """Return the values of a statement along its axis, level by level, for each choice of the other axes left open."""
-    along = str(stated.get("along") or "")
+    along = str(statement.get("along") or "")
     values_by_choice = []
-    for choice, values in _values_along(tables, stated, along).items():
+    for choice, values in _values_along(tables, statement, along).items():
         text = ", ".join(f"{axis}={level}" for axis, level in choice)
         values_by_choice.append((text, values))
     return values_by_choice
 
 
-def _values_along(tables: Tables, stated: Mapping[str, Any], along: str) -> dict[Choice, LevelValues]:
+def _values_along(tables: Tables, statement: Mapping[str, Any], along: str) -> dict[Choice, LevelValues]:
     """Return the values of `locus`, by the levels of the other open axes.
 
     A term that names another level of the axis than the statement is the reference of the comparison: it stays at its
     level. So does a term without a case at the level of the others.
     """
     case_levels = list(tables.levels.values())
-    term_levels = _term_levels(stated)
+    term_levels = _term_levels(statement)
     named = {name: levels[along] for name, levels in term_levels.items() if along in levels}
     first_level = next(iter(named.values()), None)
-    levels_of_statement = stated.get("case") or {}
+    levels_of_statement = statement.get("case") or {}
     statement_level = levels_of_statement.get(along, first_level)
     fixed = {name for name, level in named.items() if level != statement_level}
     values_by_choice: dict[Choice, LevelValues] = {}
@@ -270,7 +270,7 @@ def _values_along(tables: Tables, stated: Mapping[str, Any], along: str) -> dict
                 moved[name] = levels_there
         if moved:
             moved_levels = {**term_levels, **moved}
-            for levels, value in _read_values(tables, stated, moved_levels):
+            for levels, value in _read_values(tables, statement, moved_levels):
                 choice = tuple(sorted(levels.items()))
                 values_by_choice.setdefault(choice, []).append((level, value))
     return values_by_choice

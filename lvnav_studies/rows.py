@@ -44,58 +44,58 @@ def claim_rows(tables: Tables, claims: Mapping[str, Any]) -> list[dict[str, Any]
     return rows_of(tables, claims, makers)
 
 
-def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def _ordering(tables: Tables, statement: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the largest ratio of a case to the next of an order, smallest first."""
-    pool = axes_of(stated)
-    groups = [cases_of(tables, levels, pool) for levels in stated["cases"]]
+    pool = axes_of(statement)
+    groups = [cases_of(tables, levels, pool) for levels in statement["cases"]]
     labels = [label_of(tables, group[0], pool) if group else "?" for group in groups]
     worst_ratio = np.nan
     value = None
     remarks = ["not one case each"]
     if all(len(group) == 1 for group in groups):
         cases = [group[0] for group in groups]
-        singles = [in_own_unit(tables, case, stated) for case in cases]
+        singles = [in_own_unit(tables, case, statement) for case in cases]
         sizes = np.array([single.value for single in singles])
         size_ratios = sizes[:-1] / sizes[1:]
         worst_ratio = float(np.max(size_ratios))
-        unit = written_unit(tables, str(stated["metric"])).replace("-", "")
+        unit = written_unit(tables, str(statement["metric"])).replace("-", "")
         size_list = ", ".join(f"{size:.3g}" for size in sizes)
         case_remarks = dict.fromkeys(single.remark for single in singles)
         remarks = [f"{size_list} {unit}".rstrip(), *case_remarks]
-        terms = {f"a{k}": evaluate(tables, case, stated, "-") for k, case in enumerate(cases)}
+        terms = {f"a{k}": evaluate(tables, case, statement, "-") for k, case in enumerate(cases)}
         ratios = ", ".join(f"a{k} / a{k + 1}" for k in range(len(cases) - 1))
         value = value_of(f"max({ratios})", terms)
     yield published_row(
-        stated,
+        statement,
         remarks,
-        (0.0, float(stated.get("factor") or 1.0)),
+        (0.0, float(statement.get("factor") or 1.0)),
         worst_ratio,
         value,
         case=_SMALLER.join(labels),
-        metric=name_of(stated) + ", ratio to the next",
+        metric=name_of(statement) + ", ratio to the next",
         ours=worst_ratio,
     )
 
 
-def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
+def _innovations(tables: Tables, case: str | None, statement: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a statement on innovations: the median of the largest autocorrelation over the pooled cases."""
-    channels = str(stated.get("channels") or "")
-    bound = float(stated.get("largest", 0.15))
-    is_white = stated["white"]
+    channels = str(statement.get("channels") or "")
+    bound = float(statement.get("largest", 0.15))
+    is_white = statement["white"]
     label = ""
     largest = np.nan
     text = "no such case"
     if case is not None:
-        label = label_of(tables, case, axes_of(stated))
+        label = label_of(tables, case, axes_of(statement))
         text = "no runs"
-        pool = members(tables, case, axes_of(stated))
+        pool = members(tables, case, axes_of(statement))
         correlations = [_most_correlated(tables, member, channels) for member in pool]
         sizes = np.array([size for size, _ in correlations])
         if np.isfinite(sizes).any():
             largest = float(np.nanmedian(sizes))  # the runs of one case are one number here
             _, text = correlations[int(np.nanargmin(np.abs(sizes - largest)))]
     return published_row(
-        stated,
+        statement,
         (f"published: {'white' if is_white else 'correlated'}", text),
         (0.0, bound) if is_white else (bound, np.inf),  # an unbiased estimate may be above one
         largest,

@@ -108,10 +108,10 @@ class Publication(StudyScript):
         references: list[Mapping[str, Any]] = claims["references"]
         return references
 
-    def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+    def entries(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the claims on a campaign by list; for an empty name the statements that belong to no campaign."""
         if campaign:
-            claims: dict[str, list[dict[str, Any]]] = self.of(campaign).model_dump(mode="json", exclude={"flown"})
+            claims: dict[str, list[dict[str, Any]]] = self.of(campaign).model_dump(mode="json", exclude={"missions"})
             return claims
         statements = [*self.of_study.not_set_up, *self.of_study.elsewhere]
         return {"statements": [statement.model_dump(mode="json") for statement in statements]}
@@ -128,9 +128,9 @@ class Publication(StudyScript):
         rows = published_rows(name, tables, tables.campaign, self)
         return pd.DataFrame(rows, columns=COLUMNS)
 
-    def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
+    def further_rows(self, not_run: Sequence[Campaign]) -> list[dict[str, Any]]:
         """Return the rows of statements without campaign, and of those of campaigns that have not been run."""
-        statements = {campaign.name: self.of(campaign.name).statements for campaign in unflown}
+        statements = {campaign.name: self.of(campaign.name).statements for campaign in not_run}
         return further_rows(self.of_study, statements)
 
     def is_statement(self, rows: pd.DataFrame) -> pd.Series:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_studies.claims import Elsewhere, OfStudy, Statement
-from lvnav_studies.evaluate import NOT_FLOWN
+from lvnav_studies.evaluate import NOT_RUN
 from lvnav_trade.api.input import PublishedStatement
 from lvnav_trade.api.measures import FAILS, HOLDS, NOT_SET_UP, UNDECIDED, marks
 from lvnav_trade.api.pages import Block, Text, short_cases, table
@@ -18,15 +18,17 @@ _HEADINGS = {
     UNDECIDED: "Statements that these runs do not decide.",
     HOLDS: "Statements that hold.",
     NOT_SET_UP: "Statements that are not set up, and what is missing.",
-    NOT_FLOWN: "Statements whose campaign has no results yet.",
+    NOT_RUN: "Statements whose campaign has no results yet.",
 }
+# After the number of statements with a verdict: for one statement, for several
 _SUMMARY_TEXTS = {
-    HOLDS: "hold in every evaluation by which they are tested",
-    FAILS: "do not hold here",
-    UNDECIDED: "are undecided",
-    NOT_SET_UP: "are not set up",
-    NOT_FLOWN: "are not flown yet",
+    HOLDS: ("holds in every evaluation by which it is tested", "hold in every evaluation by which they are tested"),
+    FAILS: ("does not hold here", "do not hold here"),
+    UNDECIDED: ("is undecided", "are undecided"),
+    NOT_SET_UP: ("is not set up", "are not set up"),
+    NOT_RUN: ("has not been run", "have not been run"),
 }
+_IN_PART = ("holds in part", "hold in part")
 # Columns of these tables, as `lvnav_trade.api.pages.shown` reads them
 _UNANSWERED_COLUMNS = "item | remark"
 _COLUMNS = (
@@ -35,16 +37,16 @@ _COLUMNS = (
 )
 
 
-def further_rows(study: OfStudy, unflown: Mapping[str, Sequence[Statement]]) -> list[dict[str, Any]]:
+def further_rows(study: OfStudy, not_run: Mapping[str, Sequence[Statement]]) -> list[dict[str, Any]]:
     """Return the rows of statements without campaign, of campaigns without results, and of numbers from elsewhere.
 
-    unflown : statements of the campaigns without results, by name of the campaign
+    not_run : statements of the campaigns without results, by name of the campaign
     """
     rows = [_unanswered_row(statement, NOT_SET_UP, statement.remark) for statement in study.not_set_up]
-    for campaign, statements in unflown.items():
+    for campaign, statements in not_run.items():
         for statement in statements:
             remark = f"campaign {campaign}; {statement.remark}".removesuffix("; ")
-            rows.append(_unanswered_row(statement, NOT_FLOWN, remark))
+            rows.append(_unanswered_row(statement, NOT_RUN, remark))
     rows += [_number_row(statement) for statement in study.elsewhere]
     return rows
 
@@ -101,7 +103,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     for verdict, heading in _HEADINGS.items():
         verdict_rows = rows[rows.verdict == verdict]
         if len(verdict_rows):
-            columns = _UNANSWERED_COLUMNS if verdict in (NOT_SET_UP, NOT_FLOWN) else _COLUMNS
+            columns = _UNANSWERED_COLUMNS if verdict in (NOT_SET_UP, NOT_RUN) else _COLUMNS
             blocks.append(table(verdict_rows, heading, columns))
     return blocks
 
@@ -113,15 +115,21 @@ def _summary(verdicts_by_number: Any) -> str:
     for verdict in _HEADINGS:
         is_unanimous = verdict_sets == frozenset([verdict])
         counts[verdict] = int(is_unanimous.sum())
-    texts = [f"{counts[verdict]} {text}" for verdict, text in _SUMMARY_TEXTS.items() if counts[verdict]]
+    texts = [_counted(counts[verdict], forms) for verdict, forms in _SUMMARY_TEXTS.items() if counts[verdict]]
     mixed = len(verdict_sets) - sum(counts.values())
     if mixed:
-        texts.append(f"{mixed} hold in part: for some readings or some of their conditions")
+        texts.append(f"{_counted(mixed, _IN_PART)}: for some readings or some of the conditions")
     text_list = ", ".join(texts)
-    return f"Of {len(verdict_sets)} statements {text_list}."
+    n = len(verdict_sets)
+    return f"Of {n} statement{'s' if n > 1 else ''} {text_list}."
+
+
+def _counted(n: int, forms: tuple[str, str]) -> str:
+    """Return a number with the text for one or for several."""
+    return f"{n} {forms[0] if n == 1 else forms[1]}"
 
 
 def _answered(words: pd.Series) -> frozenset[str]:
     """Return the different verdicts of one statement; a row without an answer counts only if no row has one."""
     verdict_set = frozenset(words)
-    return verdict_set - {NOT_FLOWN, NOT_SET_UP} or verdict_set - {NOT_FLOWN} or verdict_set
+    return verdict_set - {NOT_RUN, NOT_SET_UP} or verdict_set - {NOT_RUN} or verdict_set

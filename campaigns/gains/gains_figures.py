@@ -1,4 +1,4 @@
-"""One flight aided and unaided; flown missions among ours; process noise of an ensemble, as the study shows them."""
+"""One flight aided and unaided; real missions among ours; process noise of an ensemble, as the study shows them."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -70,17 +70,17 @@ def single_faults(figure: FigureEntry, question: StudySection) -> Iterator[tuple
         yield "cases", "single needs two cases: the aided one, then the unaided one"
 
 
-# --- flown missions --------------------------------------------------------------------------------------------------
+# --- real missions --------------------------------------------------------------------------------------------------
 
 
-def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | None:
-    """Draw which part of our flights has an error below so much, a panel for every metric, and each flown mission's own
+def missions(tables: Tables, real_missions: Sequence[Mapping[str, Any]]) -> Figure | None:
+    """Draw which part of our flights has an error below so much, a panel for every metric, and each real mission's own
     as a line; None without missions or runs. Items are named 'MISSION, WHAT'.
     """
-    names = list(dict.fromkeys(str(one["item"]).partition(",")[0] for one in flown))
+    names = list(dict.fromkeys(str(one["item"]).partition(",")[0] for one in real_missions))
     panels = []
-    for metric in dict.fromkeys(one["metric"] for one in flown):
-        mine = [one for one in flown if one["metric"] == metric]
+    for metric in dict.fromkeys(one["metric"] for one in real_missions):
+        mine = [one for one in real_missions if one["metric"] == metric]
         case = next(iter(cases_of(tables, mine[0].get("case") or {}, axes_of(mine[0]))), None)
         found = np.empty(0) if case is None else evaluate_single(tables, case, mine[0], str(mine[0]["unit"])).runs
         if len(found) < 2:
@@ -106,11 +106,11 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
     return figure
 
 
-def missions_table(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> list[Block]:
-    """Return flown missions in the layout of their publication, and where each lies among our flights."""
+def missions_table(tables: Tables, real_missions: Sequence[Mapping[str, Any]]) -> list[Block]:
+    """Return real missions in the layout of their publication, and where each lies among our flights."""
     published: dict[str, dict[str, str]] = {}
     compared: dict[str, dict[str, str]] = {}
-    for one in flown:
+    for one in real_missions:
         name, _, what = (part.strip() for part in str(one["item"]).partition(","))
         head, value = f"{what} ({one['unit']})", float(one["value"])
         case = next(iter(cases_of(tables, one.get("case") or {}, axes_of(one))), None)

@@ -16,8 +16,8 @@ RUNS = 100  # of an ensemble
 
 
 def blocks(one: StudyResult, claims: Claims) -> list[Block]:
-    """Return the table of flown missions of a campaign, and its estimates of process noise."""
-    found = missions_table(one.tables, claims.model_dump(mode="json")["flown"])
+    """Return the table of the real missions of a campaign, and its estimates of process noise."""
+    found = missions_table(one.tables, claims.model_dump(mode="json")["missions"])
     for step in ENSEMBLES.get(one.campaign.name, ()):
         noise = process_noise(one.campaign, case_with(one.campaign, {}), RUNS, step)
         found += noise_blocks(one.campaign.name, noise, step)
@@ -25,8 +25,8 @@ def blocks(one: StudyResult, claims: Claims) -> list[Block]:
 
 
 def draw_missions(one: StudyResult, figure: FigureEntry) -> Figure | None:
-    """Draw the flown missions of a campaign among our flights."""
-    return missions(one.tables, STUDY.of(one.campaign.name).model_dump(mode="json")["flown"])
+    """Draw the real missions of a campaign among our flights."""
+    return missions(one.tables, STUDY.of(one.campaign.name).model_dump(mode="json")["missions"])
 
 
 FIGURES = {

@@ -311,10 +311,10 @@ def _count_reproduced(answered: StudyResult, script: StudyScript) -> tuple[int, 
     import pandas as pd
 
     from lvnav_trade.report.script import published_rows
-    from lvnav_trade.results.evaluation.published import COLUMNS, evidence, held
+    from lvnav_trade.results.evaluation.published import COLUMNS, evidence, reproduced
 
     name = answered.campaign.name
     settings = answered.campaign.model_dump(mode="json")
     rows = pd.DataFrame(published_rows(name, answered.tables, settings, script), columns=COLUMNS)
     rows = rows[evidence(rows)]
-    return len(rows), int(held(rows).sum())
+    return len(rows), int(reproduced(rows).sum())

@@ -7,7 +7,7 @@ import pandas as pd
 
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.advice import advice
-from lvnav_trade.report.blocks import Block, Details, Text, figure, listed, stated, words
+from lvnav_trade.report.blocks import Block, Details, Text, figure, formatted_table, listed, words
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
@@ -51,7 +51,7 @@ def _worst_runs(tables: Tables) -> list[Block]:
         error=[with_unit(row.error, row.unit) for row in worst.itertuples()],
         command=[f"lvnav-trade replay . {row.case} {row.run_number}" for row in worst.itertuples()],
     )
-    blocks: list[Block] = [stated("worst_runs", rows)]
+    blocks: list[Block] = [formatted_table("worst_runs", rows)]
     keys = ["case", "run_number"]
     stored_runs = tables.traces[keys].drop_duplicates()
     shown_runs = worst[keys].merge(stored_runs).drop_duplicates()

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Table, Text, among, of, stated, words
+from lvnav_trade.report.blocks import Block, Table, Text, among, formatted_table, of, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.assumed_numbers import compared_by
@@ -40,7 +40,7 @@ def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         key=lambda places: _sections(places).map(sections.index),
         kind="stable",
     )
-    return [Text(note("assumptions")), stated("assumptions", combined)]
+    return [Text(note("assumptions")), formatted_table("assumptions", combined)]
 
 
 def _sections(places: pd.Series) -> pd.Series:

@@ -319,7 +319,7 @@ def of(metric: str, nothing: str = "") -> Callable[[_TableBlocks], Blocks]:
     return decorate
 
 
-def stated(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) -> Table:
+def formatted_table(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) -> Table:
     """Return a frame as a table with the layout of `templates/texts.toml`.
 
     Parameters

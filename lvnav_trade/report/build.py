@@ -98,7 +98,7 @@ class ReportContent(NamedTuple):
     """Content of a report, independent of its format."""
 
     title: str
-    asked: str  # question of the campaign
+    question: str  # question of the campaign
     sections: list[Section]
     csv: dict[str, str]  # CSV tables by file name
     head: Head = ()  # title block
@@ -154,7 +154,7 @@ def _content(tables: Tables, sections: Sequence[str] | None, step: Callable[[], 
         share_scales(block.figure for block in _all_blocks(section.blocks) if isinstance(block, Picture))
     return ReportContent(
         title=title,
-        asked=question,
+        question=question,
         sections=[section for section in content if section.blocks],
         csv=_csv_tables(tables, shown_tables, detailed),
         head=head(shown_tables),
@@ -261,10 +261,10 @@ def build(
     tables = load(folder)
     content = make(tables, sections, step)
     files: dict[str, str | bytes] = {**content.csv, **pictures(content.sections, figures)}
-    files["report.html"] = html_page(content.title, content.asked, content.sections, head=content.head)
+    files["report.html"] = html_page(content.title, content.question, content.sections, head=content.head)
     if brief:
         shortened = _shortened(content.sections)
-        files["brief.html"] = html_page(content.title, content.asked, shortened, BRIEF, content.head)
+        files["brief.html"] = html_page(content.title, content.question, shortened, BRIEF, content.head)
     owned(tables.folder, "results").publish("report", files)
     return tables.folder / ("brief.html" if brief else "report.html")
 
@@ -303,12 +303,14 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
     return shortened
 
 
-def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequence[str] = OPEN, head: Head = ()) -> str:
+def html_page(
+    title: str, question: str, sections: Sequence[Section], shown: Sequence[str] = OPEN, head: Head = ()
+) -> str:
     """Return a report as one self-contained HTML file.
 
     Parameters
     ----------
-    title, asked : str
+    title, question : str
         Title, and question of the campaign.
     sections : sequence of Section
         Sections in order.
@@ -322,7 +324,7 @@ def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequen
     return render(
         "page.html.j2",
         title=title,
-        asked=asked,
+        question=question,
         sections=sections,
         open={*shown, sections[0].name},
         head=head,
@@ -334,9 +336,9 @@ def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequen
     )
 
 
-def markdown_page(title: str, asked: str, sections: Sequence[Section], head: Head = ()) -> str:
+def markdown_page(title: str, question: str, sections: Sequence[Section], head: Head = ()) -> str:
     """Return a report as Markdown; the arguments are those of `html_page`."""
-    return render("page.md.j2", title=title, asked=asked, sections=sections, head=head)
+    return render("page.md.j2", title=title, question=question, sections=sections, head=head)
 
 
 def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
@@ -358,7 +360,7 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
     """
     target = owned(folder, "report")
     content = make(load(results))
-    page = markdown_page(content.title, content.asked, content.sections, content.head)
+    page = markdown_page(content.title, content.question, content.sections, content.head)
     with writing(folder, "the report cannot be kept there"):
         files: dict[str, str | bytes] = {**pictures(content.sections), "report.md": page}
         if tables:

@@ -15,9 +15,9 @@ from lvnav_trade.report.blocks import (
     Text,
     figure,
     figures,
+    formatted_table,
     number,
     of,
-    stated,
     words,
 )
 from lvnav_trade.report.escape import data_json, note
@@ -226,7 +226,7 @@ def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     blocks += left_out(tables)
     for label in chosen_cases(tables).values():
         rows = frame[frame.case == label]
-        blocks.append(stated("observability", rows, label=label))
+        blocks.append(formatted_table("observability", rows, label=label))
     return blocks + error_bound(tables)
 
 
@@ -258,7 +258,7 @@ def error_bound(tables: Tables) -> list[Block]:
         )
     if not rows:
         return []
-    return [Text(note("error_bound")), stated("error_bound", pd.DataFrame(rows))]
+    return [Text(note("error_bound")), formatted_table("error_bound", pd.DataFrame(rows))]
 
 
 def spot_check(tables: Tables) -> list[Block]:
@@ -278,7 +278,7 @@ def spot_check(tables: Tables) -> list[Block]:
     )
     run_counts = dict.fromkeys((str(frame.runs.min()), str(frame.runs.max())))
     text = Text(note("spot_check", runs=" to ".join(run_counts)))
-    blocks: list[Block] = [text, stated("spot_check", worst)]
+    blocks: list[Block] = [text, formatted_table("spot_check", worst)]
     if is_a_grid(tables):
         blocks.append(figure(tables, "validity"))
     return blocks
@@ -292,7 +292,7 @@ def nonlinearity(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         transition_ratio=cases.transition_ratio.max().to_numpy(),
         measurement_ratio=cases.measurement_ratio.max().to_numpy(),
     )
-    return [Text(note("nonlinearity")), stated("nonlinearity", worst)]
+    return [Text(note("nonlinearity")), formatted_table("nonlinearity", worst)]
 
 
 _SHARES = ("false alarm", "detected", ISOLATED, IN_PART, WRONG, "missed", "recovered")
@@ -318,7 +318,7 @@ def rates(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         for outcome in _TIMES:
             row[f"time,_{outcome.replace(' ', '_')}"] = _time(outcomes, outcome)
         rows.append(row)
-    return [Text(note("integrity")), stated("integrity", pd.DataFrame(rows))]
+    return [Text(note("integrity")), formatted_table("integrity", pd.DataFrame(rows))]
 
 
 @of("decisions")
@@ -340,7 +340,7 @@ def _exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     most_frequent = decisions.groupby("case", sort=False).head(_MOST)
     places = {case: place for place, case in enumerate(frame.case.unique())}
     most_frequent = most_frequent.sort_values("case", key=lambda cases: cases.map(places), kind="stable")
-    return [stated("decisions", most_frequent)]
+    return [formatted_table("decisions", most_frequent)]
 
 
 def _share(rows: pd.DataFrame, outcome: str) -> str:
@@ -362,7 +362,7 @@ def _time(rows: pd.DataFrame, outcome: str) -> str:
 @of("fault_test_errors")
 def worth(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return errors at the last event with and without the fault tests, if the campaign has both."""
-    return [stated("tested_errors", frame)]
+    return [formatted_table("tested_errors", frame)]
 
 
 def integrity(tables: Tables) -> list[Block]:

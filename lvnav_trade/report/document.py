@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, stated, words
+from lvnav_trade.report.blocks import Block, Text, formatted_table, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import when, with_evidence
@@ -85,7 +85,7 @@ def stated_requirements(tables: Tables) -> list[Block]:
         return []
     frame = pd.DataFrame(rows)
     empty = [field for field in _OPTIONAL if not frame[field].any()]
-    return [stated("stated_requirements", frame.drop(columns=empty)), Text(note("convention"))]
+    return [formatted_table("stated_requirements", frame.drop(columns=empty)), Text(note("convention"))]
 
 
 def _limits(tables: Tables) -> dict[str, str]:

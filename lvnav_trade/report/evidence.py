@@ -16,10 +16,10 @@ from lvnav_trade.report.blocks import (
     Text,
     figure,
     figures,
+    formatted_table,
     number,
     of,
     percent,
-    stated,
     table,
     words,
 )
@@ -84,7 +84,7 @@ def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 @of("windows")
 def windows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the worst errors in the windows around the events of the requirements."""
-    return [stated("windows", frame.assign(by=frame.by.replace("LinCov", "linear covariance")))]
+    return [formatted_table("windows", frame.assign(by=frame.by.replace("LinCov", "linear covariance")))]
 
 
 def _expected(tables: Tables) -> list[Block]:
@@ -97,7 +97,7 @@ def _expected(tables: Tables) -> list[Block]:
         limit=frame.limit.replace("", "–"),
         remark=frame.reason.fillna(""),
     )
-    layout = stated("expected", frame if frame.remark.any() else frame.drop(columns="remark"))
+    layout = formatted_table("expected", frame if frame.remark.any() else frame.drop(columns="remark"))
     return [layout, Text(note("expected"))]
 
 
@@ -122,7 +122,7 @@ def trajectory(tables: Tables) -> list[Block]:
         events = events.sort_values("t_s", kind="stable")
         end_times = events.t_end_s.map("{:.2f}".format)
         ends = end_times.where(events.kind == "fault", "")
-        blocks += [picture, stated("events", events.assign(ends=ends))]
+        blocks += [picture, formatted_table("events", events.assign(ends=ends))]
         facts = json.loads(all_facts[case])
         if facts:
             rows = tuple(fact(name, value) for name, value in facts.items())
@@ -189,7 +189,7 @@ def _rms_table(tables: Tables, quantities: Sequence[str]) -> Table:
     metric_names = words(frame.metric)
     place_names = words(frame.phase_or_event)
     frame = frame.assign(metric=metric_names, phase_or_event=place_names)
-    return stated("envelopes", frame.drop(columns="axis"))
+    return formatted_table("envelopes", frame.drop(columns="axis"))
 
 
 def _has_runs(tables: Tables, case: str, quantity: str) -> bool:
@@ -234,8 +234,8 @@ def consistency(tables: Tables) -> list[Block]:
     )
     blocks: list[Block] = [
         Text(note("consistency")),
-        stated("filter_verdicts", verdicts),
-        stated("consistency", frame),
+        formatted_table("filter_verdicts", verdicts),
+        formatted_table("consistency", frame),
         *left_out(tables),
     ]
     without = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
@@ -261,7 +261,7 @@ def _whiteness(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         channels=n_channels.to_numpy(),
         coloured=n_coloured.to_numpy().astype(int),
     )
-    return [stated("whiteness", worst)]
+    return [formatted_table("whiteness", worst)]
 
 
 def agreement(tables: Tables) -> list[Block]:
@@ -281,7 +281,7 @@ def agreement(tables: Tables) -> list[Block]:
     false_rejections = innovations.false_rejection_ratio.max() * 100
     rejected = [false_rejections.get(case, 0.0) for case in tables.labels]
     cases = cases.assign(source=sources, rejected=rejected[: len(cases)])
-    blocks: list[Block] = [Text(note("agreement", alpha=alpha)), stated("agreement", cases)]
+    blocks: list[Block] = [Text(note("agreement", alpha=alpha)), formatted_table("agreement", cases)]
     for row in cases.itertuples():
         if row.reason:
             blocks.append(Text(f"{row.case}: {row.reason}.", "Not applicable."))
@@ -298,21 +298,21 @@ def agreement(tables: Tables) -> list[Block]:
 
 @of("control_variates")
 def _controlled(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    return [stated("controlled", frame, event=words(frame.event.iloc[0])), Text(note("controlled"))]
+    return [formatted_table("controlled", frame, event=words(frame.event.iloc[0])), Text(note("controlled"))]
 
 
 @of("outages", "No fault in any case.")
 def outages(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the errors before, during and after every fault."""
     frame = frame.assign(fault=words(frame.fault), metric=words(frame.metric))
-    return [stated("outages", frame)]
+    return [formatted_table("outages", frame)]
 
 
 @of("references", "The campaign names no published number.")
 def references(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return published numbers next to the computed numbers."""
     inside = int(frame.in_band.sum())
-    return [Text(f"{inside} of {len(frame)} numbers are within their band."), stated("references", frame)]
+    return [Text(f"{inside} of {len(frame)} numbers are within their band."), formatted_table("references", frame)]
 
 
 def reproduce(tables: Tables) -> list[Block]:
@@ -323,7 +323,7 @@ def reproduce(tables: Tables) -> list[Block]:
         Text(note("reproduce")),
         Text("lvnav-trade run campaign.resolved.yaml --out again\nlvnav-trade report .", kind="code"),
         Table(("item", "value"), rows, (False, False), "Origin of these results."),
-        stated("cases", tables.cases),
+        formatted_table("cases", tables.cases),
     ]
 
 
@@ -332,12 +332,12 @@ def logic_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the mode logic of the filters in tables: starts, stops, restarts, and transitions by type."""
     ratios = ["started_ratio", "corrected_ratio", "ended_ratio"]
     percents = frame.assign(**{ratio: 100.0 * frame[ratio] for ratio in ratios})
-    return [stated("stops", percents), *_changes(tables)]
+    return [formatted_table("stops", percents), *_changes(tables)]
 
 
 @of("mode_transitions")
 def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    return [stated("logic", frame.assign(run_ratio=100.0 * frame.run_ratio))]
+    return [formatted_table("logic", frame.assign(run_ratio=100.0 * frame.run_ratio))]
 
 
 def logic(tables: Tables) -> list[Block]:

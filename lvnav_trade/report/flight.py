@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Picture, Text, figure, figures, number, of, stated, words
+from lvnav_trade.report.blocks import Block, Picture, Text, figure, figures, formatted_table, number, of, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.selection import chosen_cases, few, left_out
 from lvnav_trade.results.evaluation import METRICS
@@ -23,7 +23,7 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         for event, rows in elements.groupby("event", sort=False):
             has_runs = rows.runs.max() > 0
             columns = rows if has_runs else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
-            blocks.append(stated("orbit", columns, label=label, event=words(event)))
+            blocks.append(formatted_table("orbit", columns, label=label, event=words(event)))
             for reason in dict.fromkeys(rows.remark):
                 if reason:
                     blocks.append(Text(f"{reason}.", "Not applicable."))
@@ -31,7 +31,7 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         blocks += _normality_warning(tables, label)
     blocks.append(Text(note("correction")))
     corrections = METRICS["orbit_correction"](tables)
-    blocks.append(stated("correction", corrections))
+    blocks.append(formatted_table("correction", corrections))
     return blocks
 
 
@@ -66,7 +66,7 @@ def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             if events.runs.max() <= 1:
                 columns = [name for name in events if not name.startswith("mc_")]
                 events = events[columns]
-            blocks.append(stated("impact", events.assign(axes=axes), label=label))
+            blocks.append(formatted_table("impact", events.assign(axes=axes), label=label))
         if len(case_rows):
             blocks.append(figure(tables, "impact", case))
     return blocks
@@ -78,7 +78,7 @@ def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         least=100.0 * frame.expected_probability,
         remark=frame.reason.fillna(""),
     )
-    return [Text(note("corridor")), stated("corridor", rows)]
+    return [Text(note("corridor")), formatted_table("corridor", rows)]
 
 
 @of("rate_and_acceleration")
@@ -86,7 +86,7 @@ def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return by how much the estimates of rate and acceleration improve on the raw samples, and whether the errors
     match the filter's covariance.
     """
-    return [Text(note("motion")), stated("motion", _name_errors(frame))]
+    return [Text(note("motion")), formatted_table("motion", _name_errors(frame))]
 
 
 def _name_errors(frame: pd.DataFrame) -> pd.DataFrame:
@@ -125,7 +125,7 @@ def motion_summary(tables: Tables) -> list[Block]:
                 ", ".join(verdicts),
             )
         )
-    return [Text(note("motion_summary")), stated("motion_summary", pd.DataFrame(lines))]
+    return [Text(note("motion_summary")), formatted_table("motion_summary", pd.DataFrame(lines))]
 
 
 def _range(values: pd.Series) -> str:
@@ -137,7 +137,10 @@ def observed_table(tables: Tables) -> list[Block]:
     if not (tables.campaign.get("covariance") or {}).get("window"):
         return []
     tolerance = float(tables.observability.tolerance_ratio.iloc[0])
-    return [Text(note("observed", tolerance=tolerance)), stated("observed", METRICS["observability_ranks"](tables))]
+    return [
+        Text(note("observed", tolerance=tolerance)),
+        formatted_table("observed", METRICS["observability_ranks"](tables)),
+    ]
 
 
 def motion(tables: Tables) -> list[Block]:
@@ -165,7 +168,7 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
                 distance = (curve.tau_s / t - 1.0).abs()
                 nearest.append(int(distance.idxmin()))
     rows = frame.loc[list(dict.fromkeys(nearest))]
-    deviations = stated("allan", rows, alike=True)
+    deviations = formatted_table("allan", rows, alike=True)
     pictures = _case_pictures(tables, "allan", frame)
     return [Text(note("allan")), deviations, *pictures]
 
@@ -188,7 +191,7 @@ def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         low=100.0 * frame.low_ratio,
         high=100.0 * frame.high_ratio,
     )
-    return [Text(note("exclusions")), stated("exclusions", percents)]
+    return [Text(note("exclusions")), formatted_table("exclusions", percents)]
 
 
 @of("protection")
@@ -202,7 +205,7 @@ def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     pictures = _case_pictures(tables, "protection", frame)
     return [
         Text(note("protection", **numbers)),
-        stated("protection", percents),
+        formatted_table("protection", percents),
         *left_out(tables),
         *pictures,
     ]
@@ -227,9 +230,9 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
     filtered = motion_rows[motion_rows.controller_rate == "filtered"].drop(columns="controller_rate")
     return [
         Text(note("nozzle")),
-        stated("nozzle", travel),
-        stated("worth", METRICS["rate_filter_benefit"](tables)),
-        stated("turning", filtered),
+        formatted_table("nozzle", travel),
+        formatted_table("worth", METRICS["rate_filter_benefit"](tables)),
+        formatted_table("turning", filtered),
     ]
 
 
@@ -254,7 +257,7 @@ _SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_n
 @of("injection")
 def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the errors of the achieved orbits with their contributions, how the runs end, and figures."""
-    blocks: list[Block] = [Text(note("injection")), stated("injection", frame)]
+    blocks: list[Block] = [Text(note("injection")), formatted_table("injection", frame)]
     inapplicable = frame[frame.reason != ""]
     for row in inapplicable.drop_duplicates(["case", "reason"]).itertuples():
         blocks.append(Text(f"{row.case}: linear covariance does not apply ({row.reason})."))
@@ -262,17 +265,17 @@ def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     is_small = sources.share_ratio < _LEAST_SHARE
     is_large = sources.quantity.isin(_SHOWN) & ~is_small
     if is_large.any():
-        blocks.append(stated("injection_sources", sources[is_large]))
+        blocks.append(formatted_table("injection_sources", sources[is_large]))
 
     ends = METRICS["cutoff"](tables)
     low = ends.low_ratio.map("{:.3g}".format)
     high = ends.high_ratio.map("{:.3g}".format)
     interval = (low + " to " + high).where(ends.runs > 0, "-")
-    blocks.append(stated("cutoff", ends.assign(interval=interval)))
+    blocks.append(formatted_table("cutoff", ends.assign(interval=interval)))
     failed = METRICS["failed_injections"](tables)
     lost = failed.groupby("case", sort=False).head(_LOST_SHOWN)
     if len(lost):
-        blocks.append(stated("lost", lost))
+        blocks.append(formatted_table("lost", lost))
     labels = set(ends.case)
     guided_cases = [case for case, label in tables.labels.items() if label in labels]
     guided, remark = few(guided_cases)

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, stated
+from lvnav_trade.report.blocks import Block, Text, formatted_table
 from lvnav_trade.report.printed import short_cases
 from lvnav_trade.report.sentences import plural
-from lvnav_trade.results.evaluation.published import EDGES, at_an_edge, evidence, fitted, held, most_important
+from lvnav_trade.results.evaluation.published import EDGES, at_an_edge, evidence, fitted, most_important, reproduced
 from lvnav_trade.results.evaluation.verdicts import FAILS, HOLDS
 
 _EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # metric of a statement: an expression, followed by the meaning of its terms
@@ -75,7 +75,7 @@ def said(rows: pd.DataFrame, kinds: Mapping[str, VerdictCounts]) -> str:
         if count.undecided:
             text += f", {count.undecided} {plural(count.undecided, 'is', 'are')} undecided"
         texts.append(text)
-    n_held = int(held(rows).sum())
+    n_held = int(reproduced(rows).sum())
     text_list = "; ".join(texts)
     return f"Of {len(rows)} published results that count, {n_held} are reproduced: {text_list}"
 
@@ -96,7 +96,7 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
         return []
     rows = frame[evidence(frame)]
     all_rows = frame
-    failing = rows[~held(rows)]
+    failing = rows[~reproduced(rows)]
     if statements is not None:
         all_rows = pd.concat([frame, statements], ignore_index=True)
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
@@ -105,7 +105,7 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     if len(failing):
         failing_results = most_important(failing, important)
         short_rows = _short(failing_results, all_rows)
-        blocks.append(stated("most_important", short_rows))
+        blocks.append(formatted_table("most_important", short_rows))
     return blocks
 
 
@@ -121,9 +121,11 @@ def _fitted_sentence(rows: pd.DataFrame) -> str:
     if not is_fitted.any():
         return ""
     withheld = rows[~is_fitted & rows.published.notna()]
+    n_fitted = int(reproduced(rows[is_fitted]).sum())
+    n_withheld = int(reproduced(withheld).sum())
     return (
-        f"Settings were fitted to {int(is_fitted.sum())} of the numbers; {int(held(rows[is_fitted]).sum())} of these "
-        f"are reproduced, and {int(held(withheld).sum())} of the {len(withheld)} numbers withheld from the fit."
+        f"Settings were fitted to {int(is_fitted.sum())} of the numbers; {n_fitted} of these are reproduced, "
+        f"and {n_withheld} of the {len(withheld)} numbers withheld from the fit."
     )
 
 
@@ -145,7 +147,7 @@ def _apart_sentence(rows: pd.DataFrame) -> str:
     counts = []
     for mark, (singular, several) in _NOT_COUNTED.items():
         marked = rows[rows.counts_as == mark]
-        n_hold = int(held(marked).sum())
+        n_hold = int(reproduced(marked).sum())
         if len(marked):
             name = plural(len(marked), singular, several)
             verb = plural(n_hold, "holds", "hold")
@@ -172,9 +174,9 @@ def _short(rows: pd.DataFrame, all_rows: pd.DataFrame) -> pd.DataFrame:
 
 def those_that_miss(frame: pd.DataFrame) -> list[Block]:
     """Return the counted rows that are not reproduced, with reasons."""
-    rows = frame[evidence(frame) & ~held(frame)]
+    rows = frame[evidence(frame) & ~reproduced(frame)]
     if len(rows):
-        return [stated("out_of_band", short_cases(rows))]
+        return [formatted_table("out_of_band", short_cases(rows))]
     return []
 
 
@@ -184,5 +186,5 @@ def not_counted(frame: pd.DataFrame) -> list[Block]:
     for mark, name in _TABLES.items():
         rows = frame[frame.counts_as == mark]
         if len(rows):
-            blocks.append(stated(name, short_cases(rows)))
+            blocks.append(formatted_table(name, short_cases(rows)))
     return blocks

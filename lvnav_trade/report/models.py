@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.campaign.definition.metric_names import of_sensors
-from lvnav_trade.report.blocks import Block, Text, stated
+from lvnav_trade.report.blocks import Block, Text, formatted_table
 from lvnav_trade.report.escape import note, source
 from lvnav_trade.results.evaluation.resources import scenario_of
 from lvnav_trade.results.tables.read import Tables, once
@@ -138,7 +138,7 @@ def models(tables: Tables) -> list[Block]:
     )
     if (rows.cases == "all").all():
         rows = rows.drop(columns="cases")
-    return [Text(note("models")), stated("models", rows)]
+    return [Text(note("models")), formatted_table("models", rows)]
 
 
 def _in_words(checks: pd.DataFrame) -> str:

@@ -105,7 +105,7 @@ def mistakes(study: StudyCard, questions: Sequence[StudySection], script: StudyS
     items: dict[str, set[str]] = {}
     for question in questions:
         campaign = question.campaign
-        lists = [campaign.model_dump(mode="json")["references"], *script.stated(campaign.name).values()]
+        lists = [campaign.model_dump(mode="json")["references"], *script.entries(campaign.name).values()]
         items[campaign.name] = {str(entry["item"]) for entries in lists for entry in entries}
     all_items: set[str] = set().union(*items.values())
     study_file = questions[0].written if questions else None

@@ -32,7 +32,7 @@ from lvnav_trade.report.study import (
     reproduce,
     together,
 )
-from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, evidence, held, marks, verdict_in_band
+from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, evidence, marks, reproduced, verdict_in_band
 from lvnav_trade.results.statistics.select import in_units
 from lvnav_trade.results.tables.contents import owned
 
@@ -332,7 +332,7 @@ def _study_entries(campaigns: Sequence[Campaign], script: StudyScript) -> list[_
     """Return the entries in the folder of the study."""
     study_entries = []
     for campaign in campaigns:
-        lists = dict(script.stated(campaign.name))
+        lists = dict(script.entries(campaign.name))
         references = campaign.model_dump(mode="json")["references"]
         lists["references"] = [*references, *lists.get("references", ())]
         for key, entries in lists.items():
@@ -340,7 +340,7 @@ def _study_entries(campaigns: Sequence[Campaign], script: StudyScript) -> list[_
             for number, entry in enumerate(entries, 1):
                 identifier = entry["id"] or f"{campaign.name} {key} {number}"
                 study_entries.append(_Entry(identifier, counts_as, entry))
-    for entry in script.stated("").get("statements", ()):
+    for entry in script.entries("").get("statements", ()):
         study_entries.append(_Entry(str(entry["id"]), "statement", entry))
     return study_entries
 
@@ -389,7 +389,7 @@ def _campaign_lines(text: str, rows: pd.DataFrame) -> list[dict[str, Any]]:
             cells[name] = int(cells[name])
         cells["as published"] = "–"
         if len(counted):
-            n_held = int(held(counted).sum())
+            n_held = int(reproduced(counted).sum())
             cells["as published"] = f"{n_held} of {len(counted)}"
         recounted.append(cells)
     return recounted

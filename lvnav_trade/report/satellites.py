@@ -13,9 +13,9 @@ from lvnav_trade.report.blocks import (
     Picture,
     Text,
     figures,
+    formatted_table,
     named,
     number,
-    stated,
     table,
 )
 from lvnav_trade.report.escape import note
@@ -109,7 +109,7 @@ def tracking(tables: Tables) -> list[Block]:
     for name in ("tracking", "losses", "recovery"):
         frame = METRICS[name](tables)
         if len(frame):
-            blocks.append(stated(name, frame, alike=True))
+            blocks.append(formatted_table(name, frame, alike=True))
     columns = ["t_s", "satellite", "tracked", "state"]
     group, remark = few(distinct(tables, "satellites", columns, tables.labels))
     blocks += [*remark, *figures(tables, "timeline", group)]
@@ -162,4 +162,4 @@ def _delay_table(tables: Tables) -> Block:
                     f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg",
                 )
             )
-    return stated("delays", pd.DataFrame(rows), alike=True)
+    return formatted_table("delays", pd.DataFrame(rows), alike=True)

@@ -76,7 +76,7 @@ class StudyScript:
         """Return further published numbers of a campaign (given by name), as entries of its `references`."""
         return ()
 
-    def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+    def entries(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the entries of the rows of a campaign (given by name), by list; for "" entries without a campaign."""
         return {"references": self.references(campaign)} if campaign else {}
 
@@ -84,8 +84,8 @@ class StudyScript:
         """Return further rows (values by column) for the published numbers of a campaign (given by name)."""
         return []
 
-    def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
-        """Return rows without a campaign, and rows of campaigns without results (`unflown`); their case is empty."""
+    def further_rows(self, not_run: Sequence[Campaign]) -> list[dict[str, Any]]:
+        """Return rows without a campaign, and rows of campaigns without results (`not_run`); their case is empty."""
         return []
 
     def is_statement(self, rows: pd.DataFrame) -> pd.Series:
@@ -102,7 +102,7 @@ class StudyScript:
 
 
 def published_rows(
-    campaign: str, tables: Tables, stated: Mapping[str, Any], script: StudyScript
+    campaign: str, tables: Tables, settings: Mapping[str, Any], script: StudyScript
 ) -> list[dict[str, Any]]:
     """Return the rows of published numbers of a campaign: its references, and those of the script.
 
@@ -112,10 +112,10 @@ def published_rows(
         Name of the campaign.
     tables : Tables
         Its results.
-    stated : mapping
+    settings : mapping
         The campaign as written, with `references`.
     script : StudyScript
         Script of the study.
     """
-    references = [*stated.get("references", ()), *script.references(campaign)]
+    references = [*settings.get("references", ()), *script.references(campaign)]
     return [*reference_rows(tables, {"name": campaign, "references": references}), *script.rows(campaign, tables)]

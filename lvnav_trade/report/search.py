@@ -21,7 +21,7 @@ _FEW = 6  # up to this number of solutions, each gets a sentence
 def write(
     folder: Path | str,
     title: str,
-    asked: str,
+    question: str,
     blocks: Sequence[Block],
     frames: Mapping[str, pd.DataFrame],
     files: Mapping[str, str] | None = None,
@@ -34,7 +34,7 @@ def write(
         Folder of the report. Files of an earlier search report are replaced.
     title : str
         Title of the report.
-    asked : str
+    question : str
         Question of the search.
     blocks : sequence of Block
         Content.
@@ -54,7 +54,7 @@ def write(
         The folder has other content.
     """
     sections = [Section("search", "Result", list(blocks))]
-    pages = {"report.md": markdown_page(title, asked, sections), "report.html": html_page(title, asked, sections)}
+    pages = {"report.md": markdown_page(title, question, sections), "report.html": html_page(title, question, sections)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
     with writing(folder, "the report cannot be written there"):
         owned(folder, "report").publish("report", {**csv, **pictures(sections), **pages, **(files or {})})

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.report.blocks import Block, DesignExplorer, Details, Text, figure, stated
+from lvnav_trade.report.blocks import Block, DesignExplorer, Details, Text, figure, formatted_table
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
@@ -80,13 +80,13 @@ def _influence_tables(tables: Tables) -> list[Block]:
     regions = METRICS["regions"](tables)
     if len(effects):
         rows = effects.assign(axis=effects.axis.map(axis_label))
-        details = [Text(note("effects")), stated("effects", _without_intervals(tables, rows, "low"))]
+        details = [Text(note("effects")), formatted_table("effects", _without_intervals(tables, rows, "low"))]
         if len(swings):
-            details.append(stated("swings", _without_intervals(tables, _ends(tables, swings), "low")))
+            details.append(formatted_table("swings", _without_intervals(tables, _ends(tables, swings), "low")))
         blocks.append(Details(note("effects_title"), details))
     if len(regions):
         rows = _without_intervals(tables, _region_rows(tables, regions), "share_low")
-        shares = stated("regions", rows, interval=_EXACT if tables.is_sampled else "")
+        shares = formatted_table("regions", rows, interval=_EXACT if tables.is_sampled else "")
         blocks.append(Details(note("regions_title"), [shares]))
     return blocks
 
@@ -125,7 +125,7 @@ def _analysed_designs(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     if rows.empty:
         return []
     labels = [tables.labels[case] for case in rows.case]
-    return [stated("space_labels", _shown(tables, rows).assign(label=labels))]
+    return [formatted_table("space_labels", _shown(tables, rows).assign(label=labels))]
 
 
 def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
@@ -195,17 +195,17 @@ def _design_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         order = "by error"
         if totals:
             order = f"by {totals[0].partition('_')[0]}, then error"
-        blocks.append(stated("space_best", best, order=order))
+        blocks.append(formatted_table("space_best", best, order=order))
     if len(misses):
         nearest = misses.sort_values("error_ratio", kind="stable").head(_ROWS)
-        missed = stated("space_missed", _shown(tables, nearest))
+        missed = formatted_table("space_missed", _shown(tables, nearest))
         if len(compliant):
             blocks.append(Details(note("missed_title"), [missed]))
         else:
             blocks.append(missed)
     if totals and len(compliant):
         front = _pareto_front(compliant, totals).head(_ROWS)
-        front_table = stated("space_front", _shown(tables, front))
+        front_table = formatted_table("space_front", _shown(tables, front))
         blocks.append(Details(note("front_title"), [front_table]))
     return blocks
 
@@ -342,7 +342,7 @@ def curves(tables: Tables) -> list[Block]:
         picture = figure(tables, "curves", axis, axis=axis.replace("_", " "))
         blocks.append(picture._replace(name=f"curves-{number}"))
     if len(crossings):
-        blocks.append(stated("crossings", crossings))
+        blocks.append(formatted_table("crossings", crossings))
     for number, name in enumerate(requirements, 1):
         picture = figure(tables, "tornado", name, requirement=name)
         blocks.append(picture._replace(name=f"tornado-{number}"))
@@ -390,7 +390,7 @@ def pareto(tables: Tables) -> list[Block]:
             blocks.append(Text(_priced(cheaper.iloc[0]), "Cheaper, but its runs leave it undecided:"))
     else:
         blocks = [Text(_priced(best), "No design is shown to meet all requirements. Cheapest:")]
-    return [*blocks, Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]
+    return [*blocks, Text(note("pareto")), formatted_table("pareto", order), figure(tables, "pareto")]
 
 
 def _priced(case: Any) -> str:

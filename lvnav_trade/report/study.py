@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.published_cards import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study_card import CampaignFigure, StudyCard
 from lvnav_trade.quantities.errors import InputError, writing
-from lvnav_trade.report.blocks import Block, Picture, Section, Text, percent, stated, table
+from lvnav_trade.report.blocks import Block, Picture, Section, Text, formatted_table, percent, table
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.figures import PLOTS
@@ -24,7 +24,7 @@ from lvnav_trade.report.script import StudyResult, StudyScript, published_rows
 from lvnav_trade.report.study_tables import study_tables
 from lvnav_trade.results.evaluation.covariances import agreement, by_case
 from lvnav_trade.results.evaluation.pooled_cases import cases_of
-from lvnav_trade.results.evaluation.published import COLUMNS, evidence, held
+from lvnav_trade.results.evaluation.published import COLUMNS, evidence, reproduced
 from lvnav_trade.results.statistics.select import in_units
 from lvnav_trade.results.tables.contents import owned
 
@@ -36,7 +36,7 @@ def build(
     study: StudyCard,
     answered: Sequence[StudyResult],
     folder: Path | str,
-    unflown: Sequence[Campaign] = (),
+    not_run: Sequence[Campaign] = (),
     script: StudyScript | None = None,
 ) -> Path:
     """Write the report of a study: report.md, figures/ and two CSV tables.
@@ -49,7 +49,7 @@ def build(
         Campaigns with their results.
     folder : Path or str
         Folder of the report; files of an earlier report are replaced.
-    unflown : sequence of Campaign
+    not_run : sequence of Campaign
         Campaigns without results, whose statements are listed as not run.
     script : StudyScript, optional
         Additions to the report.
@@ -69,7 +69,7 @@ def build(
     answered = [result._replace(tables=in_units(result.tables, study.units)) for result in answered]
     frames = [published_frame(result, script) for result in answered]
     published = together(answered, frames)
-    further = script.further_rows(unflown)
+    further = script.further_rows(not_run)
     if further:
         published = pd.concat([published, frame_of(further)], ignore_index=True)
     lines = [line_of(result, published) for result in answered]
@@ -183,7 +183,7 @@ def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
         "cases": len(cases),
         "runs": int(cases.run_count.sum()),
         "failed runs": int(cases.failed_count.sum()),
-        "as published": f"{int(held(counted).sum())} of {len(counted)}" if len(counted) else "–",
+        "as published": f"{int(reproduced(counted).sum())} of {len(counted)}" if len(counted) else "–",
         "both engines agree": f"{n_agree} of {n_tested} cases" if n_tested else "–",
     }
 
@@ -206,7 +206,7 @@ def campaign_section(result: StudyResult, frame: pd.DataFrame, script: StudyScri
     frame = frame[~script.is_statement(named(result, frame))]  # statements are shown in the answer
     if len(frame):
         sources = "; ".join(dict.fromkeys(frame.source))
-        blocks.append(stated("study_references", frame, sources=sources))
+        blocks.append(formatted_table("study_references", frame, sources=sources))
     blocks += script.blocks(result)
     blocks += motion_summary(result.tables)
     blocks += control_tables(result.tables, brief=True)
@@ -298,7 +298,7 @@ def _locus_arguments(figure: CampaignFigure) -> tuple[Any, ...]:
     if figure.published is not None:
         published = PublishedValue(figure.published, figure.band or (0.5, 2.0))
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
-    return (figure.axis, metric, figure.unit, published, figure.cases, figure.varied, figure.flown)
+    return (figure.axis, metric, figure.unit, published, figure.cases, figure.varied, figure.study_level)
 
 
 def _cases(result: StudyResult, case: Case) -> list[str]:
@@ -322,7 +322,7 @@ def agreements(answered: Sequence[StudyResult]) -> Section:
     differing = frame[frame.verdict != "agree"]
     blocks: list[Block] = [Text(note("study_agreement", level=percent(0.01)))]
     if len(differing):
-        blocks.append(stated("study_agreement", differing))
+        blocks.append(formatted_table("study_agreement", differing))
     return Section("agreement", APPENDIX, blocks)
 
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, of, stated
+from lvnav_trade.report.blocks import Block, Text, formatted_table, of
 from lvnav_trade.report.diagnostics import error_bound, rates, worth
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.evidence import logic_tables
@@ -58,7 +58,7 @@ def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         verdict=frame.verdict.map(verdicts),
         beyond=frame.failures.astype(str) + " of " + frame.runs.astype(str),
     )
-    return [Text(text), stated("study_requirements", rows)]
+    return [Text(text), formatted_table("study_requirements", rows)]
 
 
 def _probabilities(frame: pd.DataFrame) -> str:
@@ -80,7 +80,7 @@ def _coverage(tables: Tables) -> list[Block]:
     ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
     percents = {name: 100.0 * frame[name] for name in ratios}
     frame = frame.assign(**percents)
-    return [Text(note("coverage")), stated("coverage", frame)]
+    return [Text(note("coverage")), formatted_table("coverage", frame)]
 
 
 def _spaced_events(frame: pd.DataFrame) -> list[str]:
@@ -101,7 +101,7 @@ def _paired(tables: Tables, axis: str) -> list[Block]:
     if frame.empty:
         return []
     rows = frame[frame.event.isin(_shown_events(frame))]
-    return [Text(note("paired")), stated("paired", rows, axis=axis)]
+    return [Text(note("paired")), formatted_table("paired", rows, axis=axis)]
 
 
 def _shown_events(frame: pd.DataFrame) -> list[str]:

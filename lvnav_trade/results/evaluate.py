@@ -14,17 +14,17 @@ from lvnav_trade.results.statistics.select import errors_by_axis, pick
 from lvnav_trade.results.tables.read import Tables
 
 
-def metric_in(stated: Mapping[str, Any]) -> Metric:
+def metric_in(statement: Mapping[str, Any]) -> Metric:
     """Return the metric named by a statement or requirement."""
-    return metric_of(str(stated["metric"]))
+    return metric_of(str(statement["metric"]))
 
 
-def name_of(stated: Mapping[str, Any]) -> str:
+def name_of(statement: Mapping[str, Any]) -> str:
     """Return the label of a statement: statistic, metric, and event or phase; see `Metric.label`."""
-    return metric_in(stated).label(stated)
+    return metric_in(statement).label(statement)
 
 
-def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
     """Return the value of a metric in a case by formal sigma, by linear covariance and by the runs.
 
     Parameters
@@ -33,15 +33,15 @@ def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) ->
         Tables of the results.
     case : str
         Digest of the case.
-    stated : mapping
+    statement : mapping
         Statement: metric, event or phase, statistic and further settings of the metric.
     unit : str
         Unit of the value; "-" for the SI unit.
     """
-    return metric_in(stated).value(tables, case, stated, unit)
+    return metric_in(statement).value(tables, case, statement, unit)
 
 
-def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
     """Return the number to compare with a published number; NaN with the reason if it is not available.
 
     Parameters
@@ -50,7 +50,7 @@ def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: 
         Tables of the results.
     case : str
         Digest of the case.
-    stated : mapping
+    statement : mapping
         Statement: metric, event or phase, statistic and further settings of the metric.
     unit : str
         Unit of the value; "-" for the SI unit.
@@ -60,7 +60,7 @@ def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: 
     SingleValue
         Value by the runs, or by linear covariance if there are no runs.
     """
-    return metric_in(stated).single(tables, case, stated, unit)
+    return metric_in(statement).single(tables, case, statement, unit)
 
 
 def errors_at(tables: Tables, case: str, event: str, metric: str) -> RunErrors | None:
@@ -80,7 +80,7 @@ def errors_at(tables: Tables, case: str, event: str, metric: str) -> RunErrors |
     return metric_of(metric).errors(CaseTables(tables, case), {"metric": metric, "at": event})
 
 
-def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+def difference(tables: Tables, case: str, other: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
     """Return the root mean square of the difference between the errors of two cases at an event.
 
     Parameters
@@ -89,7 +89,7 @@ def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any],
         Tables of the results.
     case, other : str
         Digests of the two cases.
-    stated : mapping
+    statement : mapping
         Statement: metric and event.
     unit : str
         Unit of the value; "-" for the SI unit.
@@ -104,8 +104,8 @@ def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any],
     -----
     The difference is taken run by run and axis by axis, since both cases have the same random draws.
     """
-    quantity, axis = split_metric(str(stated["metric"]))
-    event = event_of(stated)
+    quantity, axis = split_metric(str(statement["metric"]))
+    event = event_of(statement)
     first = errors_by_axis(tables, case, event, quantity)
     second = errors_by_axis(tables, other, event, quantity)
     failed = (first.failure != "") | (second.failure != "")

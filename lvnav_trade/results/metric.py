@@ -141,10 +141,10 @@ class Metric:
 
     # --- needs ---------------------------------------------------------------------------------------------------
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield an error message for each setting of a statement that is missing or has no effect for this metric.
 
-        stated: `published_cards.MeasuredMetric`; its type is above this package.
+        statement: `published_cards.MeasuredMetric`; its type is above this package.
         """
         return iter(())
 
@@ -157,7 +157,7 @@ class Metric:
 
     # --- value ---------------------------------------------------------------------------------------------------
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the value of the metric in a case.
 
         Parameters
@@ -166,7 +166,7 @@ class Metric:
             Tables of the results.
         case : str
             Digest of the case.
-        stated : mapping
+        statement : mapping
             Statement: event or phase, statistic and further settings of the metric.
         unit : str
             Unit of the value; `SI` for the SI unit.
@@ -178,12 +178,12 @@ class Metric:
         """
         raise NotImplementedError
 
-    def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    def single(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the value of the requested statistic by the runs, or by linear covariance if there are no runs.
 
         The arguments are those of `value`.
         """
-        value = self.value(tables, case, stated, unit)
+        value = self.value(tables, case, statement, unit)
         number = value.true if np.isnan(value.monte_carlo) else value.monte_carlo
         runs = np.sqrt(value.runs) if value.is_root else value.runs
         return SingleValue(number, value.remark, np.sort(runs))
@@ -214,26 +214,26 @@ class Metric:
 
     # --- text ----------------------------------------------------------------------------------------------------
 
-    def label(self, stated: Mapping[str, Any]) -> str:
+    def label(self, statement: Mapping[str, Any]) -> str:
         """Return a label: the statistic unless it is the root mean square, the metric, and its event or phase."""
-        statistic = _STATISTICS.get(stated.get("statistic", "rms"), "linear covariance of ")
-        phase = stated.get("during")
-        place = f", {phase}" if phase else f" at {event_of(stated)}"
+        statistic = _STATISTICS.get(statement.get("statistic", "rms"), "linear covariance of ")
+        phase = statement.get("during")
+        place = f", {phase}" if phase else f" at {event_of(statement)}"
         return f"{statistic}{self.name}{place}"
 
-    def is_mean(self, stated: Mapping[str, Any]) -> bool:
+    def is_mean(self, statement: Mapping[str, Any]) -> bool:
         """Whether a statement refers to a mean over the runs and not to a root mean square."""
-        return self.average == MEAN or stated.get("statistic") == "mean"
+        return self.average == MEAN or statement.get("statistic") == "mean"
 
 
-def event_of(stated: Mapping[str, Any]) -> str:
+def event_of(statement: Mapping[str, Any]) -> str:
     """Return the event of a statement or requirement without a phase; injection by default."""
-    return str(stated.get("at") or "injection")
+    return str(statement.get("at") or "injection")
 
 
-def where(stated: Mapping[str, Any]) -> str:
+def where(statement: Mapping[str, Any]) -> str:
     """Return the phase or event of a statement or requirement."""
-    return str(stated.get("during") or event_of(stated))
+    return str(statement.get("during") or event_of(statement))
 
 
 def scale_of(unit: str, si: str) -> float | None:

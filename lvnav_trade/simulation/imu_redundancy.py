@@ -132,7 +132,7 @@ def entering(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: A
     i, c
         Axis of the combined triad, sensing axis of the triad.
     """
-    stage = units.flown[tick]
+    stage = units.stage_without_exclusion[tick]
     planned_weight = units.solved[stage, k, sensor, i, c]
     if work is None:
         return planned_weight
@@ -145,7 +145,9 @@ def _entering(work, units, tick, k, sensor, i, c):
     if work == types.none:
         return lambda work, units, tick, k, sensor, i, c: units.solved[0, k, sensor, i, c]
     return lambda work, units, tick, k, sensor, i, c: where(
-        work.reduced[0] > 0.0, work.solved[k, sensor, i, c], units.solved[units.flown[tick], k, sensor, i, c]
+        work.reduced[0] > 0.0,
+        work.solved[k, sensor, i, c],
+        units.solved[units.stage_without_exclusion[tick], k, sensor, i, c],
     )
 
 

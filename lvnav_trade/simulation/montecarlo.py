@@ -329,5 +329,5 @@ def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:
     run
         Number of the run.
     """
-    with_steps = prepare(prepared.scenario, every_step_beside=prepared.t_hist)
+    with_steps = prepare(prepared.scenario, additional_times=prepared.t_hist)
     return run_block(with_steps, seed, run, 1)

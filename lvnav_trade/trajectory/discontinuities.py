@@ -96,8 +96,10 @@ def described(short: Sequence[RowGap]) -> list[str]:
     longest = max(short, key=lambda hole: hole.length)
     span = f"{longest.start:.6g} to {longest.end:.6g} s"
     if len(short) == 1:
-        return [f"no data from {span}: a spline through the rows beside fills the hole"]
-    return [f"{len(short)} holes without data, the longest from {span}: a spline through the rows beside fills them"]
+        return [f"no data from {span}: a spline through the rows on both sides fills the hole"]
+    return [
+        f"{len(short)} holes without data, the longest from {span}: a spline through the rows on both sides fills them"
+    ]
 
 
 _SIDE = 3  # intervals on each side of a jump, to which a straight line is fitted

@@ -35,7 +35,7 @@ def test_the_statements_of_dlr_are_counted_by_their_numbers(root: Path) -> None:
     rows = kept(root, "dlr")
     rows = rows[evidence(rows)]
     verdicts = rows.groupby(rows["item"].str.split(" ").str[0]).verdict.agg(
-        lambda words: frozenset(words) - {"not flown"}
+        lambda words: frozenset(words) - {"not run", "not set up"}
     )
     holds, fails = (int((verdicts == frozenset([word])).sum()) for word in ("holds", "does not hold here"))
     tested = f"{holds} hold in every evaluation by which they are tested, {fails} do not hold here"

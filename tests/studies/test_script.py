@@ -72,7 +72,7 @@ def test_the_page_says_first_which_statements_hold_and_which_do_not(folder: Path
     assert main(Publication(folder), ["--keep", "kept", "--only-page"]) == 0
     text = Path("kept/report.md").read_text(encoding="utf-8")
     answer = text.partition("## Answer")[2].partition("\n## ")[0]
-    counts = "1 hold in every evaluation by which they are tested, 1 do not hold here, 1 are not set up."
+    counts = "1 holds in every evaluation by which it is tested, 1 does not hold here, 1 is not set up."
     assert f"Of 3 statements {counts}" in answer
     fails, holds, missing = (
         answer.index(item, answer.index("Statements that do not hold here."))
@@ -138,16 +138,16 @@ def test_an_unknown_campaign_is_not_renewed(folder: Path, capsys: pytest.Capture
     assert "no campaign 'synthetics' (did you mean 'synthetic'?)" in capsys.readouterr().err
 
 
-def test_statements_of_campaigns_without_results_are_listed_as_not_flown(folder: Path) -> None:
+def test_statements_of_campaigns_without_results_are_listed_as_not_run(folder: Path) -> None:
     (folder / "later.yaml").write_text(CAMPAIGN.format(name="later", more=""))
     write(folder / "study.yaml", STUDY | {"campaigns": [{"campaign": "synthetic"}, {"campaign": "later"}]})
     bound = {"source": "A paper", "item": "#7 far", "value": "a", "terms": {"a": END}, "at_most": 1}
     write(folder / "statements" / "later.yaml", {"statements": [bound]})
     assert main(Publication(folder), ["--keep", "kept", "--only-page"]) == 0
     text = Path("kept/report.md").read_text()
-    assert "1 are not flown yet" in text
+    assert "1 has not been run" in text
     assert "| #7 far | campaign later |" in text
-    assert "not flown" in Path("kept/references.csv").read_text()
+    assert "not run" in Path("kept/references.csv").read_text()
 
 
 def test_a_script_of_the_users_own_is_run_by_its_user_and_not_by_the_name_of_its_folder(folder: Path) -> None:

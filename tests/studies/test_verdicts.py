@@ -28,9 +28,8 @@ def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_number
     blocks = verdicts(pd.DataFrame([*ROWS[1:], *further], columns=COLUMNS))
     assert isinstance(blocks[0], Text)
     assert blocks[0].text == (
-        "Of 5 statements 1 hold in every evaluation by which they are tested, 1 do not hold here, 1 are not set up, "
-        "1 are not flown yet, "
-        "1 hold in part: for some readings or some of their conditions."
+        "Of 5 statements 1 holds in every evaluation by which it is tested, 1 does not hold here, 1 is not set up, "
+        "1 has not been run, 1 holds in part: for some readings or some of the conditions."
     )
     tables = [block for block in blocks if isinstance(block, Table)]
     assert [[row[0] for row in table.rows] for table in tables] == [
@@ -40,14 +39,14 @@ def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_number
 
 @pytest.mark.parametrize("answer", ["does not hold here", "holds"])
 def test_a_row_without_an_answer_does_not_count_for_a_statement_that_has_one(answer: str) -> None:
-    rows = [ROWS[1] | {"verdict": word} for word in (answer, "not set up", "not flown")]
+    rows = [ROWS[1] | {"verdict": word} for word in (answer, "not set up", "not run")]
     summary, *_ = verdicts(pd.DataFrame(rows, columns=COLUMNS))
     assert isinstance(summary, Text)
-    assert summary.text.startswith("Of 1 statements 1 ")
+    assert summary.text.startswith("Of 1 statement 1 ")
     assert "in part" not in summary.text
     unanswered, *_ = verdicts(pd.DataFrame(rows[1:], columns=COLUMNS))
     assert isinstance(unanswered, Text)
-    assert unanswered.text == "Of 1 statements 1 are not set up."
+    assert unanswered.text == "Of 1 statement 1 is not set up."
 
 
 def test_a_study_without_statements_says_nothing_of_them() -> None:

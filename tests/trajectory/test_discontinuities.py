@@ -33,6 +33,6 @@ def test_short_holes_are_bridged_and_a_long_one_ends_the_rows_where_nothing_is_n
 def test_what_is_filled_is_said_in_one_line():
     assert described([]) == []
     (line,) = described([RowGap(1, 3.0, 4.0, 0.1)])
-    assert line == "no data from 3 to 4 s: a spline through the rows beside fills the hole"
+    assert line == "no data from 3 to 4 s: a spline through the rows on both sides fills the hole"
     (line,) = described([RowGap(1, 3.0, 4.0, 0.1), RowGap(9, 7.0, 9.0, 0.1)])
-    assert line == "2 holes without data, the longest from 7 to 9 s: a spline through the rows beside fills them"
+    assert line == "2 holes without data, the longest from 7 to 9 s: a spline through the rows on both sides fills them"

@@ -165,8 +165,8 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
             selections.append((f"figures.{i}.cases.{k}", case))
     selections.append(("kml", part.kml or {}))
     for i, figure in enumerate(part.figures):
-        if figure.flown:
-            selections.append((f"figures.{i}.flown", {figure.axis: figure.flown}))
+        if figure.study_level:
+            selections.append((f"figures.{i}.study_level", {figure.axis: figure.study_level}))
     for path, levels in selections:
         message = unknown_case(levels, cases)
         if message:

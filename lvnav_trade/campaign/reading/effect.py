@@ -80,7 +80,7 @@ class _SettingReader:
     def is_own(self, place: Place) -> bool:
         return place.file in self.own
 
-    def stated(
+    def given_setting(
         self,
         node: Node,
         kind: Any,
@@ -117,9 +117,9 @@ class _SettingReader:
                 item_kind = fields.item(kind, number)
                 item_path = join(path, number)
                 if fields.models(item_kind):
-                    yield self.stated(child, item_kind, item_path, child.place)
+                    yield self.given_setting(child, item_kind, item_path, child.place)
                 elif fields.literals(item_kind):
-                    yield self.stated(child, item_kind, item_path, child.place, counts=path)
+                    yield self.given_setting(child, item_kind, item_path, child.place, counts=path)
 
     def _fields(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
         """Yield the settings in a mapping: fields of a card, or entries with free keys."""
@@ -136,7 +136,7 @@ class _SettingReader:
             is_required = info is not None and info.is_required()
             is_in_same_file = is_inline and child.place.file == node.place.file  # not set on the command line
             is_field = entry_kind is None or (child.is_map and fields.models(entry_kind))
-            yield self.stated(
+            yield self.given_setting(
                 child,
                 child_kind,
                 join(path, key),
@@ -165,11 +165,11 @@ class _Root(NamedTuple):
 
     axis: int  # index of the axis; -1 for the base
     level: int
-    stated: GivenSetting
+    setting: GivenSetting
 
     def demands(self) -> Iterator[GivenSetting]:
         """Yield all settings that must have an effect."""
-        waiting = [self.stated]
+        waiting = [self.setting]
         while waiting:
             setting = waiting.pop()
             waiting += setting.within
@@ -219,7 +219,7 @@ class Effects:
         """
         errors: list[Mistake] = []
         for root in self.roots:
-            errors += self._fruitless(root, root.stated, known)
+            errors += self._fruitless(root, root.setting, known)
         return list(dict.fromkeys(errors))
 
     def _fruitless(
@@ -320,7 +320,7 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
     is_resolved = has_all_sections and {*base.value} >= {*Scenario.model_fields}
     files = (HERE,) if is_resolved else (HERE, written.root.place.file)
     reader = _SettingReader(files)
-    base_setting = reader.stated(base, Scenario, "", base.place, is_free=False)
+    base_setting = reader.given_setting(base, Scenario, "", base.place, is_free=False)
     varied_paths = {".".join(axis.steps) for axis in campaign.axes}
     filled = varied_paths & written.filled
     unfilled = tuple(_without(base_setting.within, filled))
@@ -330,7 +330,7 @@ def _roots(campaign: Campaign) -> Iterator[_Root]:
         annotation = _kind_at(base, axis.steps)
         path = ".".join(axis.steps)
         for level, (node, place) in enumerate(levels):
-            setting = reader.stated(node, annotation, path, place)
+            setting = reader.given_setting(node, annotation, path, place)
             yield _Root(number, level, setting)
 
 

@@ -49,7 +49,7 @@ class CampaignFigure(Card):
     statistic: str = Field("rms", description="for locus: the statistic, as in references")
     unit: str = Field("m", description="for locus: the metric")
     varied: str = Field("", description="for locus: label of the quantity that the axis varies; its name if absent")
-    flown: str = Field("", description="for locus: the level that the study uses; that of the base if absent")
+    study_level: str = Field("", description="for locus: the level that the study uses; that of the base if absent")
     published: float | None = Field(None, description="for locus: the published value, in that unit")
     band: tuple[float, float] | None = Field(
         None,

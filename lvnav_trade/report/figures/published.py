@@ -187,12 +187,12 @@ def _single_flights(tables: Tables, references: Sequence[Mapping[str, Any]]) -> 
 def locus(
     tables: Tables,
     axis: str,
-    stated: Mapping[str, Any],
+    statement: Mapping[str, Any],
     unit: str,
     published: PublishedValue | None = None,
     cases: Sequence[Mapping[str, str]] = (),
     varied: str = "",
-    flown: str = "",
+    study_level: str = "",
 ) -> Figure:
     """Draw a metric over the levels of an axis, one line for each combination of the other axes.
 
@@ -200,7 +200,7 @@ def locus(
     ----------
     axis : str
         Name of the axis in the labels of cases.
-    stated : mapping
+    statement : mapping
         Statement: metric, `at` or `during`, statistic.
     unit : str
         Unit of the metric.
@@ -210,18 +210,18 @@ def locus(
         Levels of the cases to draw; all if empty.
     varied : str
         Quantity that the axis varies, for the label; the name of the axis if empty.
-    flown : str
+    study_level : str
         Level that the study uses, marked by a ring; the level of the base if empty.
     """
 
     def value_of(case: str) -> float:
-        return evaluate_single(tables, case, stated, unit).value
+        return evaluate_single(tables, case, statement, unit).value
 
     frame = _axis_points(tables, axis, cases, value_of)
     names = list(dict.fromkeys(frame.level))
     sizes, level_unit = level_sizes(names)
     frame = frame.assign(x=[sizes[names.index(level)] for level in frame.level])
-    study_points = _study_points(tables, axis, flown, frame, value_of)
+    study_points = _study_points(tables, axis, study_level, frame, value_of)
     figure, ax = panel(3.0)
     mark_levels(ax, [*sizes, *study_points.x], names, level_unit)
     points = frame
@@ -240,7 +240,7 @@ def locus(
     scale_up(ax, "y", values)
     _rings(ax, study_points, level_unit)
     quantity = varied or axis.replace("_", " ")
-    metric = name_of(stated).replace("_", " ")
+    metric = name_of(statement).replace("_", " ")
     ax.set(xlabel=f"{quantity} ({level_unit})" if level_unit else quantity)
     ax.set(ylabel=f"{metric}\n({unit})".replace(", ", ",\n"))
     return figure

@@ -29,14 +29,14 @@ COLUMNS = [
 ]  # fmt: skip
 
 
-def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
+def references(tables: Tables, settings: Mapping[str, Any] | None = None) -> pd.DataFrame:
     """Return published numbers next to the results.
 
     Parameters
     ----------
     tables : Tables
         Tables of the results.
-    stated : mapping, optional
+    settings : mapping, optional
         Campaign with the published numbers; by default that of the results.
 
     Returns
@@ -50,12 +50,12 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
         determines the number. fitted: whether settings were fitted to it. own: its part that is not published. again:
         row of which it is a second reading. verification: reason why it cannot fail. counts_as: see `marks`.
     """
-    return pd.DataFrame(reference_rows(tables, stated), columns=COLUMNS)
+    return pd.DataFrame(reference_rows(tables, settings), columns=COLUMNS)
 
 
-def reference_rows(tables: Tables, stated: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
+def reference_rows(tables: Tables, settings: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
     """Return the rows of `references`, each as values by column; missing columns are empty."""
-    campaign = tables.campaign if stated is None else stated
+    campaign = tables.campaign if settings is None else settings
     return rows_of(tables, campaign, {"references": of_cases(_reference_row)})
 
 
@@ -63,14 +63,14 @@ Rows = Callable[[Tables, Mapping[str, Any]], Iterator[dict[str, Any]]]
 """Function that returns the rows of one entry of a list in a file."""
 
 
-def rows_of(tables: Tables, stated: Mapping[str, Any], makers: Mapping[str, Rows]) -> list[dict[str, Any]]:
+def rows_of(tables: Tables, settings: Mapping[str, Any], makers: Mapping[str, Rows]) -> list[dict[str, Any]]:
     """Return the rows of all entries of several lists.
 
     Parameters
     ----------
     tables : Tables
         Tables of the results.
-    stated : mapping
+    settings : mapping
         Settings with the lists.
     makers : mapping
         For each key of a list the function that returns the rows of an entry.
@@ -80,10 +80,10 @@ def rows_of(tables: Tables, stated: Mapping[str, Any], makers: Mapping[str, Rows
     list of dict
         Rows; an entry without an id gets one from its place in the list.
     """
-    name = str(stated.get("name") or tables.campaign.get("name") or "")
+    name = str(settings.get("name") or tables.campaign.get("name") or "")
     rows = []
     for key, make_rows in makers.items():
-        for number, entry in enumerate(stated.get(key) or (), 1):
+        for number, entry in enumerate(settings.get(key) or (), 1):
             entry_id = entry.get("id") or f"{name} {key} {number}"
             for row in make_rows(tables, entry):
                 rows.append({**row, "id": entry_id})
@@ -102,7 +102,7 @@ def of_cases(make: Callable[..., dict[str, Any]]) -> Rows:
 
 
 def published_row(
-    stated: Mapping[str, Any],
+    statement: Mapping[str, Any],
     remarks: Sequence[str],
     band: tuple[float, float],
     tested: float,
@@ -114,7 +114,7 @@ def published_row(
 
     Parameters
     ----------
-    stated : mapping
+    statement : mapping
         The statement.
     remarks : sequence of str
         Remarks for the row.
@@ -134,13 +134,13 @@ def published_row(
     numbers = {}
     if value is not None:
         low, high = sorted(scale * end for end in band)
-        word = verdict(value, low, high, (_tested_number(stated, value),))
+        word = verdict(value, low, high, (_tested_number(statement, value),))
         numbers = {key: getattr(value, key) for key in (*NUMBERS, "low", "high")}
-    all_remarks = [str(stated.get("remark") or ""), *remarks]
+    all_remarks = [str(statement.get("remark") or ""), *remarks]
     return {
-        "source": stated["source"],
-        "item": stated.get("item") or "",
-        **marks(stated, "number" if "published" in cells else "order"),
+        "source": statement["source"],
+        "item": statement.get("item") or "",
+        **marks(statement, "number" if "published" in cells else "order"),
         "unit": "-",
         **numbers,
         "verdict": word if np.isfinite(tested) else NOT_SET_UP,
@@ -156,12 +156,12 @@ MARKS = ("repeats", "verification", "own", "again")
 """Reasons not to count a row as evidence; the first that a row has applies."""
 
 
-def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
+def marks(statement: Mapping[str, Any], kind: str) -> dict[str, str]:
     """Return the marks of a statement by column, and the column `counts_as`: the first mark, or else its kind.
 
     kind : number, order or statement
     """
-    by_column = {name: str(stated.get(name) or "") for name in MARKS}
+    by_column = {name: str(statement.get(name) or "") for name in MARKS}
     set_marks = [name for name in MARKS if by_column[name]]
     return {**by_column, "counts_as": set_marks[0] if set_marks else kind}
 
@@ -199,9 +199,9 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     }
 
 
-def _tested_number(stated: Mapping[str, Any], value: ExpressionValue) -> str:
+def _tested_number(statement: Mapping[str, Any], value: ExpressionValue) -> str:
     """Return which of the three numbers the statistic of a row asks for."""
-    statistic = str(stated.get("statistic"))
+    statistic = str(statement.get("statistic"))
     if statistic == "formal":
         return "formal"
     if statistic == "lincov" or np.isnan(value.monte_carlo):
@@ -264,9 +264,9 @@ def _reduction_percent(smaller: SingleValue, larger: SingleValue) -> SingleValue
     return SingleValue(percent, smaller.remark or larger.remark)
 
 
-def in_own_unit(tables: Tables, case: str, stated: Mapping[str, Any]) -> SingleValue:
+def in_own_unit(tables: Tables, case: str, statement: Mapping[str, Any]) -> SingleValue:
     """Return the number of a case in the display unit, which is common to all cases of a campaign."""
-    return evaluate_single(tables, case, stated, written_unit(tables, str(stated["metric"])))
+    return evaluate_single(tables, case, statement, written_unit(tables, str(statement["metric"])))
 
 
 def written_unit(tables: Tables, name: str) -> str:
@@ -332,7 +332,7 @@ def at_an_edge(rows: pd.DataFrame) -> pd.Series:
     return (rows.percentile <= EDGES[0]) | (rows.percentile >= EDGES[1])
 
 
-def held(rows: pd.DataFrame) -> pd.Series:
+def reproduced(rows: pd.DataFrame) -> pd.Series:
     """Whether the results reproduce each row: its number with the interval of the runs lies in the band."""
     return rows.verdict == HOLDS
 

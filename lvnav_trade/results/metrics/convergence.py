@@ -34,25 +34,25 @@ class ConvergenceTime(Metric):
         """SI unit of the error."""
         return NAVIGATION_UNITS[self.quantity]
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs a phase and a limit."""
-        if stated.during is None or stated.statistic != "rms" or stated.below is None:
+        if statement.during is None or statement.statistic != "rms" or statement.below is None:
             yield f"{self.name} is of a phase and a limit; give during and below, and no statistic"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the median over the runs; for a limit by another case's sigma, also the time by linear covariance."""
         from lvnav_trade.results.evaluation.convergence import convergence
         from lvnav_trade.results.statistics.select import cases_of
 
         reference = ""  # case whose sigma is the limit; empty for a fixed limit
         result = None
-        if stated.get("sigma_of") is None:
-            result = convergence(tables, case, stated, reference)
+        if statement.get("sigma_of") is None:
+            result = convergence(tables, case, statement, reference)
         else:
-            references = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
+            references = cases_of(tables, {**tables.levels[case], **statement["sigma_of"]})
             if references:
                 reference = references[0]
-                result = convergence(tables, case, stated, reference)
+                result = convergence(tables, case, statement, reference)
         if result is None:
             return MetricValue(remark="no runs, or no events in this phase")
         scale = scale_of(unit, self.unit) or np.nan

@@ -30,17 +30,17 @@ class Coverage(Metric):
         """SI unit of the error."""
         return NAVIGATION_UNITS[self.quantity]
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs an event."""
-        if stated.at is None or stated.statistic != "rms":
+        if statement.at is None or statement.statistic != "rms":
             yield f"{self.name} is of an event; give at, and no statistic"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share: formal, by linear covariance and by the runs; for a limit by the runs only."""
         from lvnav_trade.results.evaluation.coverage import below, covered
 
-        event = event_of(stated)
-        limit = stated.get("below")
+        event = event_of(statement)
+        limit = statement.get("below")
         if limit is None:
             formal, true, runs = covered(tables, case, event, self.quantity)
         else:
@@ -55,10 +55,10 @@ class Coverage(Metric):
             is_share=True,
         )
 
-    def label(self, stated: Mapping[str, Any]) -> str:
+    def label(self, statement: Mapping[str, Any]) -> str:
         """Return the metric, its limit, and the event."""
-        limit = f" below {stated['below']}" if stated.get("below") else ""
-        return f"{self.name}{limit} at {event_of(stated)}"
+        limit = f" below {statement['below']}" if statement.get("below") else ""
+        return f"{self.name}{limit} at {event_of(statement)}"
 
 
 METRICS = tuple(

@@ -18,19 +18,19 @@ class FaultRate(Metric):
 
     average: ClassVar[str] = MEAN
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs a phase."""
-        if stated.during is None or stated.statistic != "rms":
+        if statement.during is None or statement.statistic != "rms":
             yield f"{self.name} is of a phase; give during, and no statistic"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share of runs with the outcome, and the decision by linear covariance."""
         from lvnav_trade.results.evaluation.integrity import rate
         from lvnav_trade.results.statistics.select import phase, pick
 
         if pick(tables.runs, case=case).empty:
             return MetricValue(remark="no runs")
-        start_end = phase(tables, case, str(stated["during"]))
+        start_end = phase(tables, case, str(statement["during"]))
         outcomes, nominal = rate(tables, case, self.name, start_end)
         return MetricValue(
             true=nominal,

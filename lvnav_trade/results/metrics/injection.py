@@ -106,7 +106,7 @@ class InjectionError(_InjectionMetric):
             return None
         return RunErrors(size, self.unit, self.label_unit, self.label_factor)
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square over the runs."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
@@ -196,7 +196,7 @@ class Depletion(_InjectionMetric):
         size = np.where(runs.injected, 0.0, np.where(is_depleted, 1.0, np.inf))
         return RunErrors(size, self.unit, "%", 100.0)
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share of runs that deplete, and its expectation by linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
@@ -254,14 +254,14 @@ class ExtraPropellant(_InjectionMetric):
         size = np.where(runs.injected & np.isfinite(extra), extra, np.inf)
         return RunErrors(size, self.unit, "kg", 1.0)
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the mean over the runs, and that of linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         scale = scale_of(unit, self.unit)
         results = CaseTables(tables, case)
         law = results.injection_law()
-        run_errors = self.errors(results, stated)
+        run_errors = self.errors(results, statement)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
         if law is None:
@@ -299,7 +299,7 @@ class AtCutoff(Metric):
 
     average: ClassVar[str] = MEAN
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the mean over the runs, and that of linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 

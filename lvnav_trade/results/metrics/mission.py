@@ -59,29 +59,29 @@ class MissionError(Metric):
         """Kind of bound: the norm of a vector and the magnitude of a correction, or a signed number."""
         return LENGTH if self.name in _LENGTHS else TWO_SIDED
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square over the runs at an event."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         scale = scale_of(unit, self.unit)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
-        size = sizes_at(CaseTables(tables, case), event_of(stated), self.name, epochs_of(stated))
+        size = sizes_at(CaseTables(tables, case), event_of(statement), self.name, epochs_of(statement))
         if size is None or not len(size):
             return MetricValue(remark=MISSING)
         root_mean_square = float(np.sqrt(np.mean(size**2)))
         return MetricValue(monte_carlo=root_mean_square / scale, runs=(size / scale) ** 2)
 
-    def label(self, stated: Mapping[str, Any]) -> str:
+    def label(self, statement: Mapping[str, Any]) -> str:
         """Return the metric and its event, with type and epochs of the elements unless they are the defaults."""
-        epochs = epochs_of(stated)
+        epochs = epochs_of(statement)
         element_type = "" if epochs.is_mean else ", osculating"
         later = f" + {epochs.estimated:g} s" if epochs.estimated else ""
         if epochs.true != epochs.estimated:
             apart = f", true elements at + {epochs.true:g} s"
         else:
             apart = ""
-        return f"{super().label(stated)}{later}{element_type}{apart}"
+        return f"{super().label(statement)}{later}{element_type}{apart}"
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of the error of every run at an event."""
@@ -108,14 +108,14 @@ class MissionError(Metric):
         return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, event, drawn=draws)
 
 
-def epochs_of(stated: Mapping[str, Any]) -> ElementEpochs:
+def epochs_of(statement: Mapping[str, Any]) -> ElementEpochs:
     """Return type and epochs of the elements in a statement; by default mean elements at its event."""
     from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
 
-    estimated = number_in(stated.get("epoch") or 0.0, "s")
-    reference = stated.get("reference_epoch")
+    estimated = number_in(statement.get("epoch") or 0.0, "s")
+    reference = statement.get("reference_epoch")
     return ElementEpochs(
-        is_mean=stated.get("elements", "mean") == "mean",
+        is_mean=statement.get("elements", "mean") == "mean",
         estimated=estimated,
         true=estimated if reference is None else number_in(reference, "s"),
     )

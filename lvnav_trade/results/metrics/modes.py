@@ -27,18 +27,18 @@ class ModeNumber(Metric):
     average: ClassVar[str] = MEDIAN
     is_of_modes: ClassVar[bool] = True
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs a mode and a phase, and a duration has no transitions to select."""
-        if stated.during is None or stated.mode is None or stated.statistic != "rms":
+        if statement.during is None or statement.mode is None or statement.statistic != "rms":
             yield f"{self.name} is of a mode in a phase; give during and mode, and no statistic"
-        if self.name == DURATION and (stated.reason or stated.number > 1):
+        if self.name == DURATION and (statement.reason or statement.number > 1):
             yield "reason and number choose changes; mode_duration is of all of the phase"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the median over the runs; linear covariance does not give it."""
         if not has_logic(tables, case):
             return MetricValue(remark=_NO_LOGIC)
-        numbers = mode_numbers(tables, case, stated)
+        numbers = mode_numbers(tables, case, statement)
         scale = scale_of(unit, self.unit)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
@@ -46,14 +46,14 @@ class ModeNumber(Metric):
             return MetricValue(remark=NOT_IN_FLIGHT)
         return MetricValue(monte_carlo=float(np.median(numbers)) / scale, remark=spread_of(numbers / scale))
 
-    def label(self, stated: Mapping[str, Any]) -> str:
+    def label(self, statement: Mapping[str, Any]) -> str:
         """Return the label, such as ``2. aiding entry_time (data again), liftoff to injection``."""
         ordinal = ""
-        if int(stated.get("number") or 1) > 1:
-            ordinal = f"{stated['number']}. "
-        reason = f" ({stated['reason']})" if stated.get("reason") else ""
-        name = self.name.replace("mode", f"{ordinal}{stated['mode']}", 1)
-        return f"{name}{reason}, {stated['during']}"
+        if int(statement.get("number") or 1) > 1:
+            ordinal = f"{statement['number']}. "
+        reason = f" ({statement['reason']})" if statement.get("reason") else ""
+        name = self.name.replace("mode", f"{ordinal}{statement['mode']}", 1)
+        return f"{name}{reason}, {statement['during']}"
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class ModeShare(ModeNumber):
 
     average: ClassVar[str] = MEAN
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share of runs that enter the mode."""
         if not has_logic(tables, case):
             return MetricValue(remark=_NO_LOGIC)
-        has_entered = mode_numbers(tables, case, stated)
+        has_entered = mode_numbers(tables, case, statement)
         return MetricValue(
             monte_carlo=float(has_entered.mean()),
             runs=has_entered,
@@ -83,7 +83,7 @@ def has_logic(tables: Tables, case: str) -> bool:
     return filter_has_logic and not pick(tables.runs, case=case).empty
 
 
-def mode_numbers(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
+def mode_numbers(tables: Tables, case: str, statement: Mapping[str, Any]) -> Floats:
     """Return the number of every run (n_run,) for a metric of modes.
 
     Entry time: s from the start of the phase to the n-th transition into the mode; the length of the phase if there is
@@ -92,24 +92,24 @@ def mode_numbers(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats
     """
     from lvnav_trade.results.statistics.select import phase, pick
 
-    first, last = phase(tables, case, str(stated["during"]))
+    first, last = phase(tables, case, str(statement["during"]))
     runs = np.sort(pick(tables.runs, case=case).run_number.unique())
     transitions = pick(tables.mode_transitions, case=case)
     transitions = transitions.sort_values(["run_number", "t_s"], kind="stable")
-    metric = str(stated["metric"])
+    metric = str(statement["metric"])
     if metric == DURATION:
-        mode = str(stated["mode"])
+        mode = str(statement["mode"])
         durations = []
         for run in runs:
             run_transitions = transitions[transitions.run_number == run]
             durations.append(_duration(run_transitions, mode, first, last))
         return np.array(durations)
 
-    entries = _entries(transitions, stated, first, last)
+    entries = _entries(transitions, statement, first, last)
     counts = entries.groupby("run_number").size().reindex(runs, fill_value=0)
     if metric == CHANGES:
         return counts.to_numpy(dtype=float)
-    ordinal = int(stated.get("number") or 1)
+    ordinal = int(statement.get("number") or 1)
     if metric == ENTRY_SHARE:
         return (counts >= ordinal).to_numpy(dtype=float)
     is_nth = entries.groupby("run_number").cumcount() == ordinal - 1
@@ -117,13 +117,13 @@ def mode_numbers(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats
     return (entry_times.reindex(runs, fill_value=last) - first).to_numpy(dtype=float)
 
 
-def _entries(transitions: pd.DataFrame, stated: Mapping[str, Any], first: float, last: float) -> pd.DataFrame:
+def _entries(transitions: pd.DataFrame, statement: Mapping[str, Any], first: float, last: float) -> pd.DataFrame:
     """Return the transitions into a mode between two times (s), with the reason of a statement if it gives one."""
     from lvnav_trade.results.statistics.select import SAME_TIME, pick
 
-    entries = pick(transitions, to_mode=str(stated["mode"]))
-    if stated.get("reason"):
-        entries = pick(entries, reason=str(stated["reason"]))
+    entries = pick(transitions, to_mode=str(statement["mode"]))
+    if statement.get("reason"):
+        entries = pick(entries, reason=str(statement["reason"]))
     return entries[entries.t_s.between(first - SAME_TIME, last + SAME_TIME)]
 
 

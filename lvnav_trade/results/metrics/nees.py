@@ -25,19 +25,19 @@ class Nees(Metric):
 
     average: ClassVar[str] = MEAN
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs a phase."""
-        if stated.during is None or stated.statistic != "rms":
+        if statement.during is None or statement.statistic != "rms":
             yield f"{self.name} is a mean over a phase; give during, and no statistic"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the NEES per axis: one by definition (formal), by linear covariance, and as the mean over the runs."""
         from lvnav_trade.results.statistics.case_results import SAME_TIME
         from lvnav_trade.results.statistics.case_tables import CaseTables
         from lvnav_trade.results.statistics.select import phase
 
         results = CaseTables(tables, case)
-        first, last = phase(tables, case, str(stated["during"]))
+        first, last = phase(tables, case, str(statement["during"]))
         expected = []
         squares = []
         for event, t in results.events().items():

@@ -52,13 +52,13 @@ class NormalisedError(Metric):
         """Whether it is available between events; the covariance between the axes of attitude is not."""
         return self.quantity != "attitude"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square at an event; it is 1 by the formal covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
-        errors = self.errors(results, stated)
-        distribution = self.law(results, stated)
+        errors = self.errors(results, statement)
+        distribution = self.law(results, statement)
         if errors is None or isinstance(distribution, str):
             return MetricValue(remark=MISSING)
         gaussian = distribution.law

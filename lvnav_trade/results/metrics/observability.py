@@ -22,7 +22,7 @@ class Rank(Metric):
 
     with_information: bool = False
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the rank, and the threshold above which a singular value counts."""
         from lvnav_trade.results.evaluation.covariances import NUMERICAL, observability_ranks
         from lvnav_trade.results.statistics.select import pick
@@ -41,7 +41,7 @@ class Rank(Metric):
             remark=f"{threshold}; least informed: {row.weakest_direction}",
         )
 
-    def label(self, stated: Mapping[str, Any]) -> str:
+    def label(self, statement: Mapping[str, Any]) -> str:
         """Return the label of the metric, which applies to a whole flight."""
         return f"{self.name}, least of all stretches"
 

@@ -31,9 +31,9 @@ class ProtectionLevel(Metric):
 
     named_by: ClassVar[str] = BOTH
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: a statistic over the runs is meaningless."""
-        if stated.statistic != "rms":
+        if statement.statistic != "rms":
             yield f"{self.name} is the same in every run; give no statistic"
 
     def missing_in(self, campaign: Any) -> str:
@@ -42,15 +42,15 @@ class ProtectionLevel(Metric):
             return "the campaign asks for no protection levels (covariance.protection)"
         return ""
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the level at an event, or its largest value in a phase."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         scale = scale_of(unit, self.unit)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
-        during = str(stated.get("during") or "")
-        level = CaseTables(tables, case).protection_level(self.quantity, event_of(stated), during)
+        during = str(statement.get("during") or "")
+        level = CaseTables(tables, case).protection_level(self.quantity, event_of(statement), during)
         return MetricValue(true=level / scale, remark="" if np.isfinite(level) else _NONE)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
@@ -84,23 +84,23 @@ class Availability(Metric):
         """SI unit of the level."""
         return PROTECTED[self.quantity]
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs a phase and a limit."""
-        if stated.during is None or stated.statistic != "rms" or stated.below is None:
+        if statement.during is None or statement.statistic != "rms" or statement.below is None:
             yield f"{self.name} is of a phase and a limit; give during and below, and no statistic"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share, which is equal in every run."""
         from lvnav_trade.results.evaluation.protection_levels import series_of
         from lvnav_trade.results.statistics.select import phase, rows_between, time_mean
 
         rows = series_of(tables, case, self.quantity)
         if len(rows):
-            first, last = phase(tables, case, str(stated["during"]))
+            first, last = phase(tables, case, str(statement["during"]))
             rows = rows_between(rows, first, last)
         if rows.empty:
             return MetricValue(remark=_NONE)
-        limit = parse(str(stated["below"]), self.limit_unit)
+        limit = parse(str(statement["below"]), self.limit_unit)
         is_available = (rows.level_si <= limit).to_numpy(dtype=float)
         return MetricValue(true=time_mean(rows.t_s.to_numpy(), is_available))
 

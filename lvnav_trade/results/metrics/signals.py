@@ -22,7 +22,7 @@ class SignalNumber(Metric):
 
     has_least: ClassVar[bool] = True
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the statistic of the signals as the true value, since all runs have the same signals."""
         from lvnav_trade.results.evaluation.satellite_tracking import values_of
         from lvnav_trade.results.statistics.per_run import within
@@ -31,16 +31,16 @@ class SignalNumber(Metric):
         scale = 1.0 if self.unit == "-" else scale_of(unit, self.unit)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
-        rows = values_of(tables, case, self.name, stated.get("elevation"), stated.get("altitude"))
+        rows = values_of(tables, case, self.name, statement.get("elevation"), statement.get("altitude"))
         values = np.empty(0)
         if len(rows):
-            rows = within(tables, case, rows, stated)
+            rows = within(tables, case, rows, statement)
             if len(rows):
                 values = rows.value.dropna().to_numpy(dtype=float)
         if not len(values):
             has_signals = len(pick(tables.satellites, case=case)) > 0
             return MetricValue(remark=NOT_IN_FLIGHT if has_signals else MISSING)
-        statistic = str(stated.get("statistic", "rms"))
+        statistic = str(statement.get("statistic", "rms"))
         return MetricValue(true=self.reduce(rows, values, statistic) / scale)
 
     def reduce(self, rows: Any, value: Any, statistic: str) -> float:
@@ -101,14 +101,14 @@ class ReacquisitionTime(Metric):
     average: ClassVar[str] = MEDIAN
     has_least: ClassVar[bool] = True
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the median over the satellites."""
         from lvnav_trade.results.evaluation.satellite_tracking import reacquisition_times
 
         scale = scale_of(unit, self.unit)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
-        times = reacquisition_times(tables, case, event_of(stated))
+        times = reacquisition_times(tables, case, event_of(statement))
         if not len(times):
             return MetricValue(remark=NOT_IN_FLIGHT)
         return MetricValue(true=float(np.median(times)) / scale)

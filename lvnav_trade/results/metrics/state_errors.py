@@ -103,25 +103,25 @@ class StateError(Metric):
         """Kind of bound: a norm, or an error along one axis, which is bounded on both sides."""
         return LENGTH if self.axis == NORM else TWO_SIDED
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square, or the signed mean, at an event or over the time of a phase."""
-        if stated.get("statistic") == "worst":
-            number = self.single(tables, case, stated, unit)
+        if statement.get("statistic") == "worst":
+            number = self.single(tables, case, statement, unit)
             if len(number.runs):
                 return MetricValue(monte_carlo=number.value, remark=number.remark)
             return MetricValue(true=number.value, remark=number.remark)
-        rows, scale, remark = self._history_rows(tables, case, stated, unit)
+        rows, scale, remark = self._history_rows(tables, case, statement, unit)
         if remark:
             return MetricValue(remark=remark)
-        if stated.get("statistic") == "mean":
-            return self._mean_value(tables, case, stated, rows, scale)
-        return self._rms_value(tables, case, stated, rows, scale)
+        if statement.get("statistic") == "mean":
+            return self._mean_value(tables, case, statement, rows, scale)
+        return self._rms_value(tables, case, statement, rows, scale)
 
     def _mean_value(
         self,
         tables: Tables,
         case: str,
-        stated: Mapping[str, Any],
+        statement: Mapping[str, Any],
         rows: pd.DataFrame,
         scale: float,
     ) -> MetricValue:
@@ -130,7 +130,7 @@ class StateError(Metric):
         from lvnav_trade.results.statistics.select import time_mean
 
         t = rows.t_s.to_numpy()
-        run_means = signed(tables, case, stated, str(rows.unit.iloc[0])) / scale
+        run_means = signed(tables, case, statement, str(rows.unit.iloc[0])) / scale
         return MetricValue(
             true=time_mean(t, rows.lincov_mean_si.to_numpy(dtype=float)) / scale,
             monte_carlo=time_mean(t, rows.mean_si.to_numpy(dtype=float)) / scale,
@@ -142,7 +142,7 @@ class StateError(Metric):
         self,
         tables: Tables,
         case: str,
-        stated: Mapping[str, Any],
+        statement: Mapping[str, Any],
         rows: pd.DataFrame,
         scale: float,
     ) -> MetricValue:
@@ -160,7 +160,7 @@ class StateError(Metric):
             run_rms = rows.rms_si
         else:
             run_rms = np.nan * rows.rms_si
-        run_roots = of_each(tables, case, stated, str(rows.unit.iloc[0]))
+        run_roots = of_each(tables, case, statement, str(rows.unit.iloc[0]))
         return MetricValue(
             formal=root_mean(rows.lincov_formal_si**2),
             true=root_mean(rows.lincov_true_si**2 + rows.lincov_mean_si**2),
@@ -168,24 +168,24 @@ class StateError(Metric):
             runs=(run_roots / scale) ** 2,
         )
 
-    def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    def single(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the number that is compared with a published number.
 
         It is the root mean square or mean of the runs (of linear covariance without runs), a sigma, or the median over
         the runs of the largest error of each run in a phase.
         """
-        statistic = stated.get("statistic", "rms")
+        statistic = statement.get("statistic", "rms")
         if statistic == "worst":
-            return self._median_maximum(tables, case, stated, unit)
+            return self._median_maximum(tables, case, statement, unit)
         if statistic in _SIGMAS:
-            return self._sigma(tables, case, stated, unit)
-        number = super().single(tables, case, stated, unit)
+            return self._sigma(tables, case, statement, unit)
+        number = super().single(tables, case, statement, unit)
         if statistic == "rms" and not number.remark and not self._has_runs(tables, case):
             return number._replace(remark="linear covariance")
         return number
 
     def _history_rows(
-        self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str
+        self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str
     ) -> tuple[pd.DataFrame, float, str]:
         """Return the history at the event or phase of a statement, the SI value of the unit, and the reason if there is
         no history.
@@ -199,7 +199,7 @@ class StateError(Metric):
         scale = scale_of(unit, str(rows.unit.iloc[0]))
         if scale is None:
             return rows, 1.0, no_fit(unit)
-        rows = within(tables, case, rows, stated)
+        rows = within(tables, case, rows, statement)
         return rows, scale, NOT_IN_FLIGHT if rows.empty else ""
 
     def _has_runs(self, tables: Tables, case: str) -> bool:
@@ -207,7 +207,7 @@ class StateError(Metric):
 
         return bool(history_of(tables, case, self.quantity, self.axis).run_count.iloc[0])
 
-    def _median_maximum(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    def _median_maximum(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the median over the runs of the largest error of each run in a phase."""
         from lvnav_trade.results.statistics.per_run import per_run
         from lvnav_trade.results.statistics.select import history_of
@@ -221,18 +221,18 @@ class StateError(Metric):
         if scale is None:
             return SingleValue(np.nan, no_fit(unit))
         column = error_column(self.quantity, self.axis, rows.unit.iloc[0])
-        largest = per_run(tables, case, stated, column)
+        largest = per_run(tables, case, statement, column)
         if not len(largest):
             return SingleValue(np.nan, "no runs, or the phase does not begin and end at events")
         return SingleValue(float(np.median(largest)) / scale, "", np.sort(largest) / scale)
 
-    def _sigma(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    def _sigma(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
         from lvnav_trade.results.statistics.select import time_mean
 
-        rows, scale, remark = self._history_rows(tables, case, stated, unit)
-        statistic = str(stated["statistic"])
+        rows, scale, remark = self._history_rows(tables, case, statement, unit)
+        statistic = str(statement["statistic"])
         if not remark and statistic == "lincov":
-            reason = self._beyond_linear(tables, case, stated, unit)
+            reason = self._beyond_linear(tables, case, statement, unit)
             if reason:
                 remark = f"not applicable: {reason}"
         if remark:
@@ -243,7 +243,7 @@ class StateError(Metric):
         variance = time_mean(rows.t_s.to_numpy(), (sigma**2).to_numpy())
         return SingleValue(float(np.sqrt(variance)) / scale, "" if with_runs else "linear covariance")
 
-    def _beyond_linear(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> str:
+    def _beyond_linear(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> str:
         """Return the reason why linear covariance cannot be compared with a published attitude: an attitude error is
         large.
         """
@@ -251,7 +251,7 @@ class StateError(Metric):
 
         published = 0.0  # attitude error in rad
         if self.quantity == "attitude":
-            published = float(stated.get("value", 0.0)) * (scale_of(unit, "rad") or 0.0)
+            published = float(statement.get("value", 0.0)) * (scale_of(unit, "rad") or 0.0)
         if published > LINEAR_ATTITUDE:
             return beyond_linear(published)
         return beyond_at_start(tables, case)

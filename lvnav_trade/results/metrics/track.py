@@ -59,17 +59,17 @@ class TrackError(Metric):
         """Whether it is available between events: the directions are stored at events only."""
         return False
 
-    def faults(self, stated: Any) -> Iterator[str]:
+    def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs an event."""
-        if stated.at is None:
+        if statement.at is None:
             yield f"{self.name} is of an event; give at"
 
-    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the root mean square, or the signed mean."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
-        event = event_of(stated)
+        event = event_of(statement)
         scale = scale_of(unit, self.unit)
         law = self._gaussian(results, event)
         if scale is None:
@@ -80,7 +80,7 @@ class TrackError(Metric):
         errors = np.where(results.failed(event), np.inf, signed_errors) / scale
         mean = float(law.mean[0]) / scale
         variance = float(law.covariance[0, 0]) / scale**2
-        if stated.get("statistic") == "mean":
+        if statement.get("statistic") == "mean":
             return MetricValue(
                 true=mean,
                 monte_carlo=float(errors.mean()) if len(errors) else np.nan,
@@ -100,15 +100,15 @@ class TrackError(Metric):
             runs=errors**2,
         )
 
-    def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    def single(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
         """Return the value of the runs (of linear covariance without runs), or a sigma."""
-        statistic = stated.get("statistic")
+        statistic = statement.get("statistic")
         if statistic not in ("formal", "lincov"):
-            return super().single(tables, case, stated, unit)
-        number = self.value(tables, case, {**stated, "statistic": "rms"}, unit)
+            return super().single(tables, case, statement, unit)
+        number = self.value(tables, case, {**statement, "statistic": "rms"}, unit)
         if statistic == "formal":
             return SingleValue(float(number.formal), number.remark)
-        mean = self.value(tables, case, {**stated, "statistic": "mean"}, unit).true
+        mean = self.value(tables, case, {**statement, "statistic": "mean"}, unit).true
         return SingleValue(float(np.sqrt(number.true**2 - mean**2)), number.remark)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:

@@ -201,7 +201,7 @@ def units_of(
         noisy=np.ones((1, 2, 2, 3)),
         shift=np.zeros((1, 2, 3)),
         stage=np.zeros(n_tick, dtype=np.int64),
-        flown=np.zeros(n_tick, dtype=np.int64),
+        stage_without_exclusion=np.zeros(n_tick, dtype=np.int64),
         lever=lever * (card.lever_arms == "compensated"),
         noise_sources=np.array([source_word(key) for key in keys], dtype=np.uint64),
         white=np.array([white_of(card.units[number], dt) for number in owners]),

@@ -82,7 +82,7 @@ class ImuArray(NamedTuple):
     noisy : (n_stage, 2, 2, 3). Factor on lasting errors and on white noise, by sensor and combined axis.
     shift : (n_stage, 2, 3) rad, m/s. Mean error of a combined increment.
     stage : (n_imu,). Stage of each tick in linear covariance.
-    flown : (n_imu,). Stage of each tick if no IMU were excluded; a simulation run excludes IMUs itself.
+    stage_without_exclusion : (n_imu,). Stage of each tick if no IMU were excluded; a run excludes IMUs itself.
     redundant : ImuRedundancy. Test and selection of the IMUs; None without both.
     """
 
@@ -102,7 +102,7 @@ class ImuArray(NamedTuple):
     noisy: Floats
     shift: Floats
     stage: Ints
-    flown: Ints
+    stage_without_exclusion: Ints
     redundant: Any = None
 
 

@@ -27,8 +27,8 @@ errors at these times.
 def prepare(
     scenario: Scenario,
     history: float = 1.0,
-    every_step_beside: Floats | None = None,
-    flown: tuple[Trajectory, Reference] | None = None,
+    additional_times: Floats | None = None,
+    given_flight: tuple[Trajectory, Reference] | None = None,
 ) -> Prepared:
     """Prepare a scenario in stages: flight, schedule, filter, measurements. Each stage makes one record.
 
@@ -38,17 +38,17 @@ def prepare(
         Validated model of the case.
     history
         s. Interval of the history times; every event time is added to them.
-    every_step_beside
+    additional_times
         s. History times of a block of runs, for a replay of one of them. Every covariance step is recorded in addition.
         Windows are divided as in the block, so the run has the same bits.
-    flown
+    given_flight
         Trajectory and its samples, in place of those of the scenario.
     """
-    flight = flight_of(scenario, flown)
+    flight = flight_of(scenario, given_flight)
     layout = layout_of(scenario, flight)
     if _is_guided(scenario):
         history = min(history, GUIDED_HISTORY)
-    times = times_of(scenario, flight, layout, history, every_step_beside)
+    times = times_of(scenario, flight, layout, history, additional_times)
     filtering = filtering_of(scenario, flight, layout, times)
     measured = measurements_of(scenario, flight, filtering)
     imu = imu_of(scenario, flight, layout)

@@ -360,6 +360,6 @@ def _add_stages(
         noisy=np.array([stage.noisy for stage in stages]),
         shift=np.array([stage.shift for stage in stages]),
         stage=with_exclusions,
-        flown=without,
+        stage_without_exclusion=without,
         redundant=redundant,
     )

@@ -156,7 +156,7 @@ def times_of(
     flight: TrueFlight,
     layout: StateLayout,
     history: float,
-    every_step_beside: Floats | None = None,
+    additional_times: Floats | None = None,
 ) -> Times:
     """Return the schedule of a flight.
 
@@ -168,7 +168,7 @@ def times_of(
         States of the filter.
     history
         s. Interval of the history times; every event time is added.
-    every_step_beside
+    additional_times
         As in `prepare`.
     """
     card, ref, trajectory = scenario.filter, flight.reference, flight.trajectory
@@ -182,8 +182,8 @@ def times_of(
     in_flight = [t for t in trajectory.events.values() if start <= t <= trajectory.end]
     events = np.array(in_flight, dtype=np.float64)
     t_hist = _history_times(events, start, float(ref.t[-1]), history)
-    if every_step_beside is not None:
-        t_hist = _add_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
+    if additional_times is not None:
+        t_hist = _add_steps(additional_times, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _history_ticks(t_hist, events, start, rate, n_imu, group)
     stored_ticks = [np.zeros(0, dtype=np.int64)]
     for times in stored_times:

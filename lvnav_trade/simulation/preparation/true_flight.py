@@ -64,17 +64,17 @@ class TrueFlight(NamedTuple):
     biased: Floats
 
 
-def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = None) -> TrueFlight:
+def flight_of(scenario: Scenario, given_flight: tuple[Trajectory, Reference] | None = None) -> TrueFlight:
     """Return the true flight of a scenario.
 
     Parameters
     ----------
     scenario
         Validated model of the case.
-    flown
+    given_flight
         Trajectory and its samples, in place of those of the scenario.
     """
-    trajectory, ref = flown or _sampled_trajectory(scenario)
+    trajectory, ref = given_flight or _sampled_trajectory(scenario)
     course = trajectory.course
     epochs = epochs_of(scenario, ref)
     t = epochs.t

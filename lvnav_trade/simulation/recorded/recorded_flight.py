@@ -248,7 +248,7 @@ def replayed(scenario: Scenario, log: NavigationData, card: NavigationLog, align
     theta0 = gmst(epoch)
     fixes = inertial_fixes(log, start, theta0)
     flight = _reference(scenario, log, aligned, fixes, lever, (start, end), epoch)
-    prepared = prepare(scenario, epoch_interval(scenario), flown=flight)
+    prepared = prepare(scenario, epoch_interval(scenario), given_flight=flight)
     prepared = _on_log(prepared, fixes, log, card)
     if log.ranges is None or not scenario.filter.tight:
         return LogReplay(prepared)

@@ -49,7 +49,7 @@ class Propulsion(NamedTuple):
     mass_flow: float
     exit_area: float
     max_load: float
-    beside: Unthrottled = NOTHING
+    unthrottled: Unthrottled = NOTHING
 
 
 class Drag(NamedTuple):
@@ -76,7 +76,7 @@ def height_above(x: float, y: float, z: float) -> float:
 
 
 @jit
-def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 0.0) -> tuple[float, float]:
+def thrust_of(mass: float, pressure: float, engine: Propulsion, other_thrust: float = 0.0) -> tuple[float, float]:
     """Return thrust and throttle of the engine that can be throttled.
 
     The limit, less the thrust of other motors, is a smooth minimum over 2 % of it: the load bends within a second or so
@@ -90,7 +90,7 @@ def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 
         Ambient pressure (Pa).
     engine : Propulsion
         The engine, with its limit of thrust over mass.
-    beside : float
+    other_thrust : float
         Thrust of other motors (N).
 
     Returns
@@ -107,17 +107,17 @@ def thrust_of(mass: float, pressure: float, engine: Propulsion, beside: float = 
     if limit == math.inf:
         return full, 1.0
     width = 0.02 * limit
-    limit = limit - beside
+    limit = limit - other_thrust
     distance = abs(full - limit)
     rounding = width * math.log1p(math.exp(-distance / width))
     thrust = min(full, limit) - rounding
-    if beside > 0.0:
+    if other_thrust > 0.0:
         thrust = max(0.0, thrust)  # the others alone may exceed the limit
     return thrust, thrust / full
 
 
 @jit
-def thrust_beside(t: float, pressure: float, motors: Unthrottled) -> tuple[float, float]:
+def unthrottled_thrust(t: float, pressure: float, motors: Unthrottled) -> tuple[float, float]:
     """Return thrust and mass flow of motors that cannot be throttled.
 
     Parameters
@@ -222,7 +222,7 @@ def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Dra
         v[2],
     )
     drag_per_speed, pressure = drag_factor(r, airspeed, drag)
-    motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
+    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled)
     thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
     thrust += motor_thrust
     u = direction(t, r, v, steering)

@@ -60,7 +60,7 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
             mass_flow=0.0,
             exit_area=0.0,
             max_load=math.inf,
-            beside=motors,
+            unthrottled=motors,
         )
     limit = math.inf if stage.thrust is None or vehicle.max_load is None else vehicle.max_load
     return Propulsion(
@@ -68,7 +68,7 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
         mass_flow=stage.full_thrust / stage.exhaust_speed,
         exit_area=stage.exit_area,
         max_load=limit,
-        beside=_total_thrust(burning, begin, end) if burning else NOTHING,
+        unthrottled=_total_thrust(burning, begin, end) if burning else NOTHING,
     )
 
 

@@ -10,7 +10,7 @@ from lvnav_trade.kernels.earth import GM, OMEGA, SEMI_MAJOR
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, elements_from_state
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.equations_of_motion import thrust_beside
+from lvnav_trade.trajectory.ascent.equations_of_motion import unthrottled_thrust
 from lvnav_trade.trajectory.ascent.legs import (
     SimulatedAscent,
     TargetingUnknowns,
@@ -69,7 +69,7 @@ def require_possible(card: VehicleAscent) -> None:
     """Raise InputError if a vehicle does not lift off, or the site cannot reach the inclination."""
     weight = lift_off_mass(card) * STANDARD_GRAVITY
     push = engine(card.vehicle, 1, 0.0, 0.0, 1.0)
-    booster_thrust, _ = thrust_beside(push.beside.since, _SEA_LEVEL_PRESSURE, push.beside)
+    booster_thrust, _ = unthrottled_thrust(push.unthrottled.since, _SEA_LEVEL_PRESSURE, push.unthrottled)
     thrust = push.thrust - _SEA_LEVEL_PRESSURE * push.exit_area + booster_thrust
     if thrust <= weight:
         raise InputError(

@@ -301,8 +301,8 @@ def _remove_steps(
         names = _event_names(marks, rows.t[k], rows.t[k + 1])
         if not names:
             raise InputError(
-                f"{card.file}: the position steps by {size[k]:.3g} m beside its velocity between {rows.t[k]:.9g} and "
-                f"{rows.t[k + 1]:.9g} s, where no event is declared: is one missing, or a frame or unit wrong?"
+                f"{card.file}: the position steps by {size[k]:.3g} m more than its velocity between {rows.t[k]:.9g} "
+                f"and {rows.t[k + 1]:.9g} s, where no event is declared: is one missing, or a frame or unit wrong?"
             )
         jump_time = float(rows.t[k + 1])
         jumps.append(ReferencePointChange(name=names, time=jump_time, shift=-change[k]))

@@ -13,8 +13,8 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import (
     Propulsion,
     drag_factor,
     height_above,
-    thrust_beside,
     thrust_of,
+    unthrottled_thrust,
 )
 from lvnav_trade.trajectory.ascent.steering_law import smoothstep
 from lvnav_trade.trajectory.guided.explicit import LAMBDA, REFERENCE, STARTED, TGO, TURN, Target, steer
@@ -249,7 +249,7 @@ def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floa
         y[5] - wind[2],
     )
     drag_per_speed, pressure = drag_factor(r, airspeed, inputs.drag)
-    motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
+    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled)
     thrust, throttle = thrust_of(y[6], pressure, engine, motor_thrust)
     thrust += motor_thrust
     gravity = gravity_j4(r[0], r[1], r[2])

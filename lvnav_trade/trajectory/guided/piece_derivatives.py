@@ -202,7 +202,7 @@ def table_derivatives(piece: Piece, law_state: Floats, table: Floats, rows: tupl
 def turns_body(piece: Piece) -> bool:
     """Return whether an attitude error changes the motion: under thrust, and with a lag in coasts as well."""
     engine = piece.engine
-    return engine.thrust > 0.0 or engine.beside.thrust > 0.0 or piece.inputs.lag > 0.0
+    return engine.thrust > 0.0 or engine.unthrottled.thrust > 0.0 or piece.inputs.lag > 0.0
 
 
 def wind_rows(piece: Piece, law_state: Floats) -> tuple[int, int] | None:

@@ -17,8 +17,8 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import (
     Propulsion,
     coefficient_at,
     height_above,
-    thrust_beside,
     thrust_of,
+    unthrottled_thrust,
 )
 from lvnav_trade.trajectory.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, ControlledAttitude, LateralForces
 from lvnav_trade.trajectory.guided.axis_state import ANGLE_NOW, GUST_NOW, MISALIGNMENT_NOW, NOZZLE_NOW, TARGET, ignite
@@ -175,7 +175,7 @@ def forces_and_rates(t, y, engine, inputs, turning):
     area = inputs.drag.area
     drag_coefficient = coefficient_at(speed / sound, inputs.drag)
     drag_per_speed = 0.5 * density * speed * drag_coefficient * area
-    motor_thrust, motor_flow = thrust_beside(t, pressure, engine.beside)
+    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled)
     thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
     thrust += motor_thrust
     ahead, up, right = axes_at(t, control.course)
@@ -338,7 +338,7 @@ def turn_piece(
     y = y.copy()
     next_y = y.copy()
     memory_before = memory.copy()
-    motor = count[STACK] if engine.thrust > 0.0 or engine.beside.thrust > 0.0 else 0
+    motor = count[STACK] if engine.thrust > 0.0 or engine.unthrottled.thrust > 0.0 else 0
     if motor != count[MOTOR]:
         ignite(control, motor, -inputs.misalignment[0], inputs.misalignment[1])
     next_pass = t

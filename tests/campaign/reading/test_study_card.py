@@ -78,8 +78,8 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
         ),
         (("title:", "units: {attitude: m}\ntitle:"), r"study.yaml:1:\d+: units.attitude: "),
         (
-            ("quantity: velocity}", "quantity: velocity}, {plot: locus, axis: imu, flown: x}"),
-            r"study.yaml:4:\d+: campaigns.0.figures.1.flown: no axis 'imu'",
+            ("quantity: velocity}", "quantity: velocity}, {plot: locus, axis: imu, study_level: x}"),
+            r"study.yaml:4:\d+: campaigns.0.figures.1.study_level: no axis 'imu'",
         ),
         (("title:", "titel:"), r"titel: unknown key \(did you mean 'title'\?\)"),
         (("campaign: second", "campaign: first"), "a campaign is listed twice"),

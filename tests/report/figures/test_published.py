@@ -130,7 +130,7 @@ def test_a_zero_that_is_flown_is_a_line_where_the_axis_is_logarithmic(tables):
 
 
 def test_a_ring_is_around_the_level_of_every_line_that_the_study_names(tables):
-    ax = drawn(locus(tables, "imu", STATED, "cm/s", flown="coarse")).axes[0]
+    ax = drawn(locus(tables, "imu", STATED, "cm/s", study_level="coarse")).axes[0]
     ring = ax.get_lines()[-1]
     assert list(ring.get_xdata()) == [1.0]
     assert ring.get_ydata()[0] == pytest.approx(evaluate_single(tables, "bbbbbbbbbbbb", STATED, "cm/s").value)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.results.evaluation.published import at_an_edge, evidence, held, marks, most_important, own
+from lvnav_trade.results.evaluation.published import at_an_edge, evidence, marks, most_important, own, reproduced
 
 ROWS = pd.DataFrame(
     {
@@ -25,7 +25,7 @@ ROWS = pd.DataFrame(
 
 def test_what_holds_is_decided_by_the_verdict_and_a_flight_at_an_edge_is_told_apart() -> None:
     assert list(at_an_edge(ROWS)) == [False, True, False, False, False, False]
-    assert list(held(ROWS)) == [True, True, False, False, True, False]
+    assert list(reproduced(ROWS)) == [True, True, False, False, True, False]
 
 
 @pytest.mark.parametrize("percentile", [0.0, 1.0, 99.0, 100.0])

@@ -17,7 +17,7 @@ def units_of(*faults, units=({}, {}, {}), **fields):
 
 def left_out(units, dt):
     """Return when a stage other than the flown one begins, and how the gyros of each unit enter its x axis."""
-    tick = int(np.argmax(units.stage != units.flown))
+    tick = int(np.argmax(units.stage != units.stage_without_exclusion))
     return dt * tick, units.solved[units.stage[tick], :, 0, 0, 0]
 
 

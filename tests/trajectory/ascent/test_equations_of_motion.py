@@ -17,9 +17,9 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import (
     fly,
     height_above,
     rates,
-    thrust_beside,
     thrust_of,
     time_to_mass,
+    unthrottled_thrust,
 )
 from tests.potential import potential_j4
 from tests.trajectory.ascent.test_steering_law import steering
@@ -66,9 +66,9 @@ def test_a_motor_of_straight_thrust_burns_what_its_flow_says():
 
 def test_motors_that_cannot_be_throttled_lose_pressure_times_exit_area_and_never_pull():
     motor = Unthrottled(0.0, 9e5, 0.0, 300.0, 0.0, 0.5)
-    assert thrust_beside(7.0, 101325.0, motor) == pytest.approx((9e5 - 0.5 * 101325.0, 300.0))
-    assert thrust_beside(7.0, 101325.0, motor._replace(thrust=1e4))[0] == 0.0
-    assert thrust_beside(7.0, 101325.0, NOTHING) == (0.0, 0.0)
+    assert unthrottled_thrust(7.0, 101325.0, motor) == pytest.approx((9e5 - 0.5 * 101325.0, 300.0))
+    assert unthrottled_thrust(7.0, 101325.0, motor._replace(thrust=1e4))[0] == 0.0
+    assert unthrottled_thrust(7.0, 101325.0, NOTHING) == (0.0, 0.0)
 
 
 def test_a_coast_keeps_its_energy():

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lvnav_trade.trajectory.ascent.equations_of_motion import thrust_beside
+from lvnav_trade.trajectory.ascent.equations_of_motion import unthrottled_thrust
 from lvnav_trade.trajectory.ascent.motors import cuts, engine, impulse_speed
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleCard
 from tests.trajectory.flight_cases import ascent_card, launcher_settings
@@ -35,7 +35,7 @@ def integrals(card, number, ends):
     for begin, end in pairwise(points):
         if end > begin:
             push = engine(card, number, 0.0, begin, end)
-            forces, flows = zip(*(thrust_beside(t, 0.0, push.beside) for t in (begin, end)), strict=True)
+            forces, flows = zip(*(unthrottled_thrust(t, 0.0, push.unthrottled) for t in (begin, end)), strict=True)
             impulse += (push.thrust + 0.5 * sum(forces)) * (end - begin)
             mass += (push.mass_flow + 0.5 * sum(flows)) * (end - begin)
     return impulse, mass
@@ -60,7 +60,7 @@ def test_whatever_its_profile_a_motor_burns_its_propellant_at_its_specific_impul
 def test_the_peak_of_the_first_motor_of_vega_is_the_published_one():
     # 683,000 lbf = 3038 kN (timeline of VV01).
     card = vehicle("vega_polar")
-    peak = max(thrust_beside(cut.after, 0.0, engine(card, 1, 0.0, cut.after, cut.after + 1.0).beside)[0]
+    peak = max(unthrottled_thrust(cut.after, 0.0, engine(card, 1, 0.0, cut.after, cut.after + 1.0).unthrottled)[0]
                for cut in cuts(card, 1))  # fmt: skip
     assert peak == pytest.approx(3038e3, rel=0.03)
 
@@ -87,7 +87,7 @@ def test_the_fairing_is_dropped_in_its_stage_alone():
 
 def test_boosters_push_only_between_ignition_and_cutoff():
     card = boosted()
-    beside = [engine(card, 1, 0.0, *span).beside for span in ((0.0, 10.0), (10.0, 70.0), (70.0, math.inf))]
+    beside = [engine(card, 1, 0.0, *span).unthrottled for span in ((0.0, 10.0), (10.0, 70.0), (70.0, math.inf))]
     mean = 2.0 * 3000.0 * STANDARD_GRAVITY * 260.0 / 60.0
     assert [motors.thrust for motors in beside] == pytest.approx([0.0, mean, 0.0], rel=1e-12)
 
@@ -111,8 +111,8 @@ def test_the_ideal_speed_with_boosters_is_the_integral_of_thrust_over_mass():
     drops = {round(cut.after, 2): cut.drop for cut in cuts(card, 1) if cut.drop}
     while t < first.full_burn - 1e-6:
         push = engine(card, 1, 0.0, t, t + h)
-        flow = push.mass_flow + push.beside.mass_flow
-        gain += (push.thrust + push.beside.thrust) * h / (mass - 0.5 * flow * h)
+        flow = push.mass_flow + push.unthrottled.mass_flow
+        gain += (push.thrust + push.unthrottled.thrust) * h / (mass - 0.5 * flow * h)
         mass -= flow * h
         t += h
         mass -= drops.get(round(t, 2), 0.0)
@@ -125,7 +125,9 @@ def test_beyond_its_burn_time_a_stage_that_guidance_cuts_off_keeps_the_thrust_of
     card = vehicle("electron_leo")
     stage = card.stages[1]
     push = engine(card, 2, 0.0, stage.full_burn, stage.full_burn + 10.0)
-    assert push.beside.thrust_slope == 0.0
+    assert push.unthrottled.thrust_slope == 0.0
     before = engine(card, 2, 0.0, cuts(card, 2)[-2].after, stage.full_burn)
-    assert push.beside.thrust == pytest.approx(thrust_beside(stage.full_burn, 0.0, before.beside)[0], rel=1e-12)
-    assert np.isfinite(push.beside.thrust)
+    assert push.unthrottled.thrust == pytest.approx(
+        unthrottled_thrust(stage.full_burn, 0.0, before.unthrottled)[0], rel=1e-12
+    )
+    assert np.isfinite(push.unthrottled.thrust)

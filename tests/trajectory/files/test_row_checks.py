@@ -40,7 +40,7 @@ def test_a_hole_of_less_than_a_second_is_filled_whatever_the_rate_and_said():
     t, places = with_holes((20.0, 20.83))
     count, (hole,), notes = usable(t, {}, "a.csv", places)
     assert (count, hole.start) == (t.size, pytest.approx(20.0))
-    assert notes == ["no data from 20 to 20.8333 s: a spline through the rows beside fills the hole"]
+    assert notes == ["no data from 20 to 20.8333 s: a spline through the rows on both sides fills the hole"]
     _, both, (note,) = usable(*with_holes((20.0, 20.83), (30.0, 30.9))[:1], {}, "a.csv", places)
     assert len(both) == 2
     assert note.startswith("2 holes without data, the longest from 30 to 30.9")

@@ -144,7 +144,9 @@ def test_two_rows_at_a_time_that_is_no_event_are_named_with_the_event_that_they_
 def test_a_jump_where_no_event_is_declared_is_refused(tmp_path):
     r, _ = path(T)
     settings = write(tmp_path, named("xyz", r + np.outer(T >= 60.0, [3.0, 0.0, 4.0])))
-    with pytest.raises(InputError, match=r"position steps by 5 m beside its velocity between 59\.5 and 60 s, where no"):
+    with pytest.raises(
+        InputError, match=r"position steps by 5 m more than its velocity between 59\.5 and 60 s, where no"
+    ):
         build(card(settings))
     write(tmp_path, named("xyz", r + np.outer(T >= 60.0, [300.0, 0.0, 400.0])))
     with pytest.raises(InputError, match=r"specific force of [\d.]+ g at (59|60).* is an event missing there"):

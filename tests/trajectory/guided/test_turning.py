@@ -138,7 +138,7 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
         speed = np.linalg.norm(w)
         density, pressure, _, sound = atmosphere(height_above(*r))
         engine = leg.engine
-        beside = engine.beside
+        beside = engine.unthrottled
         thrust = engine.thrust - pressure * engine.exit_area if engine.thrust else 0.0
         flow = engine.mass_flow if engine.thrust else 0.0
         if beside.thrust:
