@@ -1,4 +1,7 @@
-"""Draws at the start of every run: turn-on errors of the IMU and initial errors, as standard normals."""
+"""Draws at the start of every run as a table: turn-on errors of the IMU and initial errors, as standard normals.
+
+Runs draw the same numbers in `simulation/sensing.py` and `simulation/imu_sensing.py`.
+"""
 
 from collections.abc import Iterator
 from typing import NamedTuple, Self
