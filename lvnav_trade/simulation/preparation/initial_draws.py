@@ -1,6 +1,6 @@
 """Draws at the start of every run as a table: turn-on errors of the IMU and initial errors, as standard normals.
 
-Runs draw the same numbers in `simulation/sensing.py` and `simulation/imu_sensing.py`.
+Runs draw the same numbers in `simulation/sensing.py` and `kernels/processes.py`.
 """
 
 from collections.abc import Iterator
