@@ -90,7 +90,7 @@ def test_runs_are_what_linear_covariance_says(fields, faults):
     assert np.all(np.abs(mean[at, :9] - found.mean[at, :9]) < 5.0 * sigma / math.sqrt(RUNS))
     if "parity" in fields:
         units = prepared.options.units
-        when = prepared.unit.start + prepared.unit.dt * int(np.argmax(units.stage != units.flown))
+        when = prepared.unit.start + prepared.unit.dt * int(np.argmax(units.stage != units.stage_without_exclusion))
         run, t, kind, code = block.decisions.T
         assert len(block.decisions) == RUNS == np.unique(run).size
         assert set(kind) == {OF_UNIT}
