@@ -192,7 +192,7 @@ def test_the_report_names_cases_by_their_cards_and_tables_for_programs_by_their_
     cards = {"path": "imu", "labels": ["fine", "coarse"], "values": [{"name": "Ring laser"}, {"name": "MEMS"}]}
     tables.__dict__["campaign"] = {**tables.campaign, "axes": [cards]}
     made = make(tables, ["summary", "requirements", "consistency"])
-    shown = html_page(made.title, made.asked, made.sections)
+    shown = html_page(made.title, made.question, made.sections)
     assert "Ring laser" in shown
     assert "imu=fine" not in shown
     of_cards = made.csv.pop("configuration.csv")  # lists cards by name
