@@ -42,21 +42,23 @@ MUTATIONS = {
         OBSERVABLE,
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "simulation/preparation/signals/noise.py", "variance = assumed_sigma(scenario, model, seen, line, name) ** 2",
-        "variance = 4.0 * assumed_sigma(scenario, model, seen, line, name) ** 2",
+        "simulation/preparation/signals/noise.py", "variance = assumed_sigma(scenario, model, sky, line, name) ** 2",
+        "variance = 4.0 * assumed_sigma(scenario, model, sky, line, name) ** 2",
         "tests/simulation/preparation/signals/test_receiver_measurements.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "simulation/preparation/signals/noise.py", "variance = assumed_sigma(scenario, model, seen, line, name) ** 2",
-        "variance = 4.0 * assumed_sigma(scenario, model, seen, line, name) ** 2",
+        "simulation/preparation/signals/noise.py", "variance = assumed_sigma(scenario, model, sky, line, name) ** 2",
+        "variance = 4.0 * assumed_sigma(scenario, model, sky, line, name) ** 2",
         "tests/simulation/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
-        "kernels/covariance.py", "weight = where(accepted, inverse, 0.0)", "weight = where(accepted, s, 0.0)",
+        "kernels/covariance.py",
+        "weight = where(accepted, inverse, 0.0)\n    step",
+        "weight = where(accepted, s, 0.0)\n    step",
         "tests/kernels/test_covariance.py::test_a_row_is_the_update_of_kalman",
     ),
     "residual that forgets what earlier rows have moved": Mutation(
-        "kernels/covariance.py", "residual = residual - h[entries[c]] * x[columns[c]]", "residual = residual + 0.0",
+        "kernels/covariance.py", "residual = residual - entry * x[state]", "residual = residual + 0.0",
         "tests/kernels/test_covariance.py::test_rows_of_an_epoch_may_come_in_any_order",
     ),
     "time constant of the truth twice too long": Mutation(
@@ -73,8 +75,8 @@ MUTATIONS = {
         "tests/filter/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "simulation/preparation/signals/lines_of_sight.py", "at = motion(trajectory, seen.t)",
-        "at = motion(trajectory, seen.t - 0.0025)",
+        "simulation/preparation/signals/lines_of_sight.py", "vehicle = motion(trajectory, sky.t)",
+        "vehicle = motion(trajectory, sky.t - 0.0025)",
         "tests/simulation/preparation/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(
