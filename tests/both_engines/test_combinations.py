@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.scenario.rules import REFUSALS
-from tests.both_engines.combinations import evaluate, scenario_of
+from tests.both_engines.combinations import evaluate, false_alarms, scenario_of
 from tests.both_engines.covering import DIMENSIONS, covering, kernels_of, refusal
 from tests.both_engines.flown import flight
 from tests.building import prepare_hop
@@ -62,6 +62,16 @@ def test_refusals_are_few_and_each_gives_a_reason():
 def test_both_engines_agree(levels):
     verdict = evaluate(FIRST | levels)
     assert verdict.agrees, verdict
+
+
+def test_a_false_alarm_is_a_decision_that_linear_covariance_does_not_make():
+    expected = np.array([[0.0, 20.0, 1.0, 5.0]])
+    late = [3.0, 25.0, 1.0, 5.0]  # the same decision, later
+    of_another_satellite = [4.0, 20.0, 1.0, 6.0]
+    of_another_kind = [7.0, 45.0, 3.0, 5.0]
+    decisions = np.array([late, of_another_satellite, of_another_kind, of_another_kind])
+    assert false_alarms(decisions, expected) == [4, 7]
+    assert false_alarms(np.zeros((0, 4)), expected) == []
 
 
 @pytest.mark.parametrize("levels", [{"receiver": "point"}, {"receiver": "filtered"}, {"latency": "extrapolated"}])
