@@ -1,11 +1,12 @@
 """Run the tests of each room in a process of its own: `python -m tests.by_room 2` runs two rooms at a time.
 
-Compiled kernels remain in the memory of a process until it ends. One process for all tests grows to 5 GB, that of a
-room to 0.1 to 2.5 GB.
+Compiled kernels remain in the memory of a process until it ends. One process for all tests grows to 5 GB. Rooms that
+compile many kernels are therefore divided into several processes, each below 1.2 GB.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import resource
@@ -32,6 +33,8 @@ LONG = (
 )
 """Rooms that take longest start first, so that no processor waits at the end. `simulation` and `published` need many of
 the same kernels and would compile them twice at the same time."""
+PARTS = {"simulation": 4, "published": 2, "campaign": 2, "architecture": 2}
+"""Number of processes of a room, 1 for the others."""
 ONE_PROCESSOR = {"LOKY_MAX_CPU_COUNT": "1"}
 """A room draws its figures in its own process. Workers would load the package again, and the other rooms use the
 processors."""
@@ -58,6 +61,16 @@ def rooms() -> dict[str, list[Path]]:
     return long_first | folders | {"others": sorted(TESTS.glob("test_*.py"))}
 
 
+def parts(room: str, paths: list[Path]) -> dict[str, list[Path]]:
+    """Return the paths of each process of a room, by the name of the room and the number of the part."""
+    count = PARTS.get(room, 1)
+    if count == 1:
+        return {room: paths}
+    files = sorted(file for path in paths for file in path.rglob("test_*.py"))
+    size = math.ceil(len(files) / count)
+    return {f"{room} {k + 1}/{count}": files[k * size : (k + 1) * size] for k in range(count)}
+
+
 def run(room: str, paths: list[Path]) -> Outcome:
     """Run the tests of a room; write what they measured, and everything if one fails."""
     command = [sys.executable, "-m", "pytest", "-m", "not slow", "--quiet", "--no-header", *map(str, paths)]
@@ -74,7 +87,7 @@ def run(room: str, paths: list[Path]) -> Outcome:
 def main(processes: int) -> int:
     """Run all rooms, `processes` at a time. Returns 1 if a test fails."""
     start = time.monotonic()
-    work = rooms()
+    work = {name: files for room, paths in rooms().items() for name, files in parts(room, paths).items()}
     with ThreadPoolExecutor(processes) as pool:
         outcomes = list(pool.map(run, work.keys(), work.values()))
     total = sum((outcome.counts for outcome in outcomes), Counter())
