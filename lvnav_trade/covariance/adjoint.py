@@ -55,7 +55,7 @@ def _dot(a, b):
 
 
 @jit
-def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
+def _update_back(back, tape, true, signals, row_of, time_bin, error_in_states, place):
     """Propagate the adjoint backwards through one update, and add the contribution of its noise.
 
     Parameters
@@ -63,7 +63,7 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
     back, tape, true, signals : BackwardPass, UpdateTape, Components, Signals
     row_of : number of the update on the tape
     time_bin : bin of the contribution
-    whitened : whether the measurement is from a decorrelated solution
+    error_in_states : whether the error of the measurement is in the joint states, as that of a receiver's solution
     place : place of the stored state that a delayed measurement was compared with
     """
     # the update e+ = (I - k h) e - k v gives lambda <- lambda - h' (k' lambda); v contributes (k' lambda)^2 Var(v)
@@ -73,7 +73,7 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
     channel = tape.channel[row_of]
     source = true.noise_source[channel]
     # the noise of a decorrelated solution entered with the receiver-error states
-    is_in_states = whitened or source < 0
+    is_in_states = error_in_states or source < 0
     variance = 0.0
     if not is_in_states:
         sigma = signals.sigma[epoch, measured_channel(signals, channel)]
@@ -85,8 +85,8 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
         if variance > 0.0:
             back.contribution[m, source, time_bin] += through * through * variance
         # correlated errors enter a measurement with its partial derivative, so lambda_c <- lambda_c - (k' lambda) dz/dc
-        for family in range(n_entering(signals, whitened)):
-            c, partial = component_partial(h, signals, true, family, epoch, channel, whitened)
+        for family in range(n_entering(signals, error_in_states)):
+            c, partial = component_partial(h, signals, true, family, epoch, channel, error_in_states)
             if c >= 0:
                 back.c[m, true.first_shared + c] -= through * partial
         if difference >= 0:
@@ -360,8 +360,8 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
             channel = tape.channel[row]
             place = place_of_channel(options.late, channel, tape.epoch[row])
-            whitened = model.has_covariance and channel < signals.n_receiver
-            _update_back(back, tape, true, signals, row, time_bin, whitened, place)
+            error_in_states = model.has_covariance and channel < signals.n_receiver
+            _update_back(back, tape, true, signals, row, time_bin, error_in_states, place)
         if epoch >= 0:
             _solution_back(back, scratch.y, flight.chain, true, epoch, time_bin)
             renew_back(back, successive, model, epoch, time_bin)

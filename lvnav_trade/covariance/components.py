@@ -35,7 +35,7 @@ class Components(NamedTuple):
     group : (n_source,). Group of lanes that the source belongs to.
     lane : (n_source,). Lane of the source within its group.
     n_slot : (n_group,). Slots in use, the most of any source of the group.
-    followed : (n_group, n_slot). Whether the cross covariance of the slot with the joint states is propagated.
+    has_cross : (n_group, n_slot). Whether the cross covariance of the slot with the joint states is propagated.
     moves : (n_group, n_slot). Whether the slot drives attitude, velocity or position during propagation.
     samples : (n_group, n_slot). Whether the slot enters IMU samples that the filter processes as measurements.
     factor : (n_length, n_group, n_slot, 1, n_lane). Decay factor over a window.
@@ -83,7 +83,7 @@ class Components(NamedTuple):
     group: Ints
     lane: Ints
     n_slot: Ints
-    followed: Bools
+    has_cross: Bools
     moves: Bools
     samples: Bools
     factor: Floats
@@ -203,7 +203,7 @@ def _term_components(prepared: Prepared, term: ErrorTerm, source: int, moves: bo
             noise=noise[axis],
             start=variances[axis],
             states=(term.offset + axis,) if is_modelled else (),
-            followed=not has_same_decay,
+            has_cross=not has_same_decay,
             moves=moves,
             samples=samples,
             echoes=term.driver == REMAINDER,
@@ -243,7 +243,7 @@ def _shared_components(prepared: Prepared, names: list[str]) -> tuple[list[Compo
                 noise=noise,
                 start=family.sigma**2,
                 states=states,
-                followed=not (has_same_partials and has_same_decay),
+                has_cross=not (has_same_partials and has_same_decay),
             )
             shared_components.append(component)
     return shared_components, blocks
@@ -386,7 +386,7 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
     The initial estimate of a component is zero, so the error of the state that models it is the component itself.
     """
     n_source = len(true.initial)
-    n_slot = true.followed.shape[1]
+    n_slot = true.has_cross.shape[1]
     group, lane = true.group, true.lane
     sources = true.initial.copy()
     cross = np.zeros((n_source, n_slot, n_joint(prepared)))

@@ -214,7 +214,7 @@ def _renew_joint(joint, successive, true, model, epoch):
                     _clear_state(group(joint.sources, g), state)
                     cross_covariances = group(joint.cross, g)
                     for k in range(true.n_slot[g]):
-                        if true.followed[g, k]:
+                        if true.has_cross[g, k]:
                             y = cross_covariances[k]
                             y[state] = like(y[state], 0.0)
                 joint.mean[state] = 0.0

@@ -88,7 +88,7 @@ def _advance_components(joint, scratch, true, length, g):
         echo = echoes[k, 0]
         variance = variances[k, 0]
         y = cross_covariances[k]
-        if true.followed[g, k]:
+        if true.has_cross[g, k]:
             if true.moves[g, k]:
                 _enter_over_window(P, y, b[k], variance, echo)
             for i in range(y.shape[0]):
@@ -137,7 +137,7 @@ def _drive_states(joint, true, length):
             state = true.states[p]
             for q in range(first_pair, last_pair):
                 joint.sources[g, state, true.states[q], lane] += noise
-            if true.followed[g, k]:
+            if true.has_cross[g, k]:
                 joint.cross[g, k, state, lane] += noise
 
 
@@ -170,7 +170,7 @@ def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
         predict(P, D, rows, columns, decay, white, clock, seconds)
         cross_covariances = group(joint.cross, g)
         for k in range(true.n_slot[g]):
-            if true.followed[g, k]:
+            if true.has_cross[g, k]:
                 apply_phi(cross_covariances[k], D, rows, columns, decay, clock, seconds)
     _enter_states(joint, true, scratch.shift[:1], decay, length)
     for g in range(true.n_slot.shape[0]):
@@ -184,15 +184,15 @@ def _propagate_formal(work, D, model, schedule, w):
     """Propagate the formal covariance over window w as `filter.ekf.predict_window` does; D is set to its blocks."""
     length = schedule.length[w]
     seconds = model.seconds[length]
-    held = work.held
+    sums = work.held
     for i in range(work.sums.shape[0]):
-        held[i] = work.sums[i]
-    linearised_sums(work.rates, held, seconds, schedule.linearised[w])
+        sums[i] = work.sums[i]
+    linearised_sums(work.rates, sums, seconds, schedule.linearised[w])
     x = work.nav[R]
     y = work.nav[R + 1]
     z = work.nav[R + 2]
-    transition.fill(D, model.block_kinds, model.block_drivers, held, x, y, z, seconds)
-    predict_covariance(work.P, D, held, model, length, schedule.injection[w])
+    transition.fill(D, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
+    predict_covariance(work.P, D, sums, model, length, schedule.injection[w])
 
 
 @jit

@@ -86,7 +86,7 @@ def advance_solution(joint, scratch, chain, true, epoch):
         _multiply_covariance(group_covariance, work, A, first)
         cross_covariances = group(joint.cross, g)
         for k in range(true.n_slot[g]):
-            if true.followed[g, k]:
+            if true.has_cross[g, k]:
                 _multiply_states(cross_covariances[k], work, A, first)
     _multiply_states(joint.mean, scratch.receiver, A, first)
     for i in range(m):
@@ -177,7 +177,7 @@ def clone_states(joint, true, clone, first, n):
         _copy_covariance(group(joint.sources, g), clone, first, n)
         cross_covariances = group(joint.cross, g)
         for k in range(true.n_slot[g]):
-            if true.followed[g, k]:
+            if true.has_cross[g, k]:
                 _copy_vector(cross_covariances[k], clone, first, n)
     _copy_vector(joint.mean, clone, first, n)
 

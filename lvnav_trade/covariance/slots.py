@@ -16,7 +16,7 @@ class Component(NamedTuple):
     noise : (n_length,). Variance added by driving noise over a window.
     start : Initial variance.
     states : Filter states that model the component.
-    followed : Whether its cross covariance with the joint states is propagated.
+    has_cross : Whether its cross covariance with the joint states is propagated.
     moves : Whether it drives attitude, velocity or position during propagation.
     samples : Whether it enters IMU samples that are processed as measurements.
     echoes : Whether its noise also enters the states with opposite sign, as a quantisation remainder does.
@@ -27,7 +27,7 @@ class Component(NamedTuple):
     noise: Floats
     start: float
     states: tuple[int, ...] = ()
-    followed: bool = False
+    has_cross: bool = False
     moves: bool = False
     samples: bool = False
     echoes: bool = False
@@ -106,7 +106,7 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
     group, lane, n_slot = places_of(count)
     n_group = n_slot.size
     most = max(1, int(n_slot.max(initial=0)))
-    followed, moves, samples = np.zeros((3, n_group, most), dtype=np.bool_)
+    has_cross, moves, samples = np.zeros((3, n_group, most), dtype=np.bool_)
     factor, noise, echo = np.zeros((3, n_source, n_length, most, 1))
     for component, slot in zip(components, slots, strict=True):
         source = component.source
@@ -114,14 +114,14 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
         factor[source, :, slot, 0] = component.factor
         noise[source, :, slot, 0] = component.noise
         echo[source, :, slot, 0] = component.noise * component.echoes
-        followed[g, slot] |= component.followed
+        has_cross[g, slot] |= component.has_cross
         moves[g, slot] |= component.moves
         samples[g, slot] |= component.samples
     return {
         "group": group,
         "lane": lane,
         "n_slot": n_slot,
-        "followed": followed,
+        "has_cross": has_cross,
         "moves": moves,
         "samples": samples,
         "factor": by_length(factor, group, lane),

@@ -269,7 +269,7 @@ def _new_covariance(prepared: Prepared, true: Components) -> JointCovariance:
 
 def new_scratch(prepared: Prepared, true: Components) -> Scratch:
     """Return the work arrays of the forward pass, zero."""
-    n, n_state, (n_group, n_slot) = n_joint(prepared), prepared.layout.n_state, true.followed.shape
+    n, n_state, (n_group, n_slot) = n_joint(prepared), prepared.layout.n_state, true.has_cross.shape
     return _record(
         Scratch,
         {
@@ -298,7 +298,7 @@ def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | 
     """Return the work arrays for IMU samples as measurements; None without."""
     if prepared.options.vehicle is None:
         return None
-    n, (n_group, n_slot), six = n_joint(prepared), true.followed.shape, N_SAMPLE
+    n, (n_group, n_slot), six = n_joint(prepared), true.has_cross.shape, N_SAMPLE
     scratch: SampleScratch = _record(
         SampleScratch,
         {
@@ -346,7 +346,7 @@ def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratc
         "sums": (N_SUM,),
         "h": (N_SAMPLE, n_entry),
     }
-    return _record(BackwardScratch, alone, {"b": (*true.followed.shape, 9), "a": (*true.followed.shape, N_SAMPLE)})
+    return _record(BackwardScratch, alone, {"b": (*true.has_cross.shape, 9), "a": (*true.has_cross.shape, N_SAMPLE)})
 
 
 def new_record(prepared: Prepared, n_source: int) -> PassResults:

@@ -7,7 +7,10 @@ import pytest
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.simulation.montecarlo import run_block
-from tests.building import MATCHED, ascent
+from tests.both_engines.combinations import scenario_of
+from tests.both_engines.covering import DIMENSIONS
+from tests.both_engines.flown import flight
+from tests.building import MATCHED, ascent, prepare_hop
 
 LATENCY = "base.receiver.latency=300 ms"
 RUNS = 16
@@ -30,3 +33,17 @@ def test_a_latency_of_300_ms_at_orbital_speed_displaces_the_estimate_by_two_kilo
 def test_without_latency_the_nominal_innovations_are_nothing():
     history = covariance(ascent(MATCHED))
     assert np.max(np.abs(history.mean[:, 6:9])) < 1e-3  # m: rounding of ranges of 2.5e7 m, processed 600 times
+
+
+def test_a_start_from_the_receiver_corrects_the_stored_states_of_late_measurements():
+    """A solution of 1.4 s ago arrives after the start and is compared with a state that was stored before it."""
+    levels = {name: next(iter(choices)) for name, choices in DIMENSIONS.items()}
+    levels |= {"measurements": "solution", "start": "from GNSS", "latency": "buffered, 1.4 s"}
+    scenario, kind, _ = scenario_of(levels)
+    prepared = prepare_hop(scenario, flight(kind))
+    runs, history = run_block(prepared, 5, 0, 128), covariance(prepared)
+    position = [k for k, output in enumerate(prepared.outputs) if output.quantity == "position"]
+    after = history.t <= 6.0
+    expected = np.sqrt(history.true_sigma**2 + history.mean**2)[after][:, position]
+    rms = np.sqrt(np.mean(runs.err[:, after][..., position] ** 2, axis=0))
+    assert np.all(np.abs(rms / expected - 1.0) < 4.0 / np.sqrt(2.0 * 128))  # without the correction 0.4 at 2 s

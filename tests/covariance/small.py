@@ -20,7 +20,7 @@ Schedule = namedtuple("Schedule", "length first_tick n_tick")
 WINDOW = Schedule(*[np.zeros(1, dtype=np.int64)] * 3)
 Truth = namedtuple(
     "Truth",
-    "group lane n_slot followed moves factor noise echo source slot states state_from sensor driver profile first "
+    "group lane n_slot has_cross moves factor noise echo source slot states state_from sensor driver profile first "
     "moving nav_rows nav_columns white decay first_shared shared_family noise_source",
 )
 FilterModel = namedtuple("FilterModel", "seconds clock")
@@ -47,7 +47,7 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
 
     none, ones = np.zeros(0, dtype=np.int64), np.ones((n_group, 1), dtype=np.bool_)
     fields = {
-        "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "followed": ones, "moves": ones,
+        "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "has_cross": ones, "moves": ones,
         "factor": table(np.reshape(factor, (n_source, 1, 1, 1))),
         "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
         "echo": table(np.zeros((n_source, 1, 1, 1))), "source": place, "slot": np.zeros(n_source, dtype=np.int64),

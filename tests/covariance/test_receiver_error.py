@@ -51,7 +51,7 @@ class Truth(NamedTuple):
     group: np.ndarray
     lane: np.ndarray
     n_slot: np.ndarray
-    followed: np.ndarray
+    has_cross: np.ndarray
     solution: int
     solution_source: np.ndarray
     source: np.ndarray

@@ -26,7 +26,7 @@ def test_a_value_of_a_source_is_in_its_lane_and_nowhere_else():
 
 
 def test_a_component_keeps_its_decay_noise_and_flags():
-    first = Component(1, np.array([1.0, 0.9]), np.array([0.0, 0.2]), 4.0, states=(9, 11), followed=True)
+    first = Component(1, np.array([1.0, 0.9]), np.array([0.0, 0.2]), 4.0, states=(9, 11), has_cross=True)
     second = Component(1, np.ones(2), np.array([0.0, 0.3]), 9.0, moves=True, echoes=True)
     table = slot_tables([first, second], 2, 2)
     group, lane = table["group"][1], table["lane"][1]
@@ -36,7 +36,7 @@ def test_a_component_keeps_its_decay_noise_and_flags():
     assert table["factor"][1, group, 0, 0, lane] == 0.9
     assert table["noise"][1, group, :, 0, lane].tolist() == [0.2, 0.3]
     assert table["echo"][1, group, :, 0, lane].tolist() == [0.0, 0.3]
-    assert table["followed"][group].tolist() == [True, False]
+    assert table["has_cross"][group].tolist() == [True, False]
     assert table["moves"][group].tolist() == [False, True]
 
 

@@ -98,7 +98,7 @@ def _enter_component(state, scratch, true, c, a):
 
 
 @jit
-def component_partial(h, signals, true, family, epoch, channel, whitened):
+def component_partial(h, signals, true, family, epoch, channel, error_in_states):
     """Return the component of an error family that enters a channel, and its partial derivative.
 
     The derivative is that of the innovation beyond the dependence on filter states: the true derivative minus that of
@@ -111,7 +111,7 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
     family : error family. For a decorrelated solution the number of the component: the error itself is part of the
         error of the solution, so only the correction by the estimated state enters
     epoch, channel : indices
-    whitened : whether the measurement is from a decorrelated solution
+    error_in_states : whether the error of the measurement is in the joint states, as that of a receiver's solution
 
     Returns
     -------
@@ -119,9 +119,9 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
         Component, -1 none, and partial derivative, SI.
     """
     shared = signals.shared
-    if true.noise_source[channel] < 0 and not whitened:  # a difference: its errors are states
+    if true.noise_source[channel] < 0 and not error_in_states:  # a difference: its errors are states
         return -1, 0.0
-    if whitened:
+    if error_in_states:
         extra = shared.extra[family]
         if extra < 0:
             return -1, 0.0
@@ -135,9 +135,9 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
 
 
 @jit
-def n_entering(signals, whitened):
+def n_entering(signals, error_in_states):
     """Return the number of error families that may enter a measurement; of components for a decorrelated solution."""
-    return signals.shared.extra.shape[0] if whitened else signals.shared.member.shape[0]
+    return signals.shared.extra.shape[0] if error_in_states else signals.shared.member.shape[0]
 
 
 @jit
@@ -147,11 +147,11 @@ def measured_channel(signals, channel):
 
 
 @jit
-def _update_shared(state, scratch, h, signals, true, epoch, channel, whitened):
+def _update_shared(state, scratch, h, signals, true, epoch, channel, error_in_states):
     """Add the correlated measurement errors that enter an update; return their part of the innovation variance."""
     total = 0.0
-    for family in range(n_entering(signals, whitened)):
-        m, a = component_partial(h, signals, true, family, epoch, channel, whitened)
+    for family in range(n_entering(signals, error_in_states)):
+        m, a = component_partial(h, signals, true, family, epoch, channel, error_in_states)
         if m >= 0 and a != 0.0:
             component = true.first_shared + m
             total += _enter_component(state, scratch, true, component, a)
@@ -202,7 +202,7 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
         cross = group(state.cross, g)
         predicted = group(scratch.seen, g)
         for k in range(true.n_slot[g]):
-            if true.followed[g, k]:
+            if true.has_cross[g, k]:
                 predicted[k, 0] = update_vector(cross[k], gain, h, entries, columns)
     if noise > 0.0:
         scratch.noise[noise_group, 0, 0, noise_lane] = 0.0
@@ -210,7 +210,7 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
 
 
 @jit
-def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened):
+def _update_truth(joint, h, innovation, signals, place, epoch, channel, error_in_states):
     """Update every source and the mean with `scratch.gain`; return the expected square of the innovation.
 
     Parameters
@@ -221,7 +221,7 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     signals : Signals
     place : place of the stored state that a delayed measurement is compared with
     epoch, channel : indices
-    whitened : whether the measurement is from a decorrelated solution
+    error_in_states : whether the error of the measurement is in the joint states, as that of a receiver's solution
     """
     state = joint.state
     scratch = joint.scratch
@@ -232,10 +232,10 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     columns = true.column[place, channel, :n_entry]
     _record(joint.tape, gain, h, epoch, channel)
     source = true.noise_source[channel]
-    is_in_states = whitened or source < 0
+    is_in_states = error_in_states or source < 0
     noise = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     total = _update_sources(state, scratch, true, h, entries, columns, source, noise)
-    total += _update_shared(state, scratch, h, signals, true, epoch, channel, whitened)
+    total += _update_shared(state, scratch, h, signals, true, epoch, channel, error_in_states)
     total += _update_imus(state, scratch, true, epoch, channel)
     # mean error after the update: (I - k h) m - k z, z the deterministic innovation; h m + z is the mean innovation
     mean = state.mean
@@ -258,7 +258,7 @@ def _correct_clones(gain, clone, late):
 
 @jit
 def _set_gain(gain, work, weight, gains, n_estimated, epoch, channel):
-    """Set the gain on the joint states: StoredGains, or `work.K` times weight on estimated states; else zero."""
+    """Set the gain on the joint states: StoredGains, or `work.K` (P h') times weight on estimated states."""
     for i in range(gain.shape[0]):
         gain[i] = 0.0
     for i in range(n_estimated):
@@ -286,11 +286,11 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
         out = joint.out
         _set_gain(gain, work, weight, case.options.gains, model.n_estimated, epoch, channel)
         _correct_clones(gain, joint.true.clone, late)
-        whitened = has_reported_covariance(model, channel)
+        error_in_states = has_reported_covariance(model, channel)
         place = place_of_channel(late, channel, epoch)
         h = work.H[row]
         innovation = work.z[row]
-        square = _update_truth(joint, h, innovation, case.signals, place, epoch, channel, whitened)
+        square = _update_truth(joint, h, innovation, case.signals, place, epoch, channel, error_in_states)
         _clear(work.x)
         square = square * weight  # expected square of the normalised innovation
         out.expected_nis[epoch] += square
@@ -347,15 +347,16 @@ def start_joint(joint, work, case, mode_state, rules, epoch):
         _clear(work.x)
         if rules.from_gnss and mode_state.sample[1] > 0.0:
             gain = joint.scratch.gain
-            whitened = case.model.has_covariance
+            error_in_states = case.model.has_covariance
             for row in range(6):
                 state = POS + row if row < 3 else VEL + row - 3
                 for i in range(gain.shape[0]):
                     gain[i] = 1.0 if i == state else 0.0
+                _correct_clones(gain, joint.true.clone, case.options.late)
                 place = place_of_channel(case.options.late, row, epoch)
                 h = work.H[row]
                 innovation = work.z[row]
-                _update_truth(joint, h, innovation, case.signals, place, epoch, row, whitened)
+                _update_truth(joint, h, innovation, case.signals, place, epoch, row, error_in_states)
 
 
 @jit

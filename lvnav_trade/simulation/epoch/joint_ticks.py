@@ -324,7 +324,7 @@ def _update_sources(state, ticks, true, h, columns):
         predicted = whole(ticks.seen_source)
         through = whole(ticks.through)
         for k in range(true.n_slot[g]):
-            if true.followed[g, k]:
+            if true.has_cross[g, k]:
                 cross_k = cross_g[k]
                 update_vector_together(cross_k, predicted, gain, h, columns)
                 if true.samples[g, k]:
@@ -393,7 +393,7 @@ def advance_joint(joint, flight, sums, dt, first):
             advance(P, moved, sums, dt, first)
             cross_g = group(state.cross, g)
             for k in range(true.n_slot[g]):
-                if true.followed[g, k]:
+                if true.has_cross[g, k]:
                     advance_vector(cross_g[k], sums, dt, first)
         advance_vector(state.mean, sums, dt, first)
 

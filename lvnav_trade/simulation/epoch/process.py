@@ -123,7 +123,7 @@ def take_reference(work, case, joint, monitor, epoch, limit, starts):
     ----------
     work, case, joint, epoch : as in `process_epoch`
     monitor : Monitor, or None. Runs that exclude the reference keep the predicted clock.
-    limit : gate, NOT_USED where no measurement is processed
+    limit : inf, or NOT_USED where no measurement is processed
     starts : condition by lane, whether the filter starts at this epoch; None without a mode logic
     """
     model, signals = case.model, case.signals

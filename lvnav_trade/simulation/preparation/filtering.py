@@ -40,7 +40,7 @@ class CaseFilter(NamedTuple):
     P: Floats
 
 
-def taken_of(scenario: Scenario, flight: TrueFlight) -> FilterMeasurements:
+def filter_measurements_of(scenario: Scenario, flight: TrueFlight) -> FilterMeasurements:
     """Return sensor models, channels and measurements that the filter of a case is built from."""
     imu, receiver, initial = filter_models(scenario)
     lever_b = np.array(scenario.receiver.lever_b)
@@ -59,7 +59,7 @@ def taken_of(scenario: Scenario, flight: TrueFlight) -> FilterMeasurements:
 
 def layout_of(scenario: Scenario, flight: TrueFlight) -> StateLayout:
     """Return the states of the filter of a case."""
-    return state_layout(scenario.filter, taken_of(scenario, flight))
+    return state_layout(scenario.filter, filter_measurements_of(scenario, flight))
 
 
 def filtering_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout, times: Times) -> CaseFilter:
@@ -69,7 +69,7 @@ def filtering_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout, ti
     model = build_filter_model(
         card,
         layout,
-        taken_of(scenario, flight),
+        filter_measurements_of(scenario, flight),
         times.lengths,
         _strapdown(scenario, flight),
         times.injected,

@@ -30,7 +30,9 @@ def prepare(
     additional_times: Floats | None = None,
     given_flight: tuple[Trajectory, Reference] | None = None,
 ) -> Prepared:
-    """Prepare a scenario in stages: flight, schedule, filter, measurements. Each stage makes one record.
+    """Prepare a scenario in four stages, each with one record: flight, schedule, filter, measurements.
+
+    Records of the IMUs, of the receiver's solution and of the results follow from these.
 
     Parameters
     ----------
