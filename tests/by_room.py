@@ -33,7 +33,7 @@ LONG = (
 )
 """Rooms that take longest start first, so that no processor waits at the end. `simulation` and `published` need many of
 the same kernels and would compile them twice at the same time."""
-PARTS = {"simulation": 4, "published": 2, "campaign": 2, "architecture": 2}
+PARTS = {"simulation": 4, "published": 2, "campaign": 2, "architecture": 2, "both_engines": 2}
 """Number of processes of a room, 1 for the others."""
 ONE_PROCESSOR = {"LOKY_MAX_CPU_COUNT": "1"}
 """A room draws its figures in its own process. Workers would load the package again, and the other rooms use the
