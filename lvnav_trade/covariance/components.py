@@ -52,8 +52,8 @@ class Components(NamedTuple):
     matched : (n_block,). First filter state that models the block, -1 none.
     profile : (n_block,). Profile that is the mean of the block, -1 none.
     triad : (n_block,). Triad of the IMU array that the block belongs to.
-    stands : (n_stage, n_block, 3, n_state). Weight of each component in each filter state where IMUs are combined;
-        empty for one IMU.
+    state_weight : (n_stage, n_block, 3, n_state). Weight of each component in each filter state for an IMU array; empty
+        for one IMU.
     first : (n_block,). First component of the block, the next two follow it; -1 for a profile.
     moving : (n_block,). As `moves`, by block.
     sampled : (n_block,). As `samples`, by block.
@@ -99,7 +99,7 @@ class Components(NamedTuple):
     matched: Ints
     profile: Ints
     triad: Ints
-    stands: Floats
+    state_weight: Floats
     first: Ints
     moving: Bools
     sampled: Bools
@@ -333,9 +333,9 @@ def components(prepared: Prepared) -> Components:
     first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
     shared, state_blocks = _shared_components(prepared, names)
     tables = slot_tables(imu_components + shared, len(names), prepared.lengths.size)
-    stands = np.zeros((0, 0, 3, 0))
+    state_weight = np.zeros((0, 0, 3, 0))
     if prepared.options.units is not None:
-        stands = state_weights(prepared.layout, prepared.options.units, sensor, driver, triad)
+        state_weight = state_weights(prepared.layout, prepared.options.units, sensor, driver, triad)
     rows, columns, kinds, drivers = _true_transition(prepared)
     return Components(
         **tables,
@@ -344,7 +344,7 @@ def components(prepared: Prepared) -> Components:
         matched=matched,
         profile=profile,
         triad=triad,
-        stands=stands,
+        state_weight=state_weight,
         first=first,
         moving=moving,
         sampled=sampled,

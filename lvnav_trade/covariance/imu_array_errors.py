@@ -215,7 +215,7 @@ def add_sums(out, hist, state, true, units, tick):
         for j in range(true.sensor.shape[0]):
             profile = true.profile[j]
             for c in range(3):
-                weights = true.stands[stage, j, c]
+                weights = true.state_weight[stage, j, c]
                 if profile >= 0:
                     for i in range(weights.shape[0]):
                         out.mean[hist, i] += weights[i] * state.profile[profile, c]

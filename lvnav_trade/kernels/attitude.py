@@ -115,10 +115,10 @@ def from_rotation(x, y, z):
     """
     h = 0.25 * (x * x + y * y + z * z)
     # with half of the angle a/2 = sqrt(h): cos(a/2), and sin(a/2) / a
-    cosine = 1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))
-    cosine = 1.0 + h * (-0.5 + h * cosine)
-    half_sinc = 1.0 / 240.0 + h * (-1.0 / 10080.0 + h * (1.0 / 725760.0))
-    half_sinc = 0.5 + h * (-1.0 / 12.0 + h * half_sinc)
+    cosine_tail = 1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))
+    cosine = 1.0 + h * (-0.5 + h * cosine_tail)
+    sinc_tail = 1.0 / 240.0 + h * (-1.0 / 10080.0 + h * (1.0 / 725760.0))
+    half_sinc = 0.5 + h * (-1.0 / 12.0 + h * sinc_tail)
     return cosine, half_sinc * x, half_sinc * y, half_sinc * z
 
 

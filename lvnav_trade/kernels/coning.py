@@ -32,7 +32,7 @@ def increment_sums(increments, first, subsamples):
 
 
 @inlined
-def within(increments, first, algorithm):
+def products_within_step(increments, first, algorithm):
     """Return coning (3) rad and sculling (3) m/s by the increments of a step, body axes.
 
     The weighted sum of all increments but the last is multiplied by the last (Ignagni, J. Guidance 19, 1996).
@@ -204,7 +204,7 @@ def compensate_step(further, previous, increments, first, algorithm):
         tx, ty, tz, ux, uy, uz = increment_sums(increments, first, 1)
     cx, cy, cz, sx, sy, sz = _products_across(previous, algorithm.across, tx, ty, tz, ux, uy, uz)
     if algorithm.weights.shape[0] > 0:
-        ax, ay, az, bx, by, bz = within(increments, first, algorithm)
+        ax, ay, az, bx, by, bz = products_within_step(increments, first, algorithm)
         cx = cx + ax
         cy = cy + ay
         cz = cz + az

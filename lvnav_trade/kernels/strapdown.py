@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate
-from lvnav_trade.kernels.coning import increment_sums, within
+from lvnav_trade.kernels.coning import increment_sums, products_within_step
 from lvnav_trade.kernels.earth import OMEGA, gravity_j2, gravity_j4, gravity_point
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
@@ -278,7 +278,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
         sculling_y = across * (ay + by)
         sculling_z = across * (az + bz)
         if general and algorithm.weights.shape[0] > 0:
-            ax, ay, az, bx, by, bz = within(increments, first, algorithm)
+            ax, ay, az, bx, by, bz = products_within_step(increments, first, algorithm)
             coning_x += ax
             coning_y += ay
             coning_z += az

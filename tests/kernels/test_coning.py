@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.coning import compensate_step, increment_sums, pair_products, velocity_rotation, within
+from lvnav_trade.kernels.coning import (
+    compensate_step,
+    increment_sums,
+    pair_products,
+    products_within_step,
+    velocity_rotation,
+)
 from lvnav_trade.kernels.strapdown import J4, Strapdown, StrapdownExtensions
 
 N_SAMPLE = 3
@@ -34,7 +40,7 @@ def test_the_products_within_a_step_are_those_of_the_last_increment(increments):
     w, f = increments[2:5, :3], increments[2:5, 3:]
     p, u = 0.3 * w[0] + 0.7 * w[1], 0.3 * f[0] + 0.7 * f[1]
     expected = [*np.cross(p, w[2]), *(np.cross(p, f[2]) + np.cross(u, w[2]))]
-    np.testing.assert_allclose(within(increments, 2, algorithm((0.3, 0.7))), expected, rtol=1e-12)
+    np.testing.assert_allclose(products_within_step(increments, 2, algorithm((0.3, 0.7))), expected, rtol=1e-12)
 
 
 def test_the_products_of_pairs_are_a_sum_over_earlier_and_later_increments(increments):

@@ -25,7 +25,7 @@ class SignalNumber(Metric):
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the statistic of the signals as the true value, since all runs have the same signals."""
         from lvnav_trade.results.evaluation.satellite_tracking import values_of
-        from lvnav_trade.results.statistics.per_run import within
+        from lvnav_trade.results.statistics.per_run import select_times
         from lvnav_trade.results.statistics.select import pick
 
         scale = 1.0 if self.unit == "-" else scale_of(unit, self.unit)
@@ -34,7 +34,7 @@ class SignalNumber(Metric):
         rows = values_of(tables, case, self.name, statement.get("elevation"), statement.get("altitude"))
         values = np.empty(0)
         if len(rows):
-            rows = within(tables, case, rows, statement)
+            rows = select_times(tables, case, rows, statement)
             if len(rows):
                 values = rows.value.dropna().to_numpy(dtype=float)
         if not len(values):

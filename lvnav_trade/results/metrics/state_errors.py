@@ -190,7 +190,7 @@ class StateError(Metric):
         """Return the history at the event or phase of a statement, the SI value of the unit, and the reason if there is
         no history.
         """
-        from lvnav_trade.results.statistics.per_run import within
+        from lvnav_trade.results.statistics.per_run import select_times
         from lvnav_trade.results.statistics.select import history_of
 
         rows = history_of(tables, case, self.quantity, self.axis)
@@ -199,7 +199,7 @@ class StateError(Metric):
         scale = scale_of(unit, str(rows.unit.iloc[0]))
         if scale is None:
             return rows, 1.0, no_fit(unit)
-        rows = within(tables, case, rows, statement)
+        rows = select_times(tables, case, rows, statement)
         return rows, scale, NOT_IN_FLIGHT if rows.empty else ""
 
     def _has_runs(self, tables: Tables, case: str) -> bool:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def within(tables: Tables, case: str, rows: pd.DataFrame, statement: Mapping[str, Any]) -> pd.DataFrame:
+def select_times(tables: Tables, case: str, rows: pd.DataFrame, statement: Mapping[str, Any]) -> pd.DataFrame:
     """Return the rows of a history at the event or during the phase of a statement; empty for an unknown event.
 
     Parameters

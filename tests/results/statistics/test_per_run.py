@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.results.statistics.per_run import of_each, per_run, signed, within
+from lvnav_trade.results.statistics.per_run import of_each, per_run, select_times, signed
 from lvnav_trade.results.statistics.select import history_of
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
@@ -21,10 +21,10 @@ def good(tmp_path_factory):
 
 def test_an_event_is_one_row_and_a_phase_those_between_its_ends(good):
     rows = history_of(good, CASE, "velocity", "north")
-    assert len(within(good, CASE, rows, {"at": "injection"})) == 1
-    phase = within(good, CASE, rows, {"during": "liftoff to injection"})
+    assert len(select_times(good, CASE, rows, {"at": "injection"})) == 1
+    phase = select_times(good, CASE, rows, {"during": "liftoff to injection"})
     assert (phase.t_s.min(), phase.t_s.max()) == (0.0, 99.5)
-    assert within(good, CASE, rows, {"at": "touchdown"}).empty
+    assert select_times(good, CASE, rows, {"at": "touchdown"}).empty
 
 
 def test_errors_of_runs_have_their_sign_and_sizes_have_none(good):
