@@ -266,14 +266,27 @@ def _propagate(work, parts, case, joint, flight, vehicle, late, w):
 
 
 @inlined
-def _update(work, parts, case, joint, flight, vehicle, report, epoch):
-    """Process the measurements of an epoch; vehicle and report as in `_propagate` and `_write`."""
-    options = case.options
-    out = joint.out
+def _count_samples(joint, ticks, motion, vehicle, epoch):
+    """Count the IMU samples of the last tick before an epoch as measurements of the epoch.
+
+    Parameters
+    ----------
+    joint : Joint, whose `out` gets count and expected square of the normalised innovations
+    ticks : SampleScratch of the nominal flight
+    motion : ImuSampleWork
+    vehicle : VehicleModel, or None
+    epoch : index
+    """
     if vehicle is not None:
-        # the samples of the last tick count as measurements of the epoch
-        out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
+        out = joint.out
+        out.expected_nis[epoch] += expected_of_samples(joint.true, ticks, motion, vehicle)
         out.n_row[epoch] += N_SAMPLE
+
+
+@inlined
+def _update(work, parts, case, joint, flight, report, epoch):
+    """Process the measurements of an epoch; report as in `_write`."""
+    options = case.options
     _measure(work, parts.receiver, case, joint, flight.chain, epoch)
     if report is not None:
         hold_solution(work, parts, joint, flight.chain.solved, None, report, epoch)
@@ -329,10 +342,12 @@ def forward(work, parts, case, joint, flight, record):
         hist = schedule.hist[w]
         if n_tick > 0:
             _propagate(work, parts, case, joint, flight, options.vehicle, options.late, w)
+        if epoch >= 0:
+            _count_samples(joint, flight.ticks, parts.motion, options.vehicle, epoch)
         if epoch >= 0 and case.model.aided:
             # measurements are linearised at the true state, not at the end of the strapdown's integration
             place(work.nav, flight.reference, first + n_tick)
-            _update(work, parts, case, joint, flight, options.vehicle, options.report, epoch)
+            _update(work, parts, case, joint, flight, options.report, epoch)
         if tape.channel.shape[0] > 0:
             tape.first[w + 1] = tape.used[0]
         if hist >= 0:

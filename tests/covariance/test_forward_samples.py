@@ -107,3 +107,13 @@ def test_going_back_through_200_samples_a_second_gives_the_true_variance(prepare
         np.testing.assert_allclose(back.sum(axis=1), history.true_sigma[hist, :9] ** 2, rtol=1e-8)
         scale = history.true_sigma[hist, :9, None] ** 2
         np.testing.assert_allclose(back / scale, history.budget[hist, :, :9].T / scale, rtol=0, atol=1e-8)
+
+
+def test_a_filter_with_samples_alone_counts_them_in_both_engines():
+    prepared = modelled(MODEL, PUBLISHED, filter__measurements=("imu",))
+    history, block = covariance(prepared), run_block(prepared, 7, 0, RUNS)
+    assert np.all(history.n_row == 6)
+    assert np.all(block.n_row == 6)
+    n_scalar = block.n_row.sum()
+    ratio = block.nis.mean() / history.expected_nis.mean()
+    assert abs(ratio - 1.0) < 4.0 * np.sqrt(2.0 / n_scalar)  # four sigma of a mean square
