@@ -100,7 +100,9 @@ def test_the_load_of_its_second_burn_is_beyond_the_usual_and_said(flight, refdat
 def test_undeclared_the_moving_point_is_refused_and_the_jump_too(refdata, root):
     with pytest.raises(InputError, match=r"by 7\.43 m at 37\.3 s \(from 0 s on\); allowed are 1\.37 m"):
         refuse_contradiction(settings(refdata / FILE), imu(root, "tactical_fog"))
-    with pytest.raises(InputError, match=r"steps by 4\.62 m beside its velocity between 134\.1 and 134\.2 s, where no"):
+    with pytest.raises(
+        InputError, match=r"steps by 4\.62 m more than its velocity between 134\.1 and 134\.2 s, where no"
+    ):
         build(settings(refdata / FILE, events={}))
 
 
