@@ -1,10 +1,11 @@
 """Checks before anything is computed: invalid trajectories, and settings without effect on any case."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.running import work
@@ -20,7 +21,13 @@ class TrajectoryCheck(NamedTuple):
     remarks: dict[str, list[str]]  # remarks by kind, see `flights.remarks`
 
 
-def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine, jobs: int) -> TrajectoryCheck:
+def check_flight(
+    campaign: Campaign,
+    distinct_cases: Sequence[Case],
+    engine: work.Engine,
+    jobs: int,
+    in_advance: Sequence[Callable[[], None]] = (),
+) -> TrajectoryCheck:
     """Build every distinct trajectory of a campaign and check the campaign against them.
 
     Parameters
@@ -33,6 +40,9 @@ def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
         Functions that compute.
     jobs : int
         Worker processes.
+    in_advance : sequence of callable
+        Functions for workers that have no trajectory to build, such as the compilation of kernels. Their failure is
+        ignored, since the stage that needs the result reports it.
 
     Returns
     -------
@@ -47,9 +57,10 @@ def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
     by_trajectory: dict[str, Case] = {}
     for case in distinct_cases:
         by_trajectory.setdefault(_trajectory_text(case), case)
-    items = [(engine, case) for case in by_trajectory.values()]
-    results = each(jobs, work.trajectory_summary, items, ordered=True)
-    summaries = dict(zip(by_trajectory, results, strict=True))
+    items: list[tuple[Any, ...]] = [(work.trajectory_summary, engine, case) for case in by_trajectory.values()]
+    items += [(_ignore_failure, function) for function in in_advance]
+    results = list(each(jobs, _call, items, ordered=True))
+    summaries = dict(zip(by_trajectory, results, strict=False))  # the results of `in_advance` follow
     errors = []
     for text, case in by_trajectory.items():
         summary = summaries[text]
@@ -63,6 +74,17 @@ def check_flight(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
     refuse_all(misfits)
     remarks = [remark for summary in summaries.values() for remark in summary.remarks]
     return TrajectoryCheck(times, flights.remarks(distinct_cases, remarks))
+
+
+def _call(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
+
+
+def _ignore_failure(function: Callable[[], None]) -> None:
+    try:
+        function()
+    except Exception as error:
+        raise_if_interrupted(error)
 
 
 def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine) -> None:

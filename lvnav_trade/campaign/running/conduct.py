@@ -13,7 +13,6 @@ from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.results.tables import scratch
 from lvnav_trade.results.tables.contents import owned
 from lvnav_trade.results.tables.write import open_results
-from lvnav_trade.simulation import statistics
 
 Mode = Literal["resume", "fresh"]
 OnAnswers = Callable[[Sequence[work.CovarianceResult], Sequence[Case]], None]
@@ -117,11 +116,6 @@ def answer_or_ahead(
 def compile_kernels(job: work.Job, case: Case) -> None:
     """Compile the kernels of a case's backward pass and of its runs."""
     job.engine.compile_kernels(work.prepared_of(job, case), job.request)
-
-
-def compile_sums(_job: work.Job, _case: Case) -> None:
-    """Compile the statistics of blocks of runs."""
-    statistics.compile_kernels()
 
 
 def analyse_case(job: work.Job, case: Case) -> work.CovarianceResult:

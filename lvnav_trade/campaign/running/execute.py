@@ -30,7 +30,6 @@ from lvnav_trade.campaign.running.conduct import (
     analyse_case,
     answer_or_ahead,
     compile_kernels,
-    compile_sums,
 )
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
@@ -42,6 +41,7 @@ from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.kernels.cache_folder import is_filled
 from lvnav_trade.quantities.errors import InputError, refuse_all, system_message
 from lvnav_trade.results.tables import scratch
+from lvnav_trade.simulation import statistics
 
 _DEATHS = 3
 COMPILING = (
@@ -125,7 +125,9 @@ class _Run:
         self.stopping = Stopping(campaign)
         if not is_filled():
             self.progress.note(COMPILING)
-        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs).remarks
+        # the other worker compiles what does not depend on the trajectory
+        in_advance = [statistics.compile_kernels] if campaign.monte_carlo and self.jobs > 1 else []
+        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs, in_advance).remarks
         self.blocks = blocks(campaign, self.cases, {})
         if self.space is not None:
             # The few designs that are analysed completely need not read every setting of the campaign.
@@ -313,7 +315,6 @@ class _Run:
             first_case = self.cases[0]
             items.insert(0, (self.job, first_case, compile_kernels))
             items.append((self.job, first_case, work.diagnose))
-            items.append((self.job, first_case, compile_sums))
         return answer_or_ahead, items
 
     def _report_covariance(self, by_case: dict[str, work.CovarianceResult], on_answers: OnAnswers | None) -> None:

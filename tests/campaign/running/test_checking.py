@@ -24,6 +24,23 @@ def test_flights_that_cases_share_are_flown_once(study) -> None:
     assert len(flown) == 1
 
 
+def test_work_in_advance_is_done_after_the_trajectories_and_its_failure_is_ignored(study) -> None:
+    campaign = load(study.path)
+    calls = []
+
+    def events(scenario):
+        calls.append("trajectory")
+        return {"liftoff": 0.0, "stage1_cutoff": 150.0, "stage2_ignition": 200.0, "injection": 600.0}
+
+    def fail():
+        calls.append("failure")
+        raise RuntimeError("no compiler")
+
+    engine = work.ENGINE._replace(events=events, remarks=lambda _: ())
+    check_flight(campaign, cases(campaign), engine, 1, [fail, lambda: calls.append("compiled")])
+    assert calls == ["trajectory", "failure", "compiled"]
+
+
 def test_a_flight_that_cannot_be_is_one_mistake_for_all_its_cases(study) -> None:
     found = load(study.path)
 
