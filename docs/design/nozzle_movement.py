@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.card_lookup import tool_folder
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.quantities.shared_cards import steady_ratio
-from lvnav_trade.report.figures.style import GREY, PALETTE, canvas, line_of, look
+from lvnav_trade.report.figures.style import PALETTE, line_of
 from lvnav_trade.results.evaluation.motion_estimates import reduction
 from lvnav_trade.simulation.preparation.vehicle_model import burns as burns_of
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
@@ -37,8 +37,8 @@ from lvnav_trade.trajectory.guided.autopilot import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.trajectory.guided.course import ascend, changes
-from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.trajectory.guided.course import ascend, stage_event_times
+from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, scale_rate_gain
 
 RUNS = 20
 FACTORS = np.array([0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])
@@ -50,9 +50,9 @@ FOLDER = Path(__file__).resolve().parents[1] / "decisions"
 
 def card(kind: Any, name: str, **over: Any) -> Any:
     """Return a card that comes with the tool, with fields laid over."""
-    plain = tree.plain(tree.read_mapping(shipped("configs") / f"{name}.yaml"))
+    plain = tree.plain_data(tree.read_mapping(tool_folder("configs") / f"{name}.yaml"))
     if isinstance(plain.get("vehicle"), str):
-        plain["vehicle"] = tree.plain(tree.read_mapping(shipped("configs") / f"{plain['vehicle']}.yaml"))
+        plain["vehicle"] = tree.plain_data(tree.read_mapping(tool_folder("configs") / f"{plain['vehicle']}.yaml"))
     return kind.model_validate({**plain, **over})
 
 
@@ -69,14 +69,14 @@ def launch(**over: Any) -> Launch:
 
 def fly(flown: Launch, rate: str, noise: str, runs: int = RUNS, every: int = 200) -> Missions:
     """Return missions with a rate and a reading of the gyro's noise."""
-    return fly_missions(flown, FeedbackCard(rate=rate, noise=noise), runs, every=every)  # type: ignore[arg-type]
+    return fly_missions(flown, FeedbackCard(rate=rate, noise=noise), runs, record_interval=every)  # type: ignore[arg-type]
 
 
 def main() -> None:
     """Print the tables and draw the figures."""
     improvements()
     churchill = launch()
-    events = changes(churchill.ascent.trajectory)
+    events = stage_event_times(churchill.ascent.trajectory)
     burns = np.array(burns_of(churchill.ascent.trajectory))
     print(f"changes of phase at {', '.join(f'{t:.1f}' for t in events)} s")
     for noise in READINGS:
@@ -141,7 +141,7 @@ def sweep(churchill: Launch) -> None:
     parts: dict[str, list[np.ndarray]] = {}
     for noise in READINGS:
         for factor in FACTORS:
-            flown = with_rate_gain(churchill, float(factor))
+            flown = scale_rate_gain(churchill, float(factor))
             pair = {rate: fly(flown, rate, noise, runs=8).movement for rate in ("raw", "filtered")}
             for rate, total in pair.items():
                 moved.setdefault(f"{rate}, {noise}", []).append(total.mean(axis=0))
@@ -169,6 +169,12 @@ def envelope(flown: Launch, burns: np.ndarray, name: str, figure: bool = True) -
         inside_envelope(one.t[one.t <= 100.0], *columns, burns).savefig(FOLDER / "0020-envelopes.png", dpi=110)
 
 
+def canvas(rows: int, columns: int, row_height: float, **shared: bool) -> tuple[Figure, Any]:
+    """Return a figure and its axes (rows, columns); row_height: inches."""
+    figure = Figure(figsize=(7.2, row_height * rows), dpi=130, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+
+
 def nozzle_movement(t: Floats, moved: Mapping[str, Floats], burns: Floats) -> Figure:
     """Draw the total movement of the nozzle so far, in both axes, all runs thin and their mean thick.
 
@@ -178,20 +184,19 @@ def nozzle_movement(t: Floats, moved: Mapping[str, Floats], burns: Floats) -> Fi
     moved : by the name of what feeds the controller, (n_run, n, 2) rad
     burns : (k, 2) begin and end of each burn, s, shaded
     """
-    with look():
-        figure, grid = canvas(1, 2, 2.9, sharey=True)
-        for axis, axes in enumerate(grid.ravel()):
-            for number, (name, runs) in enumerate(moved.items()):
-                degrees = np.degrees(runs[:, :, axis])
-                style: dict[str, Any] = line_of(number)
-                axes.plot(t, degrees.T, lw=0.4, alpha=0.35, **style)
-                axes.plot(t, degrees.mean(axis=0), lw=1.6, label=name, **style)
-            _shade(axes, burns)
-            axes.set_title(AXES[axis])
-            axes.set_xlabel("time since lift-off (s)")
-        grid[0, 0].set_ylim(0.0, 1.2 * grid[0, 0].get_ylim()[1])  # of both; the legend has room
-        grid[0, 0].set_ylabel("total nozzle movement (deg)")
-        grid[0, 0].legend(loc="upper left")
+    figure, grid = canvas(1, 2, 2.9, sharey=True)
+    for axis, axes in enumerate(grid.ravel()):
+        for number, (name, runs) in enumerate(moved.items()):
+            degrees = np.degrees(runs[:, :, axis])
+            style: dict[str, Any] = line_of(number)
+            axes.plot(t, degrees.T, lw=0.4, alpha=0.35, **style)
+            axes.plot(t, degrees.mean(axis=0), lw=1.6, label=name, **style)
+        _shade(axes, burns)
+        axes.set_title(AXES[axis])
+        axes.set_xlabel("time since lift-off (s)")
+    grid[0, 0].set_ylim(0.0, 1.2 * grid[0, 0].get_ylim()[1])  # of both; the legend has room
+    grid[0, 0].set_ylabel("total nozzle movement (deg)")
+    grid[0, 0].legend(loc="upper left")
     return figure
 
 
@@ -199,42 +204,40 @@ def inside_envelope(
     t: Floats, turning: Floats, turning_bound: Floats, jerk: Floats, jerk_bound: Floats, burns: Floats
 ) -> Figure:
     """Draw true angular acceleration (rad/s^2) and lateral jerk (m/s^3) of pitch in their envelopes, all (n,)."""
-    with look():
-        figure, grid = canvas(2, 1, 2.4, sharex=True)
-        named = (
-            (grid[0, 0], turning, turning_bound, "angular acceleration\nin pitch (rad/s²)"),
-            (grid[1, 0], jerk, jerk_bound, "jerk along z (m/s³)"),
-        )
-        for axes, value, bound, label in named:
-            axes.plot(t, value, lw=0.5, color=PALETTE[0], label="true")
-            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
-            axes.plot(t, -bound, lw=1.2, color=PALETTE[1])
-            axes.set_ylabel(label)
-            axes.margins(x=0.0)
-            _shade(axes, burns)
-        grid[0, 0].legend(loc="upper right")
-        grid[1, 0].set_xlabel("time since lift-off (s)" + (", burns shaded" if len(burns) else ""))
+    figure, grid = canvas(2, 1, 2.4, sharex=True)
+    named = (
+        (grid[0, 0], turning, turning_bound, "angular acceleration\nin pitch (rad/s²)"),
+        (grid[1, 0], jerk, jerk_bound, "jerk along z (m/s³)"),
+    )
+    for axes, value, bound, label in named:
+        axes.plot(t, value, lw=0.5, color=PALETTE[0], label="true")
+        axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope of the filter, 1 sigma")
+        axes.plot(t, -bound, lw=1.2, color=PALETTE[1])
+        axes.set_ylabel(label)
+        axes.margins(x=0.0)
+        _shade(axes, burns)
+    grid[0, 0].legend(loc="upper right")
+    grid[1, 0].set_xlabel("time since lift-off (s)" + (", burns shaded" if len(burns) else ""))
     return figure
 
 
 def gain_sweep(factors: Floats, moved: Mapping[str, Floats], reductions: Mapping[str, Floats]) -> Figure:
     """Draw mean total movements (k, 2) rad by what feeds the controller, and reductions (k, 2), over the rate gain."""
-    with look():
-        figure, grid = canvas(1, 2, 2.9)
-        for axis, dashes in enumerate(("-", "--")):
-            for number, (name, total) in enumerate(moved.items()):
-                label = name if axis == 0 else None
-                grid[0, 0].plot(factors, np.degrees(total[:, axis]), dashes, color=PALETTE[number], label=label)
-            for number, (name, part) in enumerate(reductions.items()):
-                label = name if axis == 0 else None
-                grid[0, 1].plot(factors, 100.0 * part[:, axis], dashes, color=PALETTE[number], label=label)
-        grid[0, 1].axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
-        grid[0, 0].set_ylabel("total nozzle movement (deg)")
-        grid[0, 1].set_ylabel("less movement with the filtered rate (%)")
-        for axes in grid.ravel():
-            axes.set_xlabel("rate gain over that of the card (full: pitch, dashed: yaw)")
-            axes.set_ylim(0.0)
-            axes.legend(loc="best")
+    figure, grid = canvas(1, 2, 2.9)
+    for axis, dashes in enumerate(("-", "--")):
+        for number, (name, total) in enumerate(moved.items()):
+            label = name if axis == 0 else None
+            grid[0, 0].plot(factors, np.degrees(total[:, axis]), dashes, color=PALETTE[number], label=label)
+        for number, (name, part) in enumerate(reductions.items()):
+            label = name if axis == 0 else None
+            grid[0, 1].plot(factors, 100.0 * part[:, axis], dashes, color=PALETTE[number], label=label)
+    grid[0, 1].axhspan(50.0, 85.0, color="0.5", alpha=0.15, lw=0)
+    grid[0, 0].set_ylabel("total nozzle movement (deg)")
+    grid[0, 1].set_ylabel("less movement with the filtered rate (%)")
+    for axes in grid.ravel():
+        axes.set_xlabel("rate gain over that of the card (full: pitch, dashed: yaw)")
+        axes.set_ylim(0.0)
+        axes.legend(loc="best")
     return figure
 
 
@@ -243,7 +246,7 @@ def _shade(axes: Any, burns: Floats) -> None:
     low, high = axes.get_xlim()
     for begin, end in burns:
         if begin < high and end > low:
-            axes.axvspan(max(begin, low), min(end, high), color=GREY, alpha=0.12, lw=0, zorder=0)
+            axes.axvspan(max(begin, low), min(end, high), color="0.5", alpha=0.12, lw=0, zorder=0)
     axes.set_xlim(low, high)
 
 

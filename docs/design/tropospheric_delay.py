@@ -18,15 +18,15 @@ from matplotlib.colors import SymLogNorm
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.gnss.delay_cards import (
+    AnyElevationTroposphere,
     BeanThayerProfile,
-    ConaeTroposphere,
     NiellTroposphere,
     RayTracedTroposphere,
     SaastamoinenTroposphere,
     SpilkerTroposphere,
 )
-from lvnav_trade.gnss.delay_models import Geometry, troposphere_delay
-from lvnav_trade.gnss.visibility import antenna, sky
+from lvnav_trade.gnss.delay_models import DelayGeometry, troposphere_delay
+from lvnav_trade.gnss.visibility import antenna_motion, sky
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.trajectory.flight import build
 
@@ -39,7 +39,7 @@ TRUTHS = {
 }
 COLORS = {"standard atmosphere": "C0", "atmosphere of simulators": "C1"}
 MODELS = {
-    "Canepa-Servidia": ConaeTroposphere(),
+    "Canepa-Servidia": AnyElevationTroposphere(),
     "Spilker": SpilkerTroposphere(),
     "Saastamoinen": SaastamoinenTroposphere(),
     "Niell": NiellTroposphere(),
@@ -53,16 +53,16 @@ def mask(height: np.ndarray) -> np.ndarray:
     return np.where(height <= 10.0 * SCALE, low, high)
 
 
-def ascent() -> tuple[np.ndarray, Geometry]:
+def ascent() -> tuple[np.ndarray, DelayGeometry]:
     """Return times (n_epoch,) s and the geometry of all satellites along the shipped two-stage ascent."""
     base = load(campaign_file("campaigns/smoke.yaml"), ()).base
     trajectory = build(base.trajectory)
     t = np.arange(0.0, float(trajectory.events["injection"]), 1.0)
     receiver = base.receiver.model_copy(update={"mask": np.radians(-30.0), "channels": 64})
     seen = sky(base.constellation, receiver, trajectory, t)
-    r_i, _ = antenna(trajectory, receiver, t)
+    r_i, _ = antenna_motion(trajectory, receiver, t)
     place = geodetic_from_ecef(ecef_from_eci(r_i, earth_angle(trajectory.theta0, t)))
-    return t, Geometry(213.0, 43200.0, *place, seen.azimuth, seen.elevation)
+    return t, DelayGeometry(213.0, 43200.0, *place, seen.azimuth, seen.elevation)
 
 
 def over_the_map() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -70,18 +70,20 @@ def over_the_map() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     height, degrees = np.linspace(0.0, 100e3, 401), np.linspace(-10.0, 20.0, 601)
     elevation = np.broadcast_to(np.radians(degrees), (height.size, degrees.size))
     zero = np.zeros(height.size)
-    geometry = Geometry(213.0, 43200.0, zero + np.radians(-38.6), zero, height, np.zeros_like(elevation), elevation)
+    geometry = DelayGeometry(
+        213.0, 43200.0, zero + np.radians(-38.6), zero, height, np.zeros_like(elevation), elevation
+    )
     error = residual(TRUTHS["standard atmosphere"], geometry)
     blocked = elevation < -np.arccos(EARTH / (EARTH + height[:, None]))
     return height, degrees, np.where(blocked, np.nan, error)
 
 
-def residual(truth: RayTracedTroposphere, geometry: Geometry) -> np.ndarray:
+def residual(truth: RayTracedTroposphere, geometry: DelayGeometry) -> np.ndarray:
     """Return the delay (m) of Canepa and Servidia's model less that of traced rays."""
     return troposphere_delay(MODELS["Canepa-Servidia"], geometry) - troposphere_delay(truth, geometry)
 
 
-def anywhere(geometry: Geometry) -> Geometry:
+def anywhere(geometry: DelayGeometry) -> DelayGeometry:
     """Return the same receivers looking at elevations from the mask to the zenith, to the north."""
     low = mask(geometry.height)[:, None]
     elevation = low + np.linspace(0.0, 1.0, 60) ** 2 * (np.pi / 2 - low)
